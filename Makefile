@@ -1,0 +1,67 @@
+# Needs make and a Python of at least 3.11 (with venv); everything else goes into .venv, in this folder.
+#
+#   make demo     run the two-finger example on the ladder of models
+#   make test     lint, compile the kernels, run the tests
+#   make bench    run the benchmarks
+#   make lint     formatting, style, types, layers; changes nothing
+#   make format   rewrite the sources in the project's format
+#   make clean    remove .venv, caches and builds (never results)
+#
+# Another interpreter: make demo PYTHON=path/to/python
+
+VENV := .venv
+BIN := $(VENV)/bin
+
+# Present after `pip install -e .` and `pip install -e .[dev]`; out of date when pyproject.toml changes.
+INSTALLED := $(VENV)/.installed
+INSTALLED_DEV := $(VENV)/.installed-dev
+
+# Run, not just looked up: a name on the PATH may be a shim with nothing behind it.
+SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
+	if $$python -c '$(SUITABLE)' >/dev/null 2>&1; then echo $$python; break; fi; done)
+
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: demo test bench clean lint format
+
+demo: $(INSTALLED)
+	$(BIN)/python examples/two_finger_ladder.py
+
+# The kernels are compiled and cached once, before the tests need them in parallel.
+test: lint
+	$(BIN)/python -m rungwise.kernel
+	$(BIN)/python -m pytest -n 2
+
+bench: $(INSTALLED)
+	$(BIN)/python benchmarks/run.py
+
+lint: $(INSTALLED_DEV)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: $(INSTALLED_DEV)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A .venv that works is kept, whoever made it; one that is missing or broken is made anew.
+$(INSTALLED): pyproject.toml
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || { \
+		python="$(PYTHON)"; \
+		"$$python" -c '$(SUITABLE)' >/dev/null 2>&1 || { \
+			echo "rungwise needs Python 3.11 or newer with venv and ensurepip; name one with PYTHON=path/to/python" >&2; \
+			exit 1; }; \
+		echo "$$python -m venv $(VENV)"; \
+		"$$python" -m venv --clear $(VENV); }
+	$(PIP_INSTALL) -e .
+	@touch $@
+
+$(INSTALLED_DEV): $(INSTALLED)
+	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@

@@ -1,0 +1,42 @@
+"""Exhaustive search over contact modes, the judge for few contacts.
+
+Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes; sliding has
+two senses in the plane, so 4^n here).
+Accepts: planar problems with at most `MAX_MODES` modes.
+Promises: a solution whenever some mode's system is regular and solves the problem.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.modes import OPEN
+from rungwise.contact.residual import residual
+from rungwise.contact.solvers.mode_newton import solve_mode
+from rungwise.kernel import kernel
+
+MAX_MODES = 5000
+
+
+@kernel
+def mode_count(contacts, limited):  # type: ignore[no-untyped-def]
+    """Number of modes, as a float: it grows fast."""
+    return 4.0**contacts * 3.0**limited
+
+
+@kernel
+def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, matrix, order, tolerance):  # type: ignore[no-untyped-def]
+    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least met."""
+    best = 1e300
+    for index in range(int(mode_count(contacts, limited))):
+        rest = index
+        for k in range(contacts):
+            mode[k] = OPEN + rest % 4
+            rest //= 4
+        for r in range(limited):
+            mode[contacts + r] = 1 + rest % 3
+            rest //= 3
+        solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
+        found = residual(problem, n, contacts, limited, v, force, tau)
+        best = min(best, found)
+        if found <= tolerance:
+            return found
+    return best

@@ -1,0 +1,239 @@
+"""Lemke's pivoting method for planar problems with exact Coulomb friction.
+
+Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-, gamma), with
+lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the plane the polyhedral
+cone is the exact one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J. Numer.
+Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992), section 4.9.
+Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive (symmetric positive
+semidefinite Delassus blocks do).
+Promises: a solution or a ray in finitely many pivots; a ray is a hint that there is no solution, not a proof.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.solvers.linear import solve_in_place
+from rungwise.kernel import kernel
+
+SOLVED, RAY, EXHAUSTED = 0, 1, 2
+_PIVOT = 1e-11
+
+
+@kernel
+def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
+    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the rule."""
+    rows = 2 * contacts + limited
+    delassus, offset, response = _reduce(problem, n, contacts, limited)
+    size = 4 * contacts + 3 * limited
+    scale = 0.0
+    for i in range(rows):
+        scale += abs(delassus[i, i]) / rows
+    unit = 0.0
+    for i in range(rows):
+        unit = max(unit, abs(offset[i]))
+    if not (scale > 0.0 and unit > 0.0):
+        scale, unit = max(scale, 1e-300), max(unit, 1e-300)
+    z = np.zeros(size)
+    status = _pivot(_tableau(problem, contacts, limited, delassus, offset, scale, unit, size), z, size)
+    if status != SOLVED:
+        return status
+    _unpack(problem, contacts, limited, z, unit / scale, mode, force, tau)
+    for i in range(n):
+        v[i] = response[i, rows]
+        for r in range(rows):
+            v[i] += response[i, r] * (force[r] if r < 2 * contacts else tau[r - 2 * contacts])
+    for r in range(limited):
+        if math.isinf(problem.F[r]):
+            tau[r] = response[n + r, rows]
+            for j in range(rows):
+                tau[r] += response[n + r, j] * (force[j] if j < 2 * contacts else 0.0)
+            mode[contacts + r] = STICK
+    return SOLVED
+
+
+@kernel
+def _reduce(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Delassus matrix and offset of contact and limited rows, and the response of (v, bilateral tau) to their forces.
+
+    Rows with infinite limit are joints: they are eliminated with v, and their own rows come out zero.
+    """
+    rows, size = 2 * contacts + limited, n + limited
+    a = np.zeros((size, size + rows + 1))
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = p.H[i, j]
+        for r in range(2 * contacts):
+            a[i, size + r] = p.W[r, i]
+        a[i, size + rows] = p.c[i]
+    for r in range(limited):
+        if math.isinf(p.F[r]):
+            for i in range(n):
+                a[i, n + r] = -p.S[r, i]
+                a[n + r, i] = p.S[r, i]
+            a[n + r, n + r] = p.R_s[r]
+            a[n + r, size + rows] = -p.w_s[r]
+        else:
+            a[n + r, n + r] = 1.0
+            for i in range(n):
+                a[i, size + 2 * contacts + r] = p.S[r, i]
+    solve_in_place(a, size, rows + 1, np.empty(size, np.int64))
+    response = a[:, size:].copy()
+    delassus = np.zeros((rows, rows))
+    offset = np.zeros(rows)
+    for r in range(rows):
+        joint = r >= 2 * contacts and math.isinf(p.F[r - 2 * contacts])
+        if joint:
+            continue
+        for i in range(n):
+            x = p.W[r, i] if r < 2 * contacts else p.S[r - 2 * contacts, i]
+            for j in range(rows):
+                delassus[r, j] += x * response[i, j]
+            offset[r] += x * response[i, rows]
+        offset[r] += p.w[r] if r < 2 * contacts else p.w_s[r - 2 * contacts]
+    for k in range(contacts):
+        for i in range(2):
+            for j in range(2):
+                delassus[2 * k + i, 2 * k + j] += p.R[k, i, j]
+    for r in range(limited):
+        if not math.isinf(p.F[r]):
+            delassus[2 * contacts + r, 2 * contacts + r] += p.R_s[r]
+    return delassus, offset, response
+
+
+@kernel
+def _tableau(p, contacts, limited, delassus, offset, scale, unit, size):  # type: ignore[no-untyped-def]
+    """Rows of w - M z - d z0 = q, columns [w, z, z0, q], in units in which the Delassus matrix is about one."""
+    rows = 2 * contacts + limited
+    sign = np.zeros((size, 2))
+    source = np.zeros((size, 2), np.int64)
+    source[:, :] = -1
+    for k in range(contacts):
+        source[4 * k, 0] = 2 * k
+        for s in range(2):
+            source[4 * k + 1 + s, 0] = 2 * k + 1
+            sign[4 * k + 1 + s, 0] = 1.0 - 2.0 * s
+        sign[4 * k, 0] = 1.0
+    for r in range(limited):
+        first = 4 * contacts + 3 * r
+        for s in range(2):
+            source[first + s, 0] = 2 * contacts + r
+            sign[first + s, 0] = 1.0 - 2.0 * s
+    a = np.zeros((size, 2 * size + 2))
+    for i in range(size):
+        a[i, i] = 1.0
+        a[i, 2 * size] = -1.0
+        if source[i, 0] >= 0:
+            a[i, 2 * size + 1] = sign[i, 0] * offset[source[i, 0]] / unit
+            for j in range(size):
+                if source[j, 0] >= 0:
+                    a[i, size + j] -= sign[i, 0] * sign[j, 0] * delassus[source[i, 0], source[j, 0]] / scale
+    for k in range(contacts):
+        gamma = 4 * k + 3
+        a[gamma, size + 4 * k] -= p.mu[k]
+        for s in range(1, 3):
+            a[gamma, size + 4 * k + s] += 1.0
+            a[4 * k + s, size + gamma] -= 1.0
+    for r in range(limited):
+        first = 4 * contacts + 3 * r
+        bound = 0.0 if math.isinf(p.F[r]) else p.F[r] * scale / unit
+        a[first + 2, 2 * size + 1] = bound
+        for s in range(2):
+            a[first + 2, size + first + s] += 1.0
+            a[first + s, size + first + 2] -= 1.0
+    return a
+
+
+@kernel
+def _pivot(a, z, size):  # type: ignore[no-untyped-def]
+    """Lemke's method on the tableau; fills z."""
+    last = 2 * size + 1
+    basis = np.arange(size)
+    row = -1
+    for i in range(size):
+        if a[i, last] < 0.0 and (row < 0 or a[i, last] < a[row, last]):
+            row = i
+    if row < 0:
+        return SOLVED
+    entering = 2 * size
+    for _ in range(50 + 20 * size):
+        _eliminate(a, row, entering, size)
+        leaving = basis[row]
+        basis[row] = entering
+        if leaving == 2 * size:
+            for i in range(size):
+                if basis[i] >= size:
+                    z[basis[i] - size] = a[i, last]
+            return SOLVED
+        entering = leaving + size if leaving < size else leaving - size
+        row = _ratio_test(a, entering, basis, size)
+        if row < 0:
+            return RAY
+    return EXHAUSTED
+
+
+@kernel
+def _eliminate(a, row, column, size):  # type: ignore[no-untyped-def]
+    width = 2 * size + 2
+    inverse = 1.0 / a[row, column]
+    for j in range(width):
+        a[row, j] *= inverse
+    a[row, column] = 1.0
+    for i in range(size):
+        factor = a[i, column]
+        if i != row and factor != 0.0:
+            for j in range(width):
+                a[i, j] -= factor * a[row, j]
+            a[i, column] = 0.0
+
+
+@kernel
+def _ratio_test(a, entering, basis, size):  # type: ignore[no-untyped-def]
+    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among equals."""
+    last, best = 2 * size + 1, -1
+    for i in range(size):
+        if a[i, entering] > _PIVOT and (best < 0 or _less(a, i, best, entering, last, size)):
+            best = i
+    if best >= 0:
+        for i in range(size):
+            if basis[i] == 2 * size and a[i, entering] > _PIVOT:
+                tie = a[i, last] / a[i, entering] - a[best, last] / a[best, entering]
+                if tie <= _PIVOT:
+                    return i
+    return best
+
+
+@kernel
+def _less(a, i, j, entering, last, size):  # type: ignore[no-untyped-def]
+    x, y = a[i, last] / a[i, entering], a[j, last] / a[j, entering]
+    if abs(x - y) > _PIVOT * max(1.0, abs(x), abs(y)):
+        return x < y
+    for c in range(size):
+        x, y = a[i, c] / a[i, entering], a[j, c] / a[j, entering]
+        if abs(x - y) > _PIVOT:
+            return x < y
+    return False
+
+
+@kernel
+def _unpack(p, contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-untyped-def]
+    for k in range(contacts):
+        normal, plus, minus, gamma = z[4 * k], z[4 * k + 1], z[4 * k + 2], z[4 * k + 3]
+        force[2 * k], force[2 * k + 1] = normal * unit, (plus - minus) * unit
+        mode[k] = _mode(normal > 0.0, plus, minus, gamma)
+    for r in range(limited):
+        first = 4 * contacts + 3 * r
+        tau[r] = (z[first] - z[first + 1]) * unit
+        mode[contacts + r] = _mode(True, z[first], z[first + 1], z[first + 2])
+
+
+@kernel
+def _mode(closed, plus, minus, gamma):  # type: ignore[no-untyped-def]
+    if not closed:
+        return OPEN
+    if gamma > 0.0:
+        return BACKWARD if plus > minus else FORWARD
+    return STICK

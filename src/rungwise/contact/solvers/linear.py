@@ -1,0 +1,83 @@
+"""Gaussian elimination with complete pivoting, for the small and possibly singular systems of contact modes.
+
+Promises the solution of a regular system to rounding, and for a singular but consistent one a solution whose
+dependent unknowns are zero; whether it is one is for the residual to say.
+"""
+
+from __future__ import annotations
+
+from rungwise.kernel import kernel
+
+_RANK = 1e-13
+
+
+@kernel
+def solve_in_place(a, size, columns, order):  # type: ignore[no-untyped-def]
+    """Solve for `columns` right-hand sides in a[:size, size:size + columns]; the solutions replace them.
+
+    `order` (size,) is scratch. Returns the rank.
+    """
+    width = size + columns
+    for i in range(size):
+        order[i] = i
+    rank, largest = size, 0.0
+    for k in range(size):
+        row, column, pivot = k, k, 0.0
+        for i in range(k, size):
+            for j in range(k, size):
+                x = abs(a[i, j])
+                if x > pivot:
+                    row, column, pivot = i, j, x
+        largest = max(largest, pivot)
+        if not pivot > _RANK * largest:
+            rank = k
+            break
+        _exchange(a, k, row, column, size, width, order)
+        inverse = 1.0 / a[k, k]
+        for i in range(k + 1, size):
+            factor = a[i, k] * inverse
+            if factor != 0.0:
+                for j in range(k + 1, width):
+                    a[i, j] -= factor * a[k, j]
+    _substitute_back(a, size, columns, rank)
+    _restore_order(a, size, columns, order)
+    return rank
+
+
+@kernel
+def _exchange(a, k, row, column, size, width, order):  # type: ignore[no-untyped-def]
+    if row != k:
+        for j in range(k, width):
+            x = a[k, j]
+            a[k, j] = a[row, j]
+            a[row, j] = x
+    if column != k:
+        for i in range(size):
+            x = a[i, k]
+            a[i, k] = a[i, column]
+            a[i, column] = x
+        index = order[k]
+        order[k] = order[column]
+        order[column] = index
+
+
+@kernel
+def _substitute_back(a, size, columns, rank):  # type: ignore[no-untyped-def]
+    for c in range(size, size + columns):
+        for i in range(rank, size):
+            a[i, c] = 0.0
+        for i in range(rank - 1, -1, -1):
+            total = a[i, c]
+            for j in range(i + 1, rank):
+                total -= a[i, j] * a[j, c]
+            a[i, c] = total / a[i, i]
+
+
+@kernel
+def _restore_order(a, size, columns, order):  # type: ignore[no-untyped-def]
+    """Put unknown order[i] back in place order[i]; column 0 of the spent matrix carries the values."""
+    for c in range(size, size + columns):
+        for i in range(size):
+            a[order[i], 0] = a[i, c]
+        for i in range(size):
+            a[i, c] = a[i, 0]

@@ -1,0 +1,51 @@
+"""The chain that a planar step runs: warm mode guess, then Lemke, then, for few contacts, every mode.
+
+Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is a hint
+for the caller to shorten the step and, in the end, to look for a certificate.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.modes import OPEN, STICK
+from rungwise.contact.solvers.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
+from rungwise.contact.solvers.lemke import SOLVED as LEMKE_SOLVED
+from rungwise.contact.solvers.lemke import solve_lemke
+from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
+from rungwise.kernel import kernel
+
+TOLERANCE = 1e-8
+_ACCEPT = 1e-10
+SOLVED, NO_SOLUTION = 0, 1
+
+
+@kernel
+def matrix_size(n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Side of the scratch matrix that `solve_planar` needs, one more in columns."""
+    return n + 2 * contacts + limited
+
+
+@kernel
+def solve_planar(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
+    """Solve, starting from `mode`, into v, force, tau and `mode`; returns (status, residual)."""
+    found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
+    if found <= _ACCEPT or contacts + limited == 0:
+        return SOLVED if found <= TOLERANCE else NO_SOLUTION, found
+    if solve_lemke(problem, n, contacts, limited, mode, v, force, tau) == LEMKE_SOLVED:
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, 1)
+        if found <= TOLERANCE:
+            return SOLVED, found
+        solve_lemke(problem, n, contacts, limited, mode, v, force, tau)
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, 0)
+        if found <= TOLERANCE:
+            return SOLVED, found
+    if mode_count(contacts, limited) <= MAX_MODES:
+        found = solve_by_enumeration(
+            problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
+        )
+        if found <= TOLERANCE:
+            return SOLVED, found
+    for k in range(contacts):
+        mode[k] = OPEN
+    for r in range(limited):
+        mode[contacts + r] = STICK
+    return NO_SOLUTION, found

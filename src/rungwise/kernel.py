@@ -1,0 +1,73 @@
+"""The one compile decorator.
+
+Every hot function of the package is a *kernel*: arrays in, arrays out, compiled by numba, and still an
+ordinary Python function when ``NUMBA_DISABLE_JIT=1``. Compiled code is kept in a folder named after a hash
+of all the package's sources, because numba itself does not notice an edit in a function that a cached one
+calls. ``RUNGWISE_CACHE`` moves that folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+import numba
+import platformdirs
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def kernel(function: F) -> F:
+    """Compile `function` on first call, without the GIL, with IEEE division, cached on disk."""
+    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    if hasattr(compiled, "enable_caching"):
+        with _numba_cache(cache_folder()):
+            compiled.enable_caching()
+    return compiled  # type: ignore[no-any-return]
+
+
+@cache
+def cache_folder() -> Path:
+    """Folder of the compiled code of exactly these sources; made when missing.
+
+    Falls back to the temporary folder where the user's cache cannot be written.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(source.read_bytes())
+    chosen = os.environ.get("RUNGWISE_CACHE")
+    for root in (Path(chosen) if chosen else platformdirs.user_cache_path("rungwise"), _private_temporary()):
+        folder = root / digest.hexdigest()[:16]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="rungwise-"))
+
+
+def is_compiled() -> bool:
+    """Whether some kernel of exactly these sources has been compiled and kept before."""
+    return any(cache_folder().rglob("*.nbi"))
+
+
+def _private_temporary() -> Path:
+    return Path(tempfile.gettempdir()) / f"rungwise-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
+
+
+@contextmanager
+def _numba_cache(folder: Path) -> Iterator[None]:
+    """Point numba's cache at `folder` while one kernel is declared; other users of numba keep theirs."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before

@@ -1,0 +1,1 @@
+"""The six contact models as data, and the one assembly of their equation."""

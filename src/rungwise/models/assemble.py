@@ -1,0 +1,197 @@
+"""The one assembly: terms of a state and a rung -> the step's contact problem, line by line.
+
+With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: the velocity at theta):
+
+    H = eps M / (theta h) + theta h K_p + K_d        c = eps M v / (theta h) + load - (prescribed columns of H) v_p
+    R = (theta h K + C)^-1                           w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
+                                                     w_t = -(R K delta)_t + W_p v_p
+    rigid contact: R = 0, w_n = psi / h + W_p v_p    restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+
+LIMIT = 1e-8
+"""How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
+
+
+@kernel
+def assemble(rung, h, eps, terms, contacts, limited, free, n, v, speed, bounce, problem):  # type: ignore[no-untyped-def]
+    """Fill `problem` for the `free` (n,) coordinates; the others move at `speed`, v is what the step starts from.
+
+    `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
+    """
+    theta = rung[0].theta
+    if rung[0].metric:
+        _fill_metric(terms, free, n, problem)
+    else:
+        _fill_balance(rung, h * theta, eps, terms, free, n, v, speed, problem)
+    bounced = False
+    d = terms.contact_stiffness.shape[1]
+    for k in range(contacts):
+        problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0
+        for r in range(k * d, k * d + d):
+            for i in range(n):
+                problem.W[r, i] = terms.rows[r, free[i]]
+        if rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0]):
+            _soften(k, d, h, theta, terms, problem)
+        else:
+            problem.R[k, :, :] = 0.0
+            problem.w[k * d : k * d + d] = 0.0
+            g = _approach(k * d, h, terms, v, speed, free, n, eps)
+            if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
+                problem.w[k * d] = terms.restitution[k] * g
+                bounced = True
+            else:
+                problem.w[k * d] = terms.gap[k] / h
+        for r in range(k * d, k * d + d):
+            problem.w[r] += _carried(terms.rows, r, free, n, speed)
+    for r in range(limited):
+        stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
+        resist = theta * h * stiff + damp
+        problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
+        problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
+        problem.w_s[r] += _carried(terms.limited, r, free, n, speed)
+        problem.F[r] = terms.limit[r]
+        for i in range(n):
+            problem.S[r, i] = terms.limited[r, free[i]]
+    return bounced
+
+
+@kernel
+def _fill_metric(terms, free, n, problem):  # type: ignore[no-untyped-def]
+    """Kinematic rung: the slowest admissible motion in the unit-mass metric."""
+    for i in range(n):
+        problem.c[i] = 0.0
+        for j in range(n):
+            problem.H[i, j] = terms.metric[free[i], free[j]]
+
+
+@kernel
+def _fill_balance(rung, step, eps, terms, free, n, v, speed, problem):  # type: ignore[no-untyped-def]
+    inertia = eps / step
+    momentum = inertia if rung[0].inertia > 0.0 else 0.0
+    for i in range(n):
+        a = free[i]
+        problem.c[i] = terms.load[a] if rung[0].loads else 0.0
+        for b in range(v.shape[0]):
+            problem.c[i] += momentum * terms.inertia[a, b] * v[b]
+            if speed[b] != 0.0:
+                resist = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+                problem.c[i] -= resist * speed[b]
+        for j in range(n):
+            b = free[j]
+            problem.H[i, j] = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+
+
+@kernel
+def _carried(rows, r, free, n, speed):  # type: ignore[no-untyped-def]
+    """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
+    total = 0.0
+    for j in range(speed.shape[0]):
+        total += rows[r, j] * speed[j]
+    return total
+
+
+@kernel
+def _approach(r, h, terms, v, speed, free, n, eps):  # type: ignore[no-untyped-def]
+    """Rate of the gap at the start of the step, or 0 when it is no faster than two steps of load explain."""
+    g = _carried(terms.rows, r, free, n, speed)
+    loaded = 0.0
+    for i in range(n):
+        a = free[i]
+        g += terms.rows[r, a] * v[a]
+        if eps > 0.0:
+            loaded += terms.rows[r, a] * terms.load[a] * h / (eps * terms.inertia[a, a])
+    return 0.0 if g >= -2.0 * abs(loaded) else g
+
+
+@kernel
+def _soften(k, d, h, theta, terms, problem):  # type: ignore[no-untyped-def]
+    """R, and what the deformation at the start contributes to w."""
+    for i in range(d):
+        for j in range(d):
+            problem.R[k, i, j] = theta * h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]
+    _invert(problem.R[k], d)
+    for i in range(d):
+        kept, yielded = 0.0, 0.0
+        for j in range(d):
+            stiff, damp = 0.0, 0.0
+            for m in range(d):
+                x = terms.deformation[k * d + m]
+                stiff += terms.contact_stiffness[k, j, m] * x
+                damp += terms.contact_damping[k, j, m] * x
+            kept += problem.R[k, i, j] * (damp - (1.0 - theta) * h * stiff)
+            yielded += problem.R[k, i, j] * stiff
+        problem.w[k * d + i] = (terms.gap[k] + kept) / h if i == 0 else -yielded
+
+
+@kernel
+def _invert(a, d):  # type: ignore[no-untyped-def]
+    """Inverse of a positive definite matrix in place (Gauss-Jordan; no pivoting is needed)."""
+    for k in range(d):
+        pivot = 1.0 / a[k, k]
+        a[k, k] = 1.0
+        for j in range(d):
+            a[k, j] *= pivot
+        for i in range(d):
+            if i != k:
+                factor = a[i, k]
+                a[i, k] = 0.0
+                for j in range(d):
+                    a[i, j] -= factor * a[k, j]
+
+
+@kernel
+def deform(rung, h, terms, k, force, problem, after):  # type: ignore[no-untyped-def]
+    """Deformation of contact k after the step: delta = R (h lambda + (C - (1 - theta) h K) delta); into `after` (d,)."""
+    d = after.shape[0]
+    theta = rung[0].theta
+    for i in range(d):
+        after[i] = 0.0
+        for j in range(d):
+            push = h * force[k * d + j]
+            for m in range(d):
+                keep = terms.contact_damping[k, j, m] - (1.0 - theta) * h * terms.contact_stiffness[k, j, m]
+                push += keep * terms.deformation[k * d + m]
+            after[i] += problem.R[k, i, j] * push
+
+
+@kernel
+def limit_inertia(rung, h, terms, contacts, limited, n, free, speed):  # type: ignore[no-untyped-def]
+    """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
+
+    Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is exact.
+    """
+    if rung[0].metric:
+        return 0.0
+    if rung[0].inertia > 0.0:
+        return rung[0].inertia
+    heaviest, fastest, least = 0.0, 0.0, math.inf
+    for j in range(speed.shape[0]):
+        fastest = max(fastest, abs(speed[j]))
+    for i in range(n):
+        a = free[i]
+        heaviest = max(heaviest, terms.inertia[a, a])
+        resist = h * terms.stiffness[a, a] + terms.damping[a, a]
+        if resist > 0.0:
+            least = min(least, resist)
+        if terms.load[a] != 0.0 and fastest > 0.0:
+            least = min(least, abs(terms.load[a]) / fastest)
+    if rung[0].compliant:
+        for k in range(contacts):
+            resist = h * terms.contact_stiffness[k, 0, 0] + terms.contact_damping[k, 0, 0]
+            if math.isfinite(resist):
+                least = min(least, resist)
+    for r in range(limited):
+        resist = h * terms.gains[r, 0] + terms.gains[r, 1]
+        if resist > 0.0:
+            least = min(least, resist)
+        if terms.limit[r] > 0.0 and fastest > 0.0:
+            least = min(least, terms.limit[r] / fastest)
+    if not math.isfinite(least):
+        return 1.0
+    return min(1.0, LIMIT * least * h / heaviest)

@@ -1,0 +1,105 @@
+"""Every way a run can end: code, exit code and advice, in one table.
+
+The codes are what kernels return; the texts are what people read.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+
+class Code(IntEnum):
+    """Outcome of a run. `RUNNING` is the only one that is not final."""
+
+    RUNNING = 0
+    GOAL = 1
+    UNSAFE = 2
+    DOOMED = 3
+    JAMMED = 4
+    UNSUPPORTED = 5
+    MISSED = 6
+    TIMEOUT = 7
+    MODEL_INVALID = 8
+    INVALID = 9
+    NOT_CONVERGED = 10
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    `exit_code` is that of the command line: 0 the answer is positive, 1 negative, 2 bad input.
+    """
+
+    code: Code
+    exit_code: int
+    meaning: str
+    advice: str
+
+    @property
+    def name(self) -> str:
+        return self.code.name.lower()
+
+    def __str__(self) -> str:
+        return self.name
+
+
+OUTCOMES: dict[Code, Outcome] = {
+    outcome.code: outcome
+    for outcome in (
+        Outcome(Code.RUNNING, 1, "the run was interrupted", "Continue it, or run it again."),
+        Outcome(Code.GOAL, 0, "the goal condition holds", "Lift the plan to the next rung."),
+        Outcome(
+            Code.UNSAFE, 1, "an unsafe condition holds", "Change inputs or design, or relax the condition."
+        ),
+        Outcome(
+            Code.DOOMED,
+            1,
+            "the scene's rule says that no input can reach the goal from here",
+            "Change the inputs that led here; the set Z_A begins before this state.",
+        ),
+        Outcome(
+            Code.JAMMED,
+            1,
+            "no motion satisfies contact, friction and the prescribed speeds",
+            "Use a force-limited servo, a compliant rung, or lower friction; see the certificate.",
+        ),
+        Outcome(
+            Code.UNSUPPORTED,
+            1,
+            "loads act that contacts and drives cannot balance without inertia",
+            "Use a dynamic rung, or support the body.",
+        ),
+        Outcome(
+            Code.MISSED,
+            1,
+            "the inputs are spent and the goal is not reached",
+            "Change the inputs or the start.",
+        ),
+        Outcome(
+            Code.TIMEOUT,
+            1,
+            "the time is over, and no condition of the scene has decided the run",
+            "Give more time (--time), or state a goal.",
+        ),
+        Outcome(
+            Code.MODEL_INVALID,
+            1,
+            "a local deformation outgrew the feature that carries it",
+            "The compliant model no longer holds here: raise stiffness, lower loads, or use a rigid rung.",
+        ),
+        Outcome(
+            Code.INVALID,
+            2,
+            "the scene is impossible at these parameters",
+            "See the reason; `rungwise check` shows parameters and their ranges.",
+        ),
+        Outcome(
+            Code.NOT_CONVERGED,
+            1,
+            "no solver brought the step's residual below tolerance, and no certificate says why",
+            "Use a smaller step; report the saved problem.",
+        ),
+    )
+}

@@ -1,0 +1,6 @@
+"""Scenes: what a manipulation task is, read from YAML, checked, and bound to numbers."""
+
+from rungwise.scene.scene import Bound, InvalidScene, Scene, load, schema, shipped
+from rungwise.scene.template import SceneError
+
+__all__ = ["Bound", "InvalidScene", "Scene", "SceneError", "load", "schema", "shipped"]

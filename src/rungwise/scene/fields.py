@@ -1,0 +1,306 @@
+"""What a scene file may say: bodies, shapes, motion, drives, contacts, goal (pydantic models).
+
+Every `Number` is a number or an expression of the scene's parameters (see `expression`); those marked
+*timed* may also use the time ``t``. Units are the scene's own, as long as they are consistent.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+Name = Annotated[str, Field(pattern=NAME, max_length=60)]
+_UNIT = re.compile(r"^(1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*)$")
+_BASE_UNITS = {"m", "g", "s", "N", "J", "W", "Pa", "Hz", "rad", "deg"}
+_PREFIXES = ("", "k", "M", "G", "c", "m", "u", "µ", "n")
+
+
+def _number(value: object) -> object:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise PydanticCustomError("number", "must be a number or an expression of the parameters")
+    if isinstance(value, str):
+        if not value.strip():
+            raise PydanticCustomError("number", "must be a number or an expression, not an empty text")
+        return value
+    return _finite(value)
+
+
+def _finite(value: object) -> float:
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            raise PydanticCustomError("finite", "must be a number") from None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("finite", "must be a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise PydanticCustomError("finite", "must be finite")
+    return number
+
+
+def _unit(value: object) -> object:
+    if not isinstance(value, str) or not _UNIT.match(value):
+        raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
+    for symbol in re.findall(r"[A-Za-zµ]+", value):
+        if not any(symbol == prefix + base for prefix in _PREFIXES for base in _BASE_UNITS):
+            raise PydanticCustomError(
+                "unit",
+                "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}",
+                {
+                    "symbol": repr(symbol),
+                    "bases": " ".join(sorted(_BASE_UNITS)),
+                    "prefixes": " ".join(_PREFIXES[1:]),
+                },
+            )
+    return value
+
+
+Number = Annotated[
+    float | str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
+]
+Finite = Annotated[float, BeforeValidator(_finite)]
+Unit = Annotated[str, BeforeValidator(_unit)]
+Pair = tuple[Number, Number]
+
+
+class Strict(BaseModel):
+    """Base of all parts of a scene: immutable, and an unknown field is an error that lists the valid ones."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_fields(cls, data: Any) -> Any:
+        if isinstance(data, dict):
+            for key in data:
+                if key not in cls.model_fields:
+                    raise PydanticCustomError(
+                        "unknown_field",
+                        "unknown field {key}; valid: {valid}",
+                        {"key": repr(key)[:80], "valid": ", ".join(cls.model_fields)},
+                    )
+        return data
+
+
+class Parameter(Strict):
+    """A named number of the scene that users, sets and designs may vary."""
+
+    default: Finite
+    range: tuple[Finite, Finite] | None = None
+    unit: Unit = "1"
+    about: str = ""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Parameter:
+        if self.range is not None and not self.range[0] <= self.default <= self.range[1]:
+            raise PydanticCustomError("range", "range must be [low, high] with low <= default <= high")
+        return self
+
+
+class Point(Strict):
+    kind: Literal["point"]
+    at: Pair = (0.0, 0.0)
+
+
+class Disc(Strict):
+    kind: Literal["disc"]
+    radius: Number
+    at: Pair = (0.0, 0.0)
+
+
+class Capsule(Strict):
+    """All points within `radius` of a segment of `length` along the body's x axis."""
+
+    kind: Literal["capsule"]
+    length: Number
+    radius: Number
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
+class Box(Strict):
+    kind: Literal["box"]
+    width: Number
+    height: Number
+    radius: Number = 0.0
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
+class Polygon(Strict):
+    """Convex polygon, in either sense of rotation, grown by a rounding `radius`."""
+
+    kind: Literal["polygon"]
+    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=64)]
+    radius: Number = 0.0
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
+class HalfPlane(Strict):
+    """All points behind the line through `at` whose outward normal is `normal`."""
+
+    kind: Literal["halfplane"]
+    normal: Pair = (0.0, 1.0)
+    at: Pair = (0.0, 0.0)
+
+
+Shape = Annotated[Point | Disc | Capsule | Box | Polygon | HalfPlane, Field(discriminator="kind")]
+
+
+class Speed(Strict):
+    """Prescribed speed (timed): the coordinate moves so whatever it takes; the reaction is reported."""
+
+    kind: Literal["speed"]
+    speed: Number
+
+
+class Servo(Strict):
+    """Force ``stiffness (target - q) + damping (target_speed - v)``, at most `limit` (timed targets).
+
+    Without `target` the servo follows ``start + target_speed t`` (a `target_speed` that uses t needs a target).
+    """
+
+    kind: Literal["servo"]
+    stiffness: Number
+    damping: Number = 0.0
+    target: Number | None = None
+    target_speed: Number = 0.0
+    limit: Number = "inf"
+
+
+class Force(Strict):
+    """Given force or torque along the coordinate (timed)."""
+
+    kind: Literal["force"]
+    force: Number
+
+
+Drive = Annotated[Speed | Servo | Force, Field(discriminator="kind")]
+
+
+class Fixed(Strict):
+    kind: Literal["fixed"] = "fixed"
+
+
+class Slide(Strict):
+    """One coordinate: the distance from the pose along `axis`."""
+
+    kind: Literal["slide"]
+    axis: Pair
+    name: Name = "s"
+
+
+class Hinge(Strict):
+    """One coordinate: the angle turned from the pose about `pivot`, a point of the world."""
+
+    kind: Literal["hinge"]
+    pivot: Pair
+    name: Name = "angle"
+
+
+class Free(Strict):
+    """Three coordinates: x and y of the centre of mass, and the angle."""
+
+    kind: Literal["free"]
+
+
+Motion = Annotated[Fixed | Slide | Hinge | Free, Field(discriminator="kind")]
+
+
+class Coordinate(Strict):
+    """One coordinate of a body: start (as a displacement from the pose), travel, support and drive."""
+
+    start: Number = 0.0
+    speed: Number = 0.0
+    lower: Number = "-inf"
+    upper: Number = "inf"
+    damping: Number = 0.0
+    dry_friction: Number = 0.0
+    drive: Drive | None = None
+
+
+class Pose(Strict):
+    x: Number = 0.0
+    y: Number = 0.0
+    angle: Number = 0.0
+
+
+class Body(Strict):
+    """A rigid body. Mass, centre and inertia (about the centre) follow from outline and density if not given."""
+
+    role: Literal["robot", "object", "obstacle"]
+    shape: Shape | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32)]
+    pose: Pose = Pose()
+    motion: Motion = Fixed()
+    coordinates: dict[Name, Coordinate] = {}
+    mass: Number | None = None
+    density: Number = 1.0
+    centre: Pair | None = None
+    inertia: Number | None = None
+    force: Pair = (0.0, 0.0)
+    torque: Number = 0.0
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        return self.shape if isinstance(self.shape, tuple) else (self.shape,)
+
+    @property
+    def coordinate_names(self) -> tuple[str, ...]:
+        match self.motion:
+            case Slide(name=name) | Hinge(name=name):
+                return (name,)
+            case Free():
+                return ("x", "y", "angle")
+        return ()
+
+
+class Contact(Strict):
+    """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
+
+    between: tuple[str, str]
+    friction: Number = 0.0
+    restitution: Number = 0.0
+    stiffness: Number = 1e6
+    damping: Number = 0.0
+    tangential_stiffness: Number | None = None
+    tangential_damping: Number | None = None
+
+
+class Potential(Strict):
+    """Energy ``stiffness/2 (sum of factor * coordinate - target)^2`` whose gradient drives `on`.
+
+    `on` defaults to the coordinates of `terms` that belong to robots.
+    """
+
+    stiffness: Number
+    terms: Annotated[dict[str, Number], Field(min_length=1)]
+    target: Number = 0.0
+    on: tuple[str, ...] | None = None
+
+
+class SceneFile(Strict):
+    """A whole scene as written: see `Scene` for one that has been read and checked."""
+
+    name: Name
+    about: str = ""
+    parameters: dict[Name, Parameter] = {}
+    gravity: Pair = (0.0, 0.0)
+    bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
+    contacts: tuple[Contact, ...] = ()
+    potentials: tuple[Potential, ...] = ()
+    goal: str | None = None
+    unsafe: str | None = None
+    doomed: str | None = None
+    tolerance: Number = 1e-6
+    duration: Number = 10.0
+    step: Number = 1e-3

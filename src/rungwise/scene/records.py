@@ -1,0 +1,93 @@
+"""A scene as kernels see it: a few record arrays that are views of one flat buffer of float64.
+
+All fields are 8 bytes wide, so that a number's place in the buffer (its *slot*) is all that binding needs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def _record(integers: str, reals: str) -> np.dtype[np.void]:
+    fields = [(name, np.int64) for name in integers.split()] + [(name, np.float64) for name in reals.split()]
+    return np.dtype(fields)
+
+
+FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
+NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
+POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
+
+WORLD = _record("", "gravity_x gravity_y tolerance duration step")
+BODY = _record(
+    "motion coordinate first_shape end_shape mass_given centre_given inertia_given",
+    "x y angle axis_x axis_y pivot_x pivot_y mass density inertia centre_x centre_y"
+    " force_x force_y torque gyration2",
+)
+"""x, y, angle: the pose, then (bound) that of the centre of mass; gyration2: squared radius of gyration."""
+
+COORDINATE = _record(
+    "body drive has_target limited",
+    "start speed lower upper damping dry_friction drive_speed force stiffness drive_damping"
+    " target target_speed limit mass metric",
+)
+"""mass: generalised inertia M; metric: the same per unit of the body's mass (kinematic rung)."""
+
+SHAPE = _record("body first end kind", "radius at_x at_y angle size_x size_y reach")
+"""Vertices first..end, a rounding radius, and (bound) reach: the greatest distance from the body's centre."""
+
+VERTEX = _record("", "x y normal_x normal_y length")
+"""Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""
+
+CONTACT = _record(
+    "body_a body_b watched",
+    "friction restitution stiffness tangential_stiffness damping tangential_damping",
+)
+PAIR = _record("contact shape_a shape_b", "")
+POTENTIAL = _record("", "stiffness target")
+TERM = _record("acts", "factor")
+"""Factor of a coordinate in a potential (one row per coordinate), and whether the potential acts on it."""
+
+
+class Records(NamedTuple):
+    """Views of one buffer. Kernels get the arrays that they read, never the whole."""
+
+    world: NDArray[np.void]
+    bodies: NDArray[np.void]
+    coordinates: NDArray[np.void]
+    shapes: NDArray[np.void]
+    vertices: NDArray[np.void]
+    contacts: NDArray[np.void]
+    pairs: NDArray[np.void]
+    potentials: NDArray[np.void]
+    terms: NDArray[np.void]
+
+
+DTYPES = (WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM)
+
+
+def allocate(counts: tuple[int, ...]) -> NDArray[np.float64]:
+    """A zeroed buffer for so many records of each kind."""
+    return np.zeros(sum(n * dtype.itemsize // 8 for n, dtype in zip(counts, DTYPES, strict=True)))
+
+
+def views(buffer: NDArray[np.float64], counts: tuple[int, ...]) -> Records:
+    """The record arrays inside `buffer`."""
+    arrays = []
+    offset = 0
+    for count, dtype in zip(counts, DTYPES, strict=True):
+        size = count * dtype.itemsize // 8
+        arrays.append(buffer[offset : offset + size].view(dtype))
+        offset += size
+    return Records(*arrays)
+
+
+def slot(counts: tuple[int, ...], kind: str, index: int, field: str) -> int:
+    """Place in the buffer of `field` of record `index` of the array `kind`."""
+    place = Records._fields.index(kind)
+    before = sum(n * d.itemsize // 8 for n, d in zip(counts[:place], DTYPES[:place], strict=True))
+    dtype = DTYPES[place]
+    offset = int(dtype.fields[field][1])  # type: ignore[index]
+    return before + (index * dtype.itemsize + offset) // 8

@@ -1,0 +1,77 @@
+"""Recording into preallocated buffers."""
+
+from __future__ import annotations
+
+from rungwise.kernel import kernel
+from rungwise.system.planar.terms import potential_energy
+
+
+@kernel
+def record(records, rung, workspace, always):  # type: ignore[no-untyped-def]
+    """Keep the present state if its turn has come, or `always`. A full buffer is thinned, and the stride doubles."""
+    state, frames = workspace.state, workspace.frames
+    clock = state.clock[0]
+    clock.since += 1
+    if not always and clock.since < clock.stride:
+        return
+    if clock.frames == frames.time.shape[0]:
+        _thin(frames)
+        clock.frames = (clock.frames + 1) // 2
+        clock.stride *= 2
+    k = clock.frames
+    frames.time[k] = clock.time
+    frames.q[k, :] = state.q
+    frames.v[k, :] = state.v
+    frames.gap[k, :] = state.gaps
+    frames.mode[k, :] = state.modes
+    frames.force[k, :, :] = state.force
+    frames.impulse[k, :, :] = state.impulse
+    frames.reaction[k, :] = state.reaction
+    _scalars(records, rung, workspace, frames.scalars[k])
+    state.impulse[:, :] = 0.0
+    clock.frames += 1
+    clock.since = 0
+
+
+@kernel
+def _thin(frames):  # type: ignore[no-untyped-def]
+    """Drop every other frame; impulses of a dropped frame go to the next one kept."""
+    count = frames.time.shape[0]
+    for k in range(2, count, 2):
+        frames.impulse[k] += frames.impulse[k - 1]
+    for k in range(1, (count + 1) // 2):
+        frames.time[k] = frames.time[2 * k]
+        frames.q[k] = frames.q[2 * k]
+        frames.v[k] = frames.v[2 * k]
+        frames.gap[k] = frames.gap[2 * k]
+        frames.mode[k] = frames.mode[2 * k]
+        frames.force[k] = frames.force[2 * k]
+        frames.impulse[k] = frames.impulse[2 * k]
+        frames.reaction[k] = frames.reaction[2 * k]
+        frames.scalars[k] = frames.scalars[2 * k]
+
+
+@kernel
+def _scalars(records, rung, workspace, out):  # type: ignore[no-untyped-def]
+    """Residual, energies and work, in the order of `state.SCALARS`."""
+    state, terms = workspace.state, workspace.terms
+    clock = state.clock[0]
+    kinetic = 0.0
+    for i in range(state.v.shape[0]):
+        for j in range(state.v.shape[0]):
+            kinetic += 0.5 * rung[0].inertia * terms.inertia[i, j] * state.v[i] * state.v[j]
+    elastic = 0.0
+    if rung[0].compliant:
+        for p in range(records.pairs.shape[0]):
+            contact = records.contacts[records.pairs[p].contact]
+            for slot in range(2 * p, 2 * p + 2):
+                normal, tangent = state.deformation[slot, 0], state.deformation[slot, 1]
+                elastic += 0.5 * (contact.stiffness * normal**2 + contact.tangential_stiffness * tangent**2)
+    out[0] = clock.residual
+    out[1] = kinetic
+    out[2] = potential_energy(records.world, records.bodies, state.pose)
+    out[3] = elastic
+    out[4] = clock.drive_work
+    out[5] = clock.load_work
+    out[6] = clock.contact_work
+    out[7] = clock.support_work

@@ -1,0 +1,336 @@
+"""The compiled planar loop: steps, halving, events and verdicts, until the run ends or its turn is over."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+from rungwise.outcome import Code
+from rungwise.scene.bind import evaluate_numbers
+from rungwise.scene.expression import evaluate
+from rungwise.scene.records import FORCE, SERVO, SPEED
+from rungwise.simulation.frames import record
+from rungwise.simulation.step import SUPPORTED, UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
+from rungwise.system.planar import terms as planar
+from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.place import coordinate_count, place, start
+
+RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
+JAMMED, NO_SUPPORT, MISSED, TIMEOUT = int(Code.JAMMED), int(Code.UNSUPPORTED), int(Code.MISSED), int(Code.TIMEOUT)
+MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
+
+TAKEN, REFUSED, LEFT_UNSUPPORTED = 0, 1, 2
+MAX_HALVINGS = 60
+MAX_LINEARISATIONS = 12
+SINKING = 0.1
+"""Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
+DRIFT = 1e-2
+"""New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
+
+
+@kernel
+def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
+    """State at t = 0; returns RUNNING, a verdict that holds at once, or INVALID when bodies overlap."""
+    state, terms = workspace.state, workspace.terms
+    clock = state.clock[0]
+    start(records.bodies, records.coordinates, state.q, state.v)
+    state.start[:] = state.q
+    n = state.q.shape[0]
+    clock.free = 0
+    for i in range(n):
+        drive = records.coordinates[i].drive
+        state.prescribed[i] = drive == SPEED or (rung[0].metric and drive == SERVO)
+        if not state.prescribed[i]:
+            state.free[clock.free] = i
+            clock.free += 1
+        elif drive == SPEED:
+            state.v[i] = records.coordinates[i].drive_speed
+    clock.limited = 0
+    if rung[0].loads:
+        clock.limited = planar.constants(records.coordinates, records.potentials, records.terms, terms)
+    else:
+        for i in range(n):
+            terms.metric[i, i] = records.coordinates[i].metric
+    clock.size = math.inf
+    for s in range(records.shapes.shape[0]):
+        reach = records.shapes[s].reach
+        if reach > 0.0 and math.isfinite(reach):
+            clock.size = min(clock.size, reach)
+            clock.reach = max(clock.reach, reach)
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
+    clock.margin = control[0].tolerance
+    _look(records, workspace)
+    clock.next = control[0].step
+    if clock.least_gap < -1e-9 * clock.reach:
+        return INVALID
+    return RUNNING
+
+
+@kernel
+def _look(records, workspace):  # type: ignore[no-untyped-def]
+    """Contacts at the placed bodies, within clock.margin."""
+    state = workspace.state
+    state.clock[0].least_gap = find_contacts(
+        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline,
+        state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
+        workspace.scratch.fresh,
+    )  # fmt: skip
+
+
+@kernel
+def advance(records, timed, conditions, buffer, rung, control, workspace, turns):  # type: ignore[no-untyped-def]
+    """Take at most `turns` steps; returns the outcome, RUNNING if the run has not ended.
+
+    `timed` and `conditions` are (code, constants, table[, targets]) of the scene's programs.
+    """
+    state = workspace.state
+    clock = state.clock[0]
+    if clock.steps == 0 and clock.frames == 0:
+        clock.outcome = _judge(conditions, state, workspace.scratch)
+        record(records, rung, workspace, True)
+    for _ in range(turns):
+        if clock.outcome != RUNNING:
+            break
+        clock.outcome = _step(records, timed, conditions, buffer, rung, control, workspace)
+        record(records, rung, workspace, clock.outcome != RUNNING)
+    return clock.outcome
+
+
+@kernel
+def _step(records, timed, conditions, buffer, rung, control, workspace):  # type: ignore[no-untyped-def]
+    """One accepted step, halved as long as it has no solution."""
+    state, scratch = workspace.state, workspace.scratch
+    clock = state.clock[0]
+    left = control[0].duration - clock.time
+    h = min(clock.next, control[0].step, left)
+    for _ in range(MAX_HALVINGS):
+        h, moving = _drive(records, timed, buffer, rung, control, workspace, h)
+        status = _attempt(records, rung, control, workspace, h)
+        clock.attempts += 1
+        if status == TAKEN:
+            clock.steps += 1
+            clock.taken = h
+            clock.time += h
+            clock.next = 2.0 * h
+            clock.worst_residual = max(clock.worst_residual, clock.residual)
+            verdict = _judge(conditions, state, scratch)
+            if verdict != RUNNING:
+                return verdict
+            return _spent(records, rung, control, workspace, moving, timed)
+        if status == LEFT_UNSUPPORTED:
+            return NO_SUPPORT
+        if h * moving < 0.25 * control[0].tolerance and moving > 0.0:
+            return JAMMED
+        h *= 0.5
+    return NOT_CONVERGED
+
+
+@kernel
+def _drive(records, timed, buffer, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+    """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first travel
+    limit, and the greatest prescribed speed."""
+    state = workspace.state
+    clock = state.clock[0]
+    n = state.q.shape[0]
+    if timed[3].shape[0] > 0:
+        state.values[state.values.shape[0] - 2 - 2 * n - 2 * state.gaps.shape[0]] = clock.time + h
+        evaluate_numbers(timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer)
+    moving = 0.0
+    shortest = h
+    for i in range(n):
+        state.speed[i] = 0.0
+        if not state.prescribed[i]:
+            continue
+        c = records.coordinates[i]
+        speed = c.drive_speed
+        if c.drive == SERVO:
+            speed = (planar.target(c, state.start[i], clock.time + h) - state.q[i]) / h
+        room = c.upper - state.q[i] if speed > 0.0 else state.q[i] - c.lower
+        if room <= 1e-12 * (abs(c.upper) if speed > 0.0 else abs(c.lower)) + 1e-12 * abs(speed) * h:
+            continue
+        state.speed[i] = speed
+        moving = max(moving, abs(speed))
+        if abs(speed) * shortest > room:
+            shortest = room / abs(speed)
+    return shortest, moving
+
+
+@kernel
+def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
+    state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    clock = state.clock[0]
+    if rung[0].loads:
+        planar.loads(
+            records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
+            state.q, state.start, clock.time + h, state.passive, terms,
+        )  # fmt: skip
+    _remember(state, scratch)
+    gap_before = clock.least_gap
+    _widen(records, workspace, 4.0 * h * _fastest(records, rung, terms, state, state.v, h))
+    contacts = _gather(records, workspace)
+    status = UNSOLVED
+    for _ in range(MAX_LINEARISATIONS):
+        status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
+        if status != SUPPORTED:
+            break
+        reach = 2.0 * h * _fastest(records, rung, terms, state, scratch.v_new, 0.0)
+        if reach > clock.near:
+            _return(records, workspace)
+            _widen(records, workspace, 2.0 * reach)
+            contacts = _gather(records, workspace)
+            continue
+        accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
+        _move(records, rung, workspace, h)
+        allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
+        if rung[0].compliant or clock.least_gap >= allowed:
+            _finish(records, rung, h, contacts, workspace)
+            clock.contacts = contacts
+            return TAKEN
+        if not rung[0].metric:
+            status = UNSOLVED
+            break
+        contacts = _gather(records, workspace)
+        _shift(h, contacts, terms, scratch)
+    _return(records, workspace)
+    clock.least_gap = gap_before
+    return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _remember(state, scratch):  # type: ignore[no-untyped-def]
+    scratch.old_q[:] = state.q
+    scratch.old_features[:] = state.features
+    scratch.old_modes[:] = state.modes
+    scratch.old_deformation[:, :] = state.deformation
+
+
+@kernel
+def _return(records, workspace):  # type: ignore[no-untyped-def]
+    """Back to the state before the attempt."""
+    state, scratch = workspace.state, workspace.scratch
+    state.q[:] = scratch.old_q
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    _look(records, workspace)
+    state.features[:] = scratch.old_features
+    state.modes[:] = scratch.old_modes
+    state.deformation[:, :] = scratch.old_deformation
+
+
+@kernel
+def _widen(records, workspace, margin):  # type: ignore[no-untyped-def]
+    """Contacts up to `margin` matter now: look again when the last look did not reach so far."""
+    clock = workspace.state.clock[0]
+    clock.near = margin
+    if margin > clock.margin:
+        clock.margin = 2.0 * margin
+        _look(records, workspace)
+    elif margin < clock.margin / 32.0:
+        clock.margin = 2.0 * margin
+
+
+@kernel
+def _gather(records, workspace):  # type: ignore[no-untyped-def]
+    state, scratch = workspace.state, workspace.scratch
+    return planar.gather(
+        records.bodies, records.coordinates, records.contacts, records.pairs, state.pose, state.points,
+        state.features, state.deformation, state.q, state.prescribed, state.clock[0].near, workspace.terms,
+        scratch.slots,
+    )  # fmt: skip
+
+
+@kernel
+def _fastest(records, rung, terms, state, v, h):  # type: ignore[no-untyped-def]
+    """Bound on the relative speed of any two points, with what loads add during h."""
+    fastest = 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        speed = 0.0
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
+            if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
+                rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
+            turns = body.motion == 2 or j == 2
+            if turns:
+                rate *= state.clock[0].reach + (
+                    math.hypot(state.pose[b, 0] - body.pivot_x, state.pose[b, 1] - body.pivot_y)
+                    if body.motion == 2
+                    else 0.0
+                )
+            speed += rate
+        fastest = max(fastest, speed)
+    return 2.0 * fastest
+
+
+@kernel
+def _shift(h, contacts, terms, scratch):  # type: ignore[no-untyped-def]
+    """Linearise about the trial state: gap less what the trial velocity contributed."""
+    for k in range(contacts):
+        for j in range(scratch.v_new.shape[0]):
+            terms.gap[k] -= h * terms.rows[2 * k, j] * scratch.v_new[j]
+
+
+@kernel
+def _move(records, rung, workspace, h):  # type: ignore[no-untyped-def]
+    """Place the bodies at q + h v and look for contacts there."""
+    state, scratch = workspace.state, workspace.scratch
+    for i in range(state.q.shape[0]):
+        state.q[i] = scratch.old_q[i] + h * scratch.v_new[i]
+        if state.prescribed[i]:
+            c = records.coordinates[i]
+            state.q[i] = min(max(state.q[i], c.lower), c.upper)
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    _look(records, workspace)
+
+
+@kernel
+def _finish(records, rung, h, contacts, workspace):  # type: ignore[no-untyped-def]
+    """Velocities, work and the contact forces that conditions read."""
+    state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    account(rung, h, terms, contacts, state, scratch, state.v)
+    theta = rung[0].theta
+    for i in range(state.v.shape[0]):
+        if state.prescribed[i]:
+            state.v[i] = state.speed[i]
+        else:
+            state.v[i] = (scratch.v_new[i] - (1.0 - theta) * state.v[i]) / theta
+    for c in range(state.pushes.shape[0]):
+        state.pushes[c] = 0.0
+    for p in range(records.pairs.shape[0]):
+        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+
+
+@kernel
+def _judge(conditions, state, scratch):  # type: ignore[no-untyped-def]
+    """Verdict of the scene's conditions: unsafe before goal before doomed; those not stated have no program."""
+    code, constants, table = conditions
+    for index, verdict in ((1, UNSAFE), (0, GOAL), (2, DOOMED)):
+        first, last = table[index, 0], table[index, 1]
+        if last > first and evaluate(code, constants, first, last, state.values, scratch.stack) >= 0.0:
+            return verdict
+    return RUNNING
+
+
+@kernel
+def _spent(records, rung, control, workspace, moving, timed):  # type: ignore[no-untyped-def]
+    """Verdict of a state that no condition decides: sunk in, out of time, or at rest with all inputs spent."""
+    state = workspace.state
+    clock = state.clock[0]
+    if rung[0].compliant:
+        for slot in range(state.features.shape[0]):
+            if abs(state.deformation[slot, 0]) > SINKING * clock.size:
+                return MODEL_INVALID
+    driven, others = clock.free < state.q.shape[0], timed[3].shape[0] + records.potentials.shape[0]
+    over = clock.time >= control[0].duration * (1.0 - 1e-12)
+    if over:
+        return MISSED if driven and moving == 0.0 else TIMEOUT
+    if not driven or moving > 0.0 or others > 0:
+        return RUNNING
+    for i in range(state.q.shape[0]):
+        drive = records.coordinates[i].drive
+        if abs(state.v[i]) * control[0].duration > 1e-6 * control[0].tolerance:
+            return RUNNING
+        if not state.prescribed[i] and (drive == SERVO or drive == FORCE):
+            return RUNNING
+    return MISSED

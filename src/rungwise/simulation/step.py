@@ -1,0 +1,132 @@
+"""One step: terms -> problem -> solution -> forces and deformations. No geometry."""
+
+from __future__ import annotations
+
+from rungwise.contact.solvers.planar import SOLVED, solve_planar
+from rungwise.kernel import kernel
+from rungwise.models.assemble import assemble, deform, limit_inertia
+
+SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
+_UNBALANCED = 1e-4
+
+
+@kernel
+def solve_step(rung, h, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+    """Velocities at the end of a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
+
+    Contact modes start from those of the slots, and `state.modes` is left as it was.
+    """
+    clock = state.clock[0]
+    n, limited = clock.free, clock.limited
+    clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed)
+    bounce = rung[0].inertia > 0.0
+    bounced = assemble(
+        rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, bounce, problem
+    )
+    status = _solve(contacts, limited, n, state, scratch, problem)
+    if status != SOLVED and bounced:
+        assemble(rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, False, problem)
+        status = _solve(contacts, limited, n, state, scratch, problem)
+    if status != SOLVED:
+        return UNSOLVED
+    theta = rung[0].theta
+    for i in range(state.v.shape[0]):
+        scratch.v_new[i] = state.speed[i]
+    for i in range(n):
+        a = state.free[i]
+        scratch.v_new[a] = scratch.x[i]
+    if rung[0].loads and rung[0].inertia == 0.0 and not _is_balanced(h * theta, terms, state, scratch):
+        return UNSUPPORTED
+    return SUPPORTED
+
+
+@kernel
+def _solve(contacts, limited, n, state, scratch, problem):  # type: ignore[no-untyped-def]
+    for k in range(contacts):
+        scratch.mode[k] = state.modes[scratch.slots[k]]
+    for r in range(limited):
+        scratch.mode[contacts + r] = scratch.limited_mode[r]
+    status, found = solve_planar(
+        problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force,
+        scratch.matrix, scratch.order,
+    )  # fmt: skip
+    state.clock[0].residual = found
+    return status
+
+
+@kernel
+def _is_balanced(step, terms, state, scratch):  # type: ignore[no-untyped-def]
+    """Whether the inertia that the limit eps -> 0+ leaves in the balance is negligible beside the loads."""
+    clock = state.clock[0]
+    left, scale = 0.0, 0.0
+    for i in range(clock.free):
+        a = state.free[i]
+        scale = max(scale, abs(terms.load[a]))
+        left = max(left, abs(clock.eps / step * terms.inertia[a, a] * scratch.v_new[a]))
+    return scale == 0.0 or left <= _UNBALANCED * scale
+
+
+@kernel
+def accept_forces(rung, h, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+    """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
+    force, slots = scratch.contact_force, scratch.slots
+    d = state.force.shape[1]
+    state.force[:, :] = 0.0
+    if rung[0].compliant:
+        _relax(h, rung, terms, contacts, state, scratch, problem)
+    for k in range(contacts):
+        slot = slots[k]
+        state.modes[slot] = scratch.mode[k]
+        for i in range(d):
+            state.force[slot, i] = force[k * d + i]
+            state.impulse[slot, i] += h * force[k * d + i]
+    for r in range(state.clock[0].limited):
+        scratch.limited_mode[r] = scratch.mode[contacts + r]
+
+
+@kernel
+def _relax(h, rung, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+    """New deformations. A slot that is too far away to be among the contacts is at rest."""
+    for k in range(contacts):
+        if terms.contact_stiffness[k, 0, 0] < 1e300:
+            deform(rung, h, terms, k, scratch.contact_force, problem, scratch.after)
+            for i in range(scratch.after.shape[0]):
+                state.deformation[scratch.slots[k], i] = scratch.after[i]
+
+
+@kernel
+def account(rung, h, terms, contacts, state, scratch, v_old):  # type: ignore[no-untyped-def]
+    """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
+
+    With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to rounding.
+    """
+    clock = state.clock[0]
+    n, d, theta = state.v.shape[0], state.force.shape[1], rung[0].theta
+    momentum = rung[0].inertia > 0.0
+    for i in range(n):
+        contact = 0.0
+        for r in range(contacts * d):
+            contact += terms.rows[r, i] * scratch.contact_force[r]
+        limited = 0.0
+        for r in range(clock.limited):
+            limited += terms.limited[r, i] * scratch.limited_force[r]
+        support = 0.0
+        elastic = 0.0
+        inertial = 0.0
+        for j in range(n):
+            elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
+            support -= terms.damping[i, j] * scratch.v_new[j]
+            if momentum:
+                inertial += clock.eps * terms.inertia[i, j] * (scratch.v_new[j] - v_old[j]) / (theta * h)
+        drive = terms.load[i] - state.passive[i] + elastic + limited
+        if state.prescribed[i]:
+            drive = inertial - state.passive[i] - contact - support
+        lever = scratch.v_new[i]
+        if momentum:
+            end = (scratch.v_new[i] - (1.0 - theta) * v_old[i]) / theta
+            lever = 0.5 * (v_old[i] + end)
+        state.reaction[i] = drive
+        clock.drive_work += h * lever * drive
+        clock.load_work += h * lever * state.passive[i]
+        clock.contact_work += h * lever * contact
+        clock.support_work += h * lever * support

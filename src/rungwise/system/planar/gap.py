@@ -1,0 +1,89 @@
+"""Which pairs of shapes are near, and the contact points between them, with memory of their features.
+
+Each pair owns two slots. A slot's deformation and mode belong to its feature: they follow it from step to step and
+are dropped when the feature changes.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+from rungwise.scene.records import HALFPLANE
+from rungwise.system.planar.manifold import ABSENT, GAP, manifold
+from rungwise.system.planar.place import X, Y
+
+
+@kernel
+def find_contacts(  # type: ignore[no-untyped-def]
+    bodies, shapes, contacts, pairs, pose, outline, margin, points, features, deformation, modes, gaps, fresh
+):
+    """Update every pair's slots; returns the least gap found.
+
+    `points` (2 pairs, 5), `features`, `modes` (2 pairs,) and `deformation` (2 pairs, d) are per slot, `gaps` per
+    contact: exact below `margin` and for watched contacts, otherwise a lower bound. `fresh` (2,) is scratch.
+    """
+    least = math.inf
+    gaps[:] = math.inf
+    for p in range(pairs.shape[0]):
+        contact = pairs[p].contact
+        a, b = shapes[pairs[p].shape_a], shapes[pairs[p].shape_b]
+        gap = _distance_of_circles(a, b, pose, outline)
+        slot = 2 * p
+        if gap > margin and not contacts[contact].watched:
+            _forget(slot, features, deformation, modes)
+            _forget(slot + 1, features, deformation, modes)
+        else:
+            count = manifold(a, b, outline, points[slot : slot + 2], fresh)
+            gap = points[slot, GAP]
+            if count == 2:
+                gap = min(gap, points[slot + 1, GAP])
+            _follow(slot, fresh, points, features, deformation, modes)
+        gaps[contact] = min(gaps[contact], gap)
+        least = min(least, gap)
+    return least
+
+
+@kernel
+def _distance_of_circles(a, b, pose, outline):  # type: ignore[no-untyped-def]
+    """Lower bound of the gap from the circles about the bodies' centres."""
+    if a.kind == HALFPLANE:
+        return _height(a, b, pose, outline)
+    if b.kind == HALFPLANE:
+        return _height(b, a, pose, outline)
+    dx, dy = pose[a.body, X] - pose[b.body, X], pose[a.body, Y] - pose[b.body, Y]
+    return math.sqrt(dx * dx + dy * dy) - a.reach - b.reach
+
+
+@kernel
+def _height(plane, shape, pose, outline):  # type: ignore[no-untyped-def]
+    i = plane.first
+    dx, dy = pose[shape.body, X] - outline[i, 0], pose[shape.body, Y] - outline[i, 1]
+    return outline[i, 2] * dx + outline[i, 3] * dy - shape.reach - plane.radius
+
+
+@kernel
+def _forget(slot, features, deformation, modes):  # type: ignore[no-untyped-def]
+    if features[slot] != ABSENT:
+        features[slot] = ABSENT
+        deformation[slot, :] = 0.0
+        modes[slot] = 0
+
+
+@kernel
+def _follow(slot, fresh, points, features, deformation, modes):  # type: ignore[no-untyped-def]
+    """Give slots `slot` and `slot + 1` the fresh features, keeping what belongs to those that stay."""
+    if fresh[0] == features[slot] and fresh[1] == features[slot + 1]:
+        return
+    crossed = fresh[0] == features[slot + 1] or (fresh[1] != ABSENT and fresh[1] == features[slot])
+    if crossed:
+        features[slot], features[slot + 1] = features[slot + 1], features[slot]
+        modes[slot], modes[slot + 1] = modes[slot + 1], modes[slot]
+        for d in range(deformation.shape[1]):
+            x = deformation[slot, d]
+            deformation[slot, d] = deformation[slot + 1, d]
+            deformation[slot + 1, d] = x
+    for k in range(2):
+        if features[slot + k] != fresh[k]:
+            _forget(slot + k, features, deformation, modes)
+            features[slot + k] = fresh[k]

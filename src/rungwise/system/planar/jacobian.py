@@ -1,0 +1,29 @@
+"""Rows of W^T: rates of gap and tangential displacement per unit of each coordinate's speed."""
+
+from __future__ import annotations
+
+from rungwise.kernel import kernel
+from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.system.planar.place import coordinate_count, lever
+
+
+@kernel
+def contact_rows(body_a, body_b, a, b, pose, point, rows, first):  # type: ignore[no-untyped-def]
+    """Write rows `first` (normal) and `first + 1` (tangent, the normal turned clockwise) of one contact point.
+
+    The force on body a is positive along them, that on body b negative.
+    """
+    rows[first, :] = 0.0
+    rows[first + 1, :] = 0.0
+    _add(body_a, pose[a], point, 1.0, rows, first)
+    _add(body_b, pose[b], point, -1.0, rows, first)
+
+
+@kernel
+def _add(body, pose, point, sign, rows, first):  # type: ignore[no-untyped-def]
+    nx, ny = point[NORMAL_X], point[NORMAL_Y]
+    for i in range(coordinate_count(body)):
+        vx, vy = lever(body, pose, i, point[POINT_X], point[POINT_Y])
+        column = body.coordinate + i
+        rows[first, column] += sign * (nx * vx + ny * vy)
+        rows[first + 1, column] += sign * (ny * vx - nx * vy)

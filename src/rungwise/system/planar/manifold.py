@@ -1,0 +1,190 @@
+"""Gap between two rounded convex polygons, as at most two points with the features that carry them.
+
+The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of the
+other lies over that edge, the gap is their distance; a second point is the other end of the stretch along which
+the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of the two
+is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices are closest.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+from rungwise.scene.records import HALFPLANE
+
+GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
+"""Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
+
+ABSENT = -1
+_VERTICES = 1 << 20
+_TIE = 1e-9
+
+
+@kernel
+def manifold(a, b, outline, points, features):  # type: ignore[no-untyped-def]
+    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points there are."""
+    features[0] = features[1] = ABSENT
+    gap_a, edge_a, vertex_b = _best_edge(a, b, outline)
+    gap_b, edge_b, vertex_a = _best_edge(b, a, outline)
+    if edge_a < 0 and edge_b < 0:
+        return _closest_vertices(b, a, 1.0, outline, points, features)
+    if gap_a >= gap_b:
+        return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, points, features)
+    return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, points, features)
+
+
+@kernel
+def _best_edge(shape, other, outline):  # type: ignore[no-untyped-def]
+    """Edge of `shape` that separates best: distance to the deepest vertex of `other`, the edge, that vertex."""
+    best, best_edge, best_vertex = -math.inf, -1, -1
+    if other.kind == HALFPLANE:
+        return best, best_edge, best_vertex
+    first, count = shape.first, shape.end - shape.first
+    if count == 1:
+        return best, best_edge, best_vertex
+    if shape.kind == HALFPLANE:
+        count = 1
+    for i in range(first, first + count):
+        x, y, nx, ny = outline[i, 0], outline[i, 1], outline[i, 2], outline[i, 3]
+        least, deepest = math.inf, -1
+        for j in range(other.first, other.end):
+            d = nx * (outline[j, 0] - x) + ny * (outline[j, 1] - y)
+            if d < least:
+                least, deepest = d, j
+        if least > best:
+            best, best_edge, best_vertex = least, i, deepest
+    return best, best_edge, best_vertex
+
+
+@kernel
+def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features):  # type: ignore[no-untyped-def]
+    """Points on the best edge of `shape`: ends of the stretch where it faces the nearest edge of `other`.
+
+    `sign` is +1 where the normal of `shape` points from b to a.
+    """
+    facing = _facing_edge(other, edge, vertex, outline)
+    first, least = -1, math.inf
+    for k in range(4):
+        over, e, j = _end(k, shape, other, edge, facing, outline)
+        if over:
+            distance = _distance(e, j, outline)
+            if distance < least:
+                first, least = k, distance
+    if first < 0 or (gap > 0.0 and least > gap + _TIE * _span(edge, vertex, outline)):
+        if gap > 0.0:
+            return _closest_vertices(shape, other, sign, outline, points, features)
+        features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+        return 1
+    features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
+    second, farthest = -1, 0.0
+    for k in range(4):
+        over, e, j = _end(k, shape, other, edge, facing, outline)
+        if over and k != first:
+            _, _, j0 = _end(first, shape, other, edge, facing, outline)
+            away = abs(_along(edge, j, outline) - _along(edge, j0, outline))
+            if away > farthest:
+                second, farthest = k, away
+    if second < 0:
+        return 1
+    features[1] = _put_end(second, shape, other, edge, facing, sign, outline, points[1])
+    return 2
+
+
+@kernel
+def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
+    """A length to measure ties by: that of the vertex from the edge's start."""
+    return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
+
+
+@kernel
+def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
+    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then those of the best edge."""
+    if k < 2:
+        count = other.end - other.first
+        if k == 1 and count == 1:
+            return False, edge, facing
+        j = facing if k == 0 else other.first + (facing - other.first + 1) % count
+        return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
+    count = shape.end - shape.first
+    if shape.kind == HALFPLANE or other.end - other.first == 1:
+        return False, facing, edge
+    j = edge if k == 2 else shape.first + (edge - shape.first + 1) % count
+    return _is_over(other, facing, j, outline), facing, j
+
+
+@kernel
+def _is_over(shape, edge, vertex, outline):  # type: ignore[no-untyped-def]
+    """Whether the vertex projects onto the edge."""
+    end = shape.first + (edge - shape.first + 1) % (shape.end - shape.first)
+    return _along(edge, vertex, outline) >= 0.0 and _along(edge, vertex, outline) <= _along(edge, end, outline)
+
+
+@kernel
+def _along(edge, vertex, outline):  # type: ignore[no-untyped-def]
+    """Place of the vertex along the edge, from its start."""
+    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
+    return outline[edge, 2] * dy - outline[edge, 3] * dx
+
+
+@kernel
+def _distance(edge, vertex, outline):  # type: ignore[no-untyped-def]
+    """Distance of the vertex from the line of the edge, positive outside."""
+    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
+    return outline[edge, 2] * dx + outline[edge, 3] * dy
+
+
+@kernel
+def _facing_edge(other, edge, vertex, outline):  # type: ignore[no-untyped-def]
+    """Edge of `other` at the deepest vertex whose normal is most opposed to that of `edge`."""
+    count = other.end - other.first
+    if count == 1:
+        return vertex
+    before = other.first + (vertex - other.first + count - 1) % count
+    nx, ny = outline[edge, 2], outline[edge, 3]
+    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[vertex, 2] + ny * outline[vertex, 3]:
+        return before
+    return vertex
+
+
+@kernel
+def _put_end(k, shape, other, edge, facing, sign, outline, point):  # type: ignore[no-untyped-def]
+    _, e, j = _end(k, shape, other, edge, facing, outline)
+    if k < 2:
+        return _put(e, j, shape.radius, other.radius, sign, outline, point)
+    return _put(e, j, other.radius, shape.radius, -sign, outline, point)
+
+
+@kernel
+def _put(edge, vertex, edge_radius, vertex_radius, sign, outline, point):  # type: ignore[no-untyped-def]
+    """Write the point of a vertex over an edge; returns its feature."""
+    nx, ny = outline[edge, 2], outline[edge, 3]
+    gap = _distance(edge, vertex, outline) - edge_radius - vertex_radius
+    back = vertex_radius + 0.5 * gap
+    point[GAP] = gap
+    point[NORMAL_X], point[NORMAL_Y] = sign * nx, sign * ny
+    point[POINT_X], point[POINT_Y] = outline[vertex, 0] - back * nx, outline[vertex, 1] - back * ny
+    return edge * _VERTICES + vertex
+
+
+@kernel
+def _closest_vertices(shape, other, sign, outline, points, features):  # type: ignore[no-untyped-def]
+    """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""
+    least, first, second = math.inf, -1, -1
+    for i in range(shape.first, shape.end):
+        for j in range(other.first, other.end):
+            d = math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
+            if d < least:
+                least, first, second = d, i, j
+    nx, ny = 0.0, 1.0
+    if least > 0.0:
+        nx, ny = (outline[second, 0] - outline[first, 0]) / least, (outline[second, 1] - outline[first, 1]) / least
+    gap = least - shape.radius - other.radius
+    back = other.radius + 0.5 * gap
+    points[0, GAP] = gap
+    points[0, NORMAL_X], points[0, NORMAL_Y] = sign * nx, sign * ny
+    points[0, POINT_X], points[0, POINT_Y] = outline[second, 0] - back * nx, outline[second, 1] - back * ny
+    features[0] = (_VERTICES + first) * _VERTICES + second
+    if sign < 0.0:
+        features[0] = (_VERTICES + second) * _VERTICES + first
+    return 1

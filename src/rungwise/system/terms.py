@@ -1,0 +1,75 @@
+"""The contract between a system and the models: everything that a step needs to know, as arrays.
+
+A system fills `Terms` at (t, q, v); models assemble from `Terms` only. Shapes: n coordinates, c contacts of
+d directions each (normal first; d = 2 in the plane, 3 in space), b force-limited rows. Arrays may be longer than
+the `contacts` in use. In the plane v is the rate of q (G = 1), M is constant and k vanishes, because coordinates
+are those of centres of mass.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Terms(NamedTuple):
+    """What a system says about one state. Units: force F, length L, time T of the scene.
+
+    inertia    (n, n)    M
+    metric     (n, n)    M per unit of each body's mass (kinematic rung)
+    stiffness  (n, n)    -d(load)/dq of servos and potentials
+    damping    (n, n)    -d(load)/dv of servos and supports
+    load       (n,)      all non-contact force at (t + h, q, v = 0)
+    gap        (c,)      psi
+    rows       (c d, n)  d(psi)/dt and tangential speed per unit of v: rows of W^T
+    friction   (c,)      mu
+    restitution (c,)     e
+    contact_stiffness, contact_damping (c, d, d)  K, C
+    deformation (c d,)   delta at the start of the step
+    limited    (b, n)    rows S^T of force-limited drives and dry friction
+    limit      (b,)      F
+    gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction)
+    error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
+    """
+
+    inertia: NDArray[np.float64]
+    metric: NDArray[np.float64]
+    stiffness: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    load: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    rows: NDArray[np.float64]
+    friction: NDArray[np.float64]
+    restitution: NDArray[np.float64]
+    contact_stiffness: NDArray[np.float64]
+    contact_damping: NDArray[np.float64]
+    deformation: NDArray[np.float64]
+    limited: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    error: NDArray[np.float64]
+
+
+def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
+    """Zeroed terms for at most so many contacts and force-limited rows."""
+    n, c, d, b = coordinates, contacts, directions, limited
+    return Terms(
+        inertia=np.zeros((n, n)),
+        metric=np.zeros((n, n)),
+        stiffness=np.zeros((n, n)),
+        damping=np.zeros((n, n)),
+        load=np.zeros(n),
+        gap=np.zeros(c),
+        rows=np.zeros((c * d, n)),
+        friction=np.zeros(c),
+        restitution=np.zeros(c),
+        contact_stiffness=np.zeros((c, d, d)),
+        contact_damping=np.zeros((c, d, d)),
+        deformation=np.zeros(c * d),
+        limited=np.zeros((b, n)),
+        limit=np.zeros(b),
+        gains=np.zeros((b, 2)),
+        error=np.zeros((b, 2)),
+    )
