@@ -24,8 +24,21 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def kernel(function: F) -> F:
-    """Compile `function` on first call, without the GIL, with IEEE division, cached on disk."""
-    compiled = numba.njit(nogil=True, error_model="numpy")(function)
+    """Compile `function` on first call, without the GIL, with IEEE division, cached on disk.
+
+    A kernel allocates nothing: it is compiled without reference counting, which would otherwise be paid for each
+    array of each call, and numba refuses it if it allocates.
+    """
+    return _compile(function, allocates=False)
+
+
+def allocating_kernel(function: F) -> F:
+    """A kernel that may allocate: for rare work of unknown size, never for a hot path."""
+    return _compile(function, allocates=True)
+
+
+def _compile(function: F, allocates: bool) -> F:
+    compiled = numba.njit(nogil=True, error_model="numpy", _nrt=allocates)(function)
     if hasattr(compiled, "enable_caching"):
         with _numba_cache(cache_folder()):
             compiled.enable_caching()
@@ -71,3 +84,11 @@ def _numba_cache(folder: Path) -> Iterator[None]:
         yield
     finally:
         numba.config.CACHE_DIR = before
+
+
+@kernel
+def copy(source, target):  # type: ignore[no-untyped-def]
+    """target[...] = source for contiguous arrays of one size (numba's own assignment makes a temporary copy)."""
+    a, b = source.reshape(source.size), target.reshape(target.size)
+    for i in range(b.size):
+        b[i] = a[i]

@@ -15,8 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.block import Block
 
-class ContactProblem(NamedTuple):
+
+class ContactProblem(Block):
     """Arrays of one problem: n velocities, k contacts of d directions, b force-limited rows.
 
     H (n, n) symmetric positive definite; c (n,); W (k d, n); R (k, d, d); w (k d,); mu (k,);
@@ -66,8 +68,16 @@ def trim(problem: ContactProblem, n: int, contacts: int, limited: int) -> Contac
     """A copy of the rows in use."""
     p = problem
     d = p.R.shape[1]
+    k = contacts * d
     return ContactProblem(
-        p.H[:n, :n].copy(), p.c[:n].copy(), p.W[: contacts * d, :n].copy(), p.R[:contacts].copy(),
-        p.w[: contacts * d].copy(), p.mu[:contacts].copy(), p.S[:limited, :n].copy(), p.R_s[:limited].copy(),
-        p.w_s[:limited].copy(), p.F[:limited].copy(),
-    )  # fmt: skip
+        H=p.H[:n, :n].copy(),
+        c=p.c[:n].copy(),
+        W=p.W[:k, :n].copy(),
+        R=p.R[:contacts].copy(),
+        w=p.w[:k].copy(),
+        mu=p.mu[:contacts].copy(),
+        S=p.S[:limited, :n].copy(),
+        R_s=p.R_s[:limited].copy(),
+        w_s=p.w_s[:limited].copy(),
+        F=p.F[:limited].copy(),
+    )

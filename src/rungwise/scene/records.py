@@ -5,10 +5,10 @@ All fields are 8 bytes wide, so that a number's place in the buffer (its *slot*)
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
+
+from rungwise.block import Block
 
 
 def _record(integers: str, reals: str) -> np.dtype[np.void]:
@@ -51,7 +51,7 @@ TERM = _record("acts", "factor")
 """Factor of a coordinate in a potential (one row per coordinate), and whether the potential acts on it."""
 
 
-class Records(NamedTuple):
+class Records(Block):
     """Views of one buffer. Kernels get the arrays that they read, never the whole."""
 
     world: NDArray[np.void]
@@ -75,18 +75,18 @@ def allocate(counts: tuple[int, ...]) -> NDArray[np.float64]:
 
 def views(buffer: NDArray[np.float64], counts: tuple[int, ...]) -> Records:
     """The record arrays inside `buffer`."""
-    arrays = []
+    arrays = {}
     offset = 0
-    for count, dtype in zip(counts, DTYPES, strict=True):
+    for name, count, dtype in zip(Records.__annotations__, counts, DTYPES, strict=True):
         size = count * dtype.itemsize // 8
-        arrays.append(buffer[offset : offset + size].view(dtype))
+        arrays[name] = buffer[offset : offset + size].view(dtype)
         offset += size
-    return Records(*arrays)
+    return Records(**arrays)
 
 
 def slot(counts: tuple[int, ...], kind: str, index: int, field: str) -> int:
     """Place in the buffer of `field` of record `index` of the array `kind`."""
-    place = Records._fields.index(kind)
+    place = list(Records.__annotations__).index(kind)
     before = sum(n * d.itemsize // 8 for n, d in zip(counts[:place], DTYPES[:place], strict=True))
     dtype = DTYPES[place]
     offset = int(dtype.fields[field][1])  # type: ignore[index]

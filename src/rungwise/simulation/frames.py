@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import kernel
+from rungwise.kernel import copy, kernel
 from rungwise.system.planar.terms import potential_energy
 
 
@@ -20,13 +20,13 @@ def record(records, rung, workspace, always):  # type: ignore[no-untyped-def]
         clock.stride *= 2
     k = clock.frames
     frames.time[k] = clock.time
-    frames.q[k, :] = state.q
-    frames.v[k, :] = state.v
-    frames.gap[k, :] = state.gaps
-    frames.mode[k, :] = state.modes
-    frames.force[k, :, :] = state.force
-    frames.impulse[k, :, :] = state.impulse
-    frames.reaction[k, :] = state.reaction
+    copy(state.q, frames.q[k])
+    copy(state.v, frames.v[k])
+    copy(state.gaps, frames.gap[k])
+    copy(state.modes, frames.mode[k])
+    copy(state.force, frames.force[k])
+    copy(state.impulse, frames.impulse[k])
+    copy(state.reaction, frames.reaction[k])
     _scalars(records, rung, workspace, frames.scalars[k])
     state.impulse[:, :] = 0.0
     clock.frames += 1
@@ -38,17 +38,19 @@ def _thin(frames):  # type: ignore[no-untyped-def]
     """Drop every other frame; impulses of a dropped frame go to the next one kept."""
     count = frames.time.shape[0]
     for k in range(2, count, 2):
-        frames.impulse[k] += frames.impulse[k - 1]
+        for slot in range(frames.impulse.shape[1]):
+            for i in range(frames.impulse.shape[2]):
+                frames.impulse[k, slot, i] += frames.impulse[k - 1, slot, i]
     for k in range(1, (count + 1) // 2):
         frames.time[k] = frames.time[2 * k]
-        frames.q[k] = frames.q[2 * k]
-        frames.v[k] = frames.v[2 * k]
-        frames.gap[k] = frames.gap[2 * k]
-        frames.mode[k] = frames.mode[2 * k]
-        frames.force[k] = frames.force[2 * k]
-        frames.impulse[k] = frames.impulse[2 * k]
-        frames.reaction[k] = frames.reaction[2 * k]
-        frames.scalars[k] = frames.scalars[2 * k]
+        copy(frames.q[2 * k], frames.q[k])
+        copy(frames.v[2 * k], frames.v[k])
+        copy(frames.gap[2 * k], frames.gap[k])
+        copy(frames.mode[2 * k], frames.mode[k])
+        copy(frames.force[2 * k], frames.force[k])
+        copy(frames.impulse[2 * k], frames.impulse[k])
+        copy(frames.reaction[2 * k], frames.reaction[k])
+        copy(frames.scalars[2 * k], frames.scalars[k])
 
 
 @kernel

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import copy, kernel
 from rungwise.outcome import Code
 from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import evaluate
@@ -34,7 +34,7 @@ def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
     start(records.bodies, records.coordinates, state.q, state.v)
-    state.start[:] = state.q
+    copy(state.q, state.start)
     n = state.q.shape[0]
     clock.free = 0
     for i in range(n):
@@ -199,22 +199,22 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
 
 @kernel
 def _remember(state, scratch):  # type: ignore[no-untyped-def]
-    scratch.old_q[:] = state.q
-    scratch.old_features[:] = state.features
-    scratch.old_modes[:] = state.modes
-    scratch.old_deformation[:, :] = state.deformation
+    copy(state.q, scratch.old_q)
+    copy(state.features, scratch.old_features)
+    copy(state.modes, scratch.old_modes)
+    copy(state.deformation, scratch.old_deformation)
 
 
 @kernel
 def _return(records, workspace):  # type: ignore[no-untyped-def]
     """Back to the state before the attempt."""
     state, scratch = workspace.state, workspace.scratch
-    state.q[:] = scratch.old_q
+    copy(scratch.old_q, state.q)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
     _look(records, workspace)
-    state.features[:] = scratch.old_features
-    state.modes[:] = scratch.old_modes
-    state.deformation[:, :] = scratch.old_deformation
+    copy(scratch.old_features, state.features)
+    copy(scratch.old_modes, state.modes)
+    copy(scratch.old_deformation, state.deformation)
 
 
 @kernel

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
+
+from rungwise.block import Block
 
 from rungwise.contact.problem import ContactProblem, allocate_problem
 from rungwise.scene.expression import STACK
@@ -29,7 +29,7 @@ CONTROL = np.dtype(
 """step: nominal (or first) step; tolerance: the goal's; error: error allowed per step, 0 for steps of fixed length."""
 
 
-class State(NamedTuple):
+class State(Block):
     """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
 
     Per slot (two for each pair of shapes, then two travel limits for each coordinate): features, deformation (, d),
@@ -59,7 +59,7 @@ class State(NamedTuple):
     impulse: NDArray[np.float64]
 
 
-class Scratch(NamedTuple):
+class Scratch(Block):
     """Workspace of one step: the solution, the solver's matrix, and what a rejected step restores."""
 
     x: NDArray[np.float64]
@@ -80,7 +80,7 @@ class Scratch(NamedTuple):
     old_modes: NDArray[np.int64]
 
 
-class Frames(NamedTuple):
+class Frames(Block):
     """Recorded states; when full, every other frame is dropped and the stride doubles."""
 
     time: NDArray[np.float64]
@@ -100,7 +100,7 @@ SCALARS = (
 )  # fmt: skip
 
 
-class Workspace(NamedTuple):
+class Workspace(Block):
     """All arrays of one run."""
 
     state: State
@@ -169,4 +169,10 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         reaction=np.zeros((frames, n)),
         scalars=np.zeros((frames, len(SCALARS))),
     )
-    return Workspace(state, allocate_terms(n, rows, limited), problem, scratch, recorded)
+    return Workspace(
+        state=state,
+        terms=allocate_terms(n, rows, limited),
+        problem=problem,
+        scratch=scratch,
+        frames=recorded,
+    )

@@ -8,13 +8,13 @@ are those of centres of mass.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.block import Block
 
-class Terms(NamedTuple):
+
+class Terms(Block):
     """What a system says about one state. Units: force F, length L, time T of the scene.
 
     inertia    (n, n)    M

@@ -17,13 +17,13 @@ import numpy as np
 
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.solvers.linear import solve_in_place
-from rungwise.kernel import kernel
+from rungwise.kernel import allocating_kernel, kernel
 
 SOLVED, RAY, EXHAUSTED = 0, 1, 2
 _PIVOT = 1e-11
 
 
-@kernel
+@allocating_kernel
 def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
     """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the rule."""
     rows = 2 * contacts + limited
@@ -55,7 +55,7 @@ def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ig
     return SOLVED
 
 
-@kernel
+@allocating_kernel
 def _reduce(p, n, contacts, limited):  # type: ignore[no-untyped-def]
     """Delassus matrix and offset of contact and limited rows, and the response of (v, bilateral tau) to their forces.
 
@@ -104,7 +104,7 @@ def _reduce(p, n, contacts, limited):  # type: ignore[no-untyped-def]
     return delassus, offset, response
 
 
-@kernel
+@allocating_kernel
 def _tableau(p, contacts, limited, delassus, offset, scale, unit, size):  # type: ignore[no-untyped-def]
     """Rows of w - M z - d z0 = q, columns [w, z, z0, q], in units in which the Delassus matrix is about one."""
     rows = 2 * contacts + limited
@@ -147,7 +147,7 @@ def _tableau(p, contacts, limited, delassus, offset, scale, unit, size):  # type
     return a
 
 
-@kernel
+@allocating_kernel
 def _pivot(a, z, size):  # type: ignore[no-untyped-def]
     """Lemke's method on the tableau; fills z."""
     last = 2 * size + 1
