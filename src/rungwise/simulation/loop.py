@@ -199,22 +199,28 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
 
 @kernel
 def _remember(state, scratch):  # type: ignore[no-untyped-def]
-    copy(state.q, scratch.old_q)
-    copy(state.features, scratch.old_features)
-    copy(state.modes, scratch.old_modes)
-    copy(state.deformation, scratch.old_deformation)
+    for i in range(state.q.shape[0]):
+        scratch.old_q[i] = state.q[i]
+    for slot in range(state.features.shape[0]):
+        scratch.old_features[slot] = state.features[slot]
+        scratch.old_modes[slot] = state.modes[slot]
+        for i in range(state.deformation.shape[1]):
+            scratch.old_deformation[slot, i] = state.deformation[slot, i]
 
 
 @kernel
 def _return(records, workspace):  # type: ignore[no-untyped-def]
     """Back to the state before the attempt."""
     state, scratch = workspace.state, workspace.scratch
-    copy(scratch.old_q, state.q)
+    for i in range(state.q.shape[0]):
+        state.q[i] = scratch.old_q[i]
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
     _look(records, workspace)
-    copy(scratch.old_features, state.features)
-    copy(scratch.old_modes, state.modes)
-    copy(scratch.old_deformation, state.deformation)
+    for slot in range(state.features.shape[0]):
+        state.features[slot] = scratch.old_features[slot]
+        state.modes[slot] = scratch.old_modes[slot]
+        for i in range(state.deformation.shape[1]):
+            state.deformation[slot, i] = scratch.old_deformation[slot, i]
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.contact.solvers.planar import SOLVED, solve_planar
+from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.kernel import kernel
 from rungwise.models.assemble import assemble, deform, limit_inertia
 
@@ -19,14 +19,16 @@ def solve_step(rung, h, terms, contacts, state, scratch, problem):  # type: igno
     clock = state.clock[0]
     n, limited = clock.free, clock.limited
     clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed)
-    bounce = rung[0].inertia > 0.0
-    bounced = assemble(
-        rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, bounce, problem
-    )
-    status = _solve(contacts, limited, n, state, scratch, problem)
-    if status != SOLVED and bounced:
-        assemble(rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, False, problem)
+    bounced = rung[0].inertia > 0.0
+    status = NO_SOLUTION
+    for _ in range(2):
+        bounced = assemble(
+            rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, bounced, problem
+        )
         status = _solve(contacts, limited, n, state, scratch, problem)
+        if status == SOLVED or not bounced:
+            break
+        bounced = False
     if status != SOLVED:
         return UNSOLVED
     theta = rung[0].theta

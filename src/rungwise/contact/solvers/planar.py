@@ -16,6 +16,7 @@ from rungwise.kernel import kernel
 TOLERANCE = 1e-8
 _ACCEPT = 1e-10
 SOLVED, NO_SOLUTION = 0, 1
+WARM, PIVOTED, PIVOTED_AS_IS = 0, 1, 2
 
 
 @kernel
@@ -27,17 +28,16 @@ def matrix_size(n, contacts, limited):  # type: ignore[no-untyped-def]
 @kernel
 def solve_planar(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
     """Solve, starting from `mode`, into v, force, tau and `mode`; returns (status, residual)."""
-    found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-    if found <= _ACCEPT or contacts + limited == 0:
-        return SOLVED if found <= TOLERANCE else NO_SOLUTION, found
-    if solve_lemke(problem, n, contacts, limited, mode, v, force, tau) == LEMKE_SOLVED:
-        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, 1)
-        if found <= TOLERANCE:
+    found = 0.0
+    for stage in (WARM, PIVOTED, PIVOTED_AS_IS):
+        flips = MAX_FLIPS if stage == WARM else 1 if stage == PIVOTED else 0
+        if stage != WARM and solve_lemke(problem, n, contacts, limited, mode, v, force, tau) != LEMKE_SOLVED:
+            break
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, flips)
+        if found <= (_ACCEPT if stage == WARM else TOLERANCE):
             return SOLVED, found
-        solve_lemke(problem, n, contacts, limited, mode, v, force, tau)
-        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, 0)
-        if found <= TOLERANCE:
-            return SOLVED, found
+        if contacts + limited == 0:
+            return NO_SOLUTION, found
     if mode_count(contacts, limited) <= MAX_MODES:
         found = solve_by_enumeration(
             problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE

@@ -28,9 +28,9 @@ def find_contacts(  # type: ignore[no-untyped-def]
     for p in range(pairs.shape[0]):
         contact = pairs[p].contact
         a, b = shapes[pairs[p].shape_a], shapes[pairs[p].shape_b]
-        gap = _distance_of_circles(a, b, pose, outline)
         slot = 2 * p
-        if gap > margin and not contacts[contact].watched:
+        gap = 0.0 if contacts[contact].watched else _distance_of_circles(a, b, pose, outline)
+        if gap > margin:
             _forget(slot, features, deformation, modes)
             _forget(slot + 1, features, deformation, modes)
         else:

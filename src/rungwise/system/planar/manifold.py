@@ -63,6 +63,11 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
     `sign` is +1 where the normal of `shape` points from b to a.
     """
+    if other.end - other.first == 1:
+        if gap > 0.0 and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
+            return _closest_vertices(shape, other, sign, outline, points, features)
+        features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+        return 1
     facing = _facing_edge(other, edge, vertex, outline)
     first, least = -1, math.inf
     for k in range(4):
@@ -101,23 +106,24 @@ def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
 def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
     """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then those of the best edge."""
     if k < 2:
-        count = other.end - other.first
-        if k == 1 and count == 1:
-            return False, edge, facing
-        j = facing if k == 0 else other.first + (facing - other.first + 1) % count
+        j = facing if k == 0 else _next(other, facing)
         return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
-    count = shape.end - shape.first
-    if shape.kind == HALFPLANE or other.end - other.first == 1:
+    if shape.kind == HALFPLANE:
         return False, facing, edge
-    j = edge if k == 2 else shape.first + (edge - shape.first + 1) % count
+    j = edge if k == 2 else _next(shape, edge)
     return _is_over(other, facing, j, outline), facing, j
 
 
 @kernel
 def _is_over(shape, edge, vertex, outline):  # type: ignore[no-untyped-def]
     """Whether the vertex projects onto the edge."""
-    end = shape.first + (edge - shape.first + 1) % (shape.end - shape.first)
-    return _along(edge, vertex, outline) >= 0.0 and _along(edge, vertex, outline) <= _along(edge, end, outline)
+    place = _along(edge, vertex, outline)
+    return place >= 0.0 and place <= _along(edge, _next(shape, edge), outline)
+
+
+@kernel
+def _next(shape, vertex):  # type: ignore[no-untyped-def]
+    return vertex + 1 if vertex + 1 < shape.end else shape.first
 
 
 @kernel
@@ -137,10 +143,7 @@ def _distance(edge, vertex, outline):  # type: ignore[no-untyped-def]
 @kernel
 def _facing_edge(other, edge, vertex, outline):  # type: ignore[no-untyped-def]
     """Edge of `other` at the deepest vertex whose normal is most opposed to that of `edge`."""
-    count = other.end - other.first
-    if count == 1:
-        return vertex
-    before = other.first + (vertex - other.first + count - 1) % count
+    before = vertex - 1 if vertex > other.first else other.end - 1
     nx, ny = outline[edge, 2], outline[edge, 3]
     if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[vertex, 2] + ny * outline[vertex, 3]:
         return before
@@ -173,9 +176,11 @@ def _closest_vertices(shape, other, sign, outline, points, features):  # type: i
     least, first, second = math.inf, -1, -1
     for i in range(shape.first, shape.end):
         for j in range(other.first, other.end):
-            d = math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
+            dx, dy = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
+            d = dx * dx + dy * dy
             if d < least:
                 least, first, second = d, i, j
+    least = math.sqrt(least)
     nx, ny = 0.0, 1.0
     if least > 0.0:
         nx, ny = (outline[second, 0] - outline[first, 0]) / least, (outline[second, 1] - outline[first, 1]) / least
