@@ -1,0 +1,23 @@
+"""Plan manipulation with contact models of every fidelity: one scene, six models, one equation.
+
+    import rungwise as rw
+    scene = rw.load("two_finger")
+    for model in rw.LADDER[1:]:
+        run = rw.simulate(scene, model, parameters={"v2": 0.9})
+        print(model.name, run.outcome, run.worst_residual)
+"""
+
+from rungwise.models.ladder import (
+    DYNAMIC_COMPLIANT, DYNAMIC_RIGID, GEOMETRIC, KINEMATIC, LADDER, QUASISTATIC_COMPLIANT, QUASISTATIC_RIGID, Rung,
+)  # fmt: skip
+from rungwise.outcome import OUTCOMES, Code, Outcome
+from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
+from rungwise.simulation.run import ModelError, Run, Simulation, simulate
+from rungwise.simulation.trajectory import load as load_run
+
+__all__ = [
+    "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES", "QUASISTATIC_COMPLIANT",
+    "QUASISTATIC_RIGID", "Code", "InvalidScene", "ModelError", "Outcome", "Run", "Rung", "Scene", "SceneError",
+    "Simulation", "load", "load_run", "schema", "shipped", "simulate",
+]  # fmt: skip
+__version__ = "0.1.0"

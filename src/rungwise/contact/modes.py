@@ -1,10 +1,102 @@
-"""Contact modes: which stratum of the state space a contact is on.
+"""Contact modes: which stratum of the state space a contact is on, and the linear system of each.
 
 A force-limited row uses the same numbers: STICK it holds, FORWARD and BACKWARD it slips at its limit.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.problem import ContactProblem
+
 OPEN, STICK, FORWARD, BACKWARD = 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
 """FORWARD slips along the tangent (friction acts backward), BACKWARD against it."""
+
+_FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
+
+Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""E, e, G, g of the system E x = e, G x >= g."""
+
+
+def all_modes(problem: ContactProblem) -> Iterator[tuple[int, ...]]:
+    """Every mode of a planar problem: contacts first, then limited rows."""
+    contacts = [(OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu]
+    limited = [(STICK,) if np.isinf(bound) else (STICK, FORWARD, BACKWARD) for bound in problem.F]
+    return product(*contacts, *limited)
+
+
+def mode_count(problem: ContactProblem) -> float:
+    """How many modes there are (a float: it grows fast)."""
+    sliding = int(np.sum(problem.mu > 0.0))
+    return float(4.0**sliding * 2.0 ** (len(problem.mu) - sliding) * 3.0 ** int(np.sum(np.isfinite(problem.F))))
+
+
+def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
+    """Equations and inequalities that a planar solution in this mode satisfies.
+
+    Unknowns x = (v / U, lambda / L, tau / L) and rows are scaled by the problem's own velocity U and force L, so that the
+    system is free of units.
+    """
+    p = problem
+    n, contacts, limited = len(p.c), len(p.mu), len(p.F)
+    velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)), 1e-300)
+    force = max(float(np.abs(np.diag(p.H)).max(initial=0.0)) * velocity, float(np.abs(p.c).max(initial=0.0)), 1e-300)
+    size = n + 2 * contacts + limited
+    rates = np.zeros((2 * contacts + limited, size))
+    rates[: 2 * contacts, :n] = p.W
+    rates[2 * contacts :, :n] = p.S
+    for k in range(contacts):
+        rates[2 * k : 2 * k + 2, n + 2 * k : n + 2 * k + 2] = p.R[k] * (force / velocity)
+    for r in range(limited):
+        rates[2 * contacts + r, n + 2 * contacts + r] = p.R_s[r] * (force / velocity)
+    offset = np.concatenate([p.w, p.w_s]) / velocity
+    equal = [np.hstack([p.H * (velocity / force), -p.W.T, -p.S.T])]
+    value = [p.c / force]
+    least: list[NDArray[np.float64]] = []
+    bound: list[float] = []
+    unit = np.eye(size)[n:]
+
+    def add(row: NDArray[np.float64], right: float, inequality: bool = False) -> None:
+        if inequality:
+            least.append(row)
+            bound.append(right)
+        else:
+            equal.append(row[None, :])
+            value.append(np.array([right]))
+
+    for k in range(contacts):
+        normal, tangent = unit[2 * k], unit[2 * k + 1]
+        if mode[k] == OPEN:
+            add(normal, 0.0)
+            add(tangent, 0.0)
+            add(rates[2 * k], -offset[2 * k], True)
+            continue
+        add(rates[2 * k], -offset[2 * k])
+        add(normal, 0.0, True)
+        if mode[k] == STICK:
+            add(rates[2 * k + 1], -offset[2 * k + 1])
+            add(p.mu[k] * normal - tangent, 0.0, True)
+            add(p.mu[k] * normal + tangent, 0.0, True)
+        else:
+            sign = _FORCE_SIGN[mode[k]]
+            add(tangent - sign * p.mu[k] * normal, 0.0)
+            if p.mu[k] > 0.0:
+                add(-sign * rates[2 * k + 1], sign * offset[2 * k + 1], True)
+    for r in range(limited):
+        row, own, limit = rates[2 * contacts + r], unit[2 * contacts + r], p.F[r] / force
+        right = -offset[2 * contacts + r]
+        if mode[contacts + r] == STICK:
+            add(row, right)
+            if np.isfinite(limit):
+                add(own, -limit, True)
+                add(-own, -limit, True)
+        else:
+            sign = _FORCE_SIGN[mode[contacts + r]]
+            add(own, sign * limit)
+            add(-sign * row, -sign * right, True)
+    return np.vstack(equal), np.concatenate(value), np.array(least).reshape(-1, size), np.array(bound)

@@ -170,7 +170,9 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
     _widen(records, workspace, 4.0 * h * _fastest(records, rung, terms, state, state.v, h))
     contacts = _gather(records, workspace)
     status = UNSOLVED
+    clock.tried = h
     for _ in range(MAX_LINEARISATIONS):
+        clock.contacts = contacts
         status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
         if status != SUPPORTED:
             break
@@ -185,7 +187,6 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
         if rung[0].compliant or clock.least_gap >= allowed:
             _finish(records, rung, h, contacts, workspace)
-            clock.contacts = contacts
             return TAKEN
         if not rung[0].metric:
             status = UNSOLVED

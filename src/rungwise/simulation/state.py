@@ -17,11 +17,11 @@ CLOCK = np.dtype(
     [(name, np.int64) for name in ("steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride",
                                    "free", "spent")]
     + [(name, np.float64) for name in (
-        "time", "taken", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual", "reach", "size",
+        "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual", "reach", "size",
         "drive_work", "load_work", "contact_work", "support_work",
     )]
 )  # fmt: skip
-"""Counters and clocks. `taken` is the last step's length, `next` the one to try; `reach` is the longest lever arm."""
+"""Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype(
     [(name, np.float64) for name in ("step", "duration", "tolerance", "error", "shortest")]

@@ -30,11 +30,9 @@ def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, o
 
 @kernel
 def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
-    """The one solution of the linear equations of `mode`, inequalities aside; forces are scaled by H."""
+    """The one solution of the linear equations of `mode`, inequalities aside."""
     p = problem
-    scale = 0.0
-    for i in range(n):
-        scale = max(scale, p.H[i, i])
+    scale = _stiffest(p, n, contacts, limited)
     size = _assemble(p, n, contacts, limited, mode, scale, matrix)
     solve_in_place(matrix, size, 1, order)
     for i in range(n):
@@ -56,6 +54,21 @@ def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order
             at += 1
         else:
             tau[r] = _sign(mode[contacts + r]) * p.F[r]
+
+
+@kernel
+def _stiffest(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Greatest force per velocity in the problem: it scales forces so that no row is lost beside another."""
+    scale = 0.0
+    for i in range(n):
+        scale = max(scale, p.H[i, i])
+    for k in range(contacts):
+        if p.R[k, 0, 0] > 0.0:
+            scale = max(scale, 1.0 / p.R[k, 0, 0])
+    for r in range(limited):
+        if p.R_s[r] > 0.0:
+            scale = max(scale, 1.0 / p.R_s[r])
+    return scale
 
 
 @kernel

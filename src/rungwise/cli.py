@@ -1,0 +1,237 @@
+"""Command line: every command prints text, or one JSON object with --json.
+
+Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from rungwise.scene import Scene
+    from rungwise.simulation.run import Run, Simulation
+
+app = typer.Typer(
+    name="rungwise",
+    help="Plan manipulation with contact models of every fidelity.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+SceneArgument = Annotated[str, typer.Argument(help="Name of a scene that ships, or path of a YAML file.")]
+SetOption = Annotated[list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+BAD_INPUT = 2
+INTERRUPTED = 130
+_USAGE_ERROR = typer.BadParameter.__mro__[2]
+"""The base of click's errors, wherever this version of typer takes click from."""
+
+
+def main() -> None:
+    """Entry point: errors of use are one line and exit code 2, too."""
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
+    try:
+        code = app(standalone_mode=False)
+    except _USAGE_ERROR as error:
+        _refuse(" ".join(error.format_message().split()))
+    except (typer.Abort, KeyboardInterrupt):
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _refuse(message: str) -> NoReturn:
+    print(f"rungwise: {message}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """Wrong input of any kind becomes one line."""
+    from rungwise.scene import SceneError
+    from rungwise.simulation.run import ModelError
+
+    try:
+        yield
+    except (SceneError, ModelError) as error:
+        _refuse(str(error))
+
+
+@app.command()
+def models(as_json: JsonOption = False) -> int:
+    """The ladder: six contact models, what each keeps, and its equation in the paper."""
+    from dataclasses import asdict
+
+    from rungwise.models.ladder import LADDER
+
+    if as_json:
+        print(json.dumps({"models": [asdict(rung) for rung in LADDER]}))
+        return 0
+    for rung in LADDER:
+        print(f"{rung.name:22s} ({rung.equation})  {rung.about}")
+    return 0
+
+
+@app.command()
+def scenes(
+    as_json: JsonOption = False,
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of scene files.")] = False,
+) -> int:
+    """The scenes that ship."""
+    from rungwise.scene import load, schema as scene_schema, shipped
+
+    if schema:
+        print(json.dumps(scene_schema(), indent=None if as_json else 1))
+        return 0
+    known = {name: load(name).file.about for name in shipped()}
+    if as_json:
+        print(json.dumps({"scenes": known}))
+        return 0
+    for name, about in known.items():
+        print(f"{name:22s} {about}")
+    return 0
+
+
+@app.command()
+def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
+    """Validate a scene; print its bodies, coordinates, contacts and parameters."""
+    from rungwise.report.describe import describe, describe_text
+
+    with _plain_errors():
+        loaded = _load(scene)
+        report = describe(loaded, _parameters(loaded, values))
+    print(json.dumps(report) if as_json else describe_text(report))
+    return 0
+
+
+@app.command()
+def sim(
+    scene: SceneArgument,
+    model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
+    values: SetOption = None,
+    step: Annotated[float | None, typer.Option("--step", help="Length of a step; the scene's own if not given.")] = None,
+    tol: Annotated[float | None, typer.Option("--tol", help="Error allowed per step: step lengths are chosen.")] = None,
+    duration: Annotated[float | None, typer.Option("--time", help="End of the run; the scene's own if not given.")] = None,
+    theta: Annotated[float, typer.Option("--theta", help="Theta rule on compliant rungs, 0.5 to 1.")] = 1.0,
+    inertia: Annotated[
+        float | None, typer.Option("--inertia", help="The paper's epsilon, 0 to 1, in place of the rung's own.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Run a scene on one rung to its outcome."""
+    from rungwise.models.ladder import rung
+    from rungwise.simulation.run import ModelError, Simulation
+
+    if step is not None and tol is not None:
+        _refuse("step and tol: give one of the two")
+    with _plain_errors():
+        loaded = _load(scene)
+        try:
+            chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
+        except ValueError as error:
+            raise ModelError(str(error)) from None
+        parameters = _parameters(loaded, values)
+        if out is not None:
+            _writable(out)
+        _announce_compilation()
+        simulation = Simulation(
+            loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta
+        )
+        interrupted = _watch(simulation, quiet=as_json or not sys.stderr.isatty())
+    run = simulation.result()
+    if run.outcome.name == "invalid":
+        _refuse(run.reason)
+    if out is not None:
+        try:
+            run.save(out)
+        except OSError as error:
+            _refuse(f"out: {out} cannot be written ({error.strerror or error})")
+    print(json.dumps(run.summary()) if as_json else _sentence(run))
+    return INTERRUPTED if interrupted else run.outcome.exit_code
+
+
+def _load(source: str) -> Scene:
+    from rungwise.scene import load
+
+    return load(source)
+
+
+def _parameters(scene: Scene, values: list[str] | None) -> dict[str, float]:
+    from rungwise.scene import SceneError
+
+    given: dict[str, float] = {}
+    for item in values or []:
+        name, equals, text = item.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not equals or value != value:
+            raise SceneError(f"--set {item[:80]}: must be name=number; names: {', '.join(scene.file.parameters) or 'none'}")
+        given[name.strip()] = value
+    return scene.parameters(given)
+
+
+def _writable(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        _refuse(f"out: {folder} cannot be written ({error.strerror or error})")
+
+
+def _announce_compilation() -> None:
+    from rungwise.kernel import is_compiled
+
+    if not is_compiled():
+        print("rungwise: compiling kernels, once; this takes about a minute", file=sys.stderr, flush=True)
+
+
+def _watch(simulation: Simulation, quiet: bool) -> bool:
+    """Run to the end with a progress bar; returns whether Ctrl-C ended it."""
+    report, close = (lambda: None, lambda: None) if quiet else _bar(simulation)
+    try:
+        while simulation.advance():
+            report()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        close()
+    return False
+
+
+def _bar(simulation: Simulation) -> tuple[Callable[[], None], Callable[[], None]]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar = Progress(console=Console(stderr=True), transient=True)
+    task = bar.add_task(f"{simulation.scene.name} {simulation.model.name}", total=1.0)
+    bar.start()
+    return lambda: bar.update(task, completed=simulation.progress), bar.stop
+
+
+def _sentence(run: Run) -> str:
+    final = ", ".join(f"{b}.{c} = {x:.6g}" for b, many in run.final.items() for c, x in many.items())
+    lines = [
+        f"{run.scene.name} on {run.model.name}: {run.outcome}",
+        f"  {run.reason}",
+        f"  time {run.time:.6g} after {run.steps} steps, worst residual {run.worst_residual:.1e}, {run.wall_s:.3f} s",
+        f"  {final}",
+    ]
+    return "\n".join(lines)
+
+

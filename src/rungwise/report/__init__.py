@@ -1,0 +1,1 @@
+"""Text and data reports for people."""

@@ -1,0 +1,87 @@
+"""What a scene contains, for `rungwise check`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rungwise.scene import Scene
+
+
+def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Bodies with mass, inertia, centre and coordinates; contacts; parameters; conditions. Plain values."""
+    bound = scene.bind(parameters)
+    template, records, file = scene.template, bound.records, scene.file
+    bodies: dict[str, Any] = {}
+    for name, record in zip(template.bodies, records.bodies, strict=True):
+        body = file.bodies[name]
+        bodies[name] = {
+            "role": body.role,
+            "shapes": [shape.kind for shape in body.shapes],
+            "motion": body.motion.kind,
+            "mass": float(record["mass"]),
+            "inertia": float(record["inertia"]),
+            "centre": [float(record["x"]), float(record["y"])],
+            "coordinates": {},
+        }
+    for name, record in zip(template.coordinates, records.coordinates, strict=True):
+        body_name, coordinate = name.split(".")
+        given = file.bodies[body_name].coordinates.get(coordinate)
+        drive = given.drive.kind if given is not None and given.drive is not None else None
+        bodies[body_name]["coordinates"][coordinate] = {
+            "start": float(record["start"]),
+            "lower": float(record["lower"]),
+            "upper": float(record["upper"]),
+            "drive": drive,
+        }
+    contacts = [
+        {"between": list(pair)} | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
+        for pair, record in zip(template.contacts, records.contacts, strict=True)
+    ]
+    world = records.world[0]
+    return {
+        "scene": scene.name,
+        "about": file.about,
+        "bodies": bodies,
+        "contacts": contacts,
+        "parameters": {
+            name: {"value": parameters[name], "default": p.default, "range": p.range, "unit": p.unit, "about": p.about}
+            for name, p in file.parameters.items()
+        },
+        "goal": file.goal,
+        "unsafe": file.unsafe,
+        "doomed": file.doomed,
+        "tolerance": float(world["tolerance"]),
+        "duration": float(world["duration"]),
+        "step": float(world["step"]),
+    }
+
+
+def describe_text(report: Mapping[str, Any]) -> str:
+    """The same as lines of text."""
+    lines = [f"{report['scene']}: {report['about']}", "bodies"]
+    for name, body in report["bodies"].items():
+        x, y = body["centre"]
+        lines.append(
+            f"  {name:12s} {body['role']:9s} {'+'.join(body['shapes']):10s} {body['motion']:6s} mass {body['mass']:.6g}"
+            f"  inertia {body['inertia']:.6g}  centre ({x:.6g}, {y:.6g})"
+        )
+        for coordinate, c in body["coordinates"].items():
+            drive = f"  drive {c['drive']}" if c["drive"] else ""
+            lines.append(
+                f"    {name}.{coordinate}: starts at {c['start']:.6g}, travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
+            )
+    lines.append("contacts")
+    for c in report["contacts"]:
+        a, b = c["between"]
+        lines.append(
+            f"  {a} | {b}: friction {c['friction']:.6g}, restitution {c['restitution']:.6g},"
+            f" stiffness {c['stiffness']:.6g}, damping {c['damping']:.6g}"
+        )
+    lines.append("parameters")
+    for name, p in report["parameters"].items():
+        low, high = p["range"] or ("-inf", "inf")
+        lines.append(f"  {name:12s} {p['value']:.6g} {p['unit']}, {low} to {high}  {p['about']}")
+    lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
+    lines.append(f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}")
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""Running scenes: steps, the compiled loop, trajectories."""

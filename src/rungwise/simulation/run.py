@@ -1,0 +1,283 @@
+"""Running a scene on a rung: the compiled loop in turns, and what comes out of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.contact.certificate import Certificate
+from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.problem import ContactProblem, trim
+from rungwise.models.ladder import Rung, rung
+from rungwise.outcome import OUTCOMES, Code, Outcome
+from rungwise.scene import InvalidScene, Scene, load
+from rungwise.scene import records as rec
+from rungwise.simulation import loop, trajectory
+from rungwise.simulation.state import CONTROL, Workspace, allocate
+
+if TYPE_CHECKING:
+    import xarray
+
+TURN_S = 0.1
+"""Longest time in compiled code before Python sees progress and Ctrl-C."""
+
+
+class ModelError(ValueError):
+    """The model or an option of the run is wrong; the text is one line that names it."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a run ended and what it recorded.
+
+    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that counts as
+    solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of.
+    """
+
+    scene: Scene
+    model: Rung
+    parameters: dict[str, float]
+    outcome: Outcome
+    reason: str
+    time: float
+    steps: int
+    attempts: int
+    worst_residual: float
+    wall_s: float
+    certificate: Certificate | None
+    problem: ContactProblem | None
+    _workspace: Workspace | None
+
+    @property
+    def final(self) -> dict[str, dict[str, float]]:
+        """Coordinates at the end, by body and name."""
+        places: dict[str, dict[str, float]] = {}
+        if self._workspace is not None:
+            for name, value in zip(self.scene.template.coordinates, self._workspace.state.q, strict=True):
+                body, coordinate = name.split(".")
+                places.setdefault(body, {})[coordinate] = float(value)
+        return places
+
+    @cached_property
+    def trajectory(self) -> xarray.Dataset:
+        """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
+        if self._workspace is None:
+            raise ValueError(f"the run did not begin: {self.reason}")
+        frames, clock = self._workspace.frames, self._workspace.state.clock[0]
+        labels = _pair_labels(self.scene)
+        data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
+        return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
+
+    def summary(self) -> dict[str, object]:
+        """Plain values, as `rungwise sim --json` prints them."""
+        return {
+            "scene": self.scene.name,
+            "model": self.model.name,
+            "parameters": self.parameters,
+            "outcome": str(self.outcome),
+            "reason": self.reason,
+            "time": self.time,
+            "steps": self.steps,
+            "attempts": self.attempts,
+            "final": self.final,
+            "worst_residual": self.worst_residual,
+            "certificate": None if self.certificate is None else self.certificate.kind,
+            "wall_s": round(self.wall_s, 6),
+        }
+
+    def save(self, folder: str | Path) -> Path:
+        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
+        return trajectory.save(folder, self.trajectory, self.summary())
+
+
+def _pair_labels(scene: Scene) -> list[str]:
+    """A label for each pair of shapes: the contact's bodies, numbered where a body has several shapes."""
+    template = scene.template
+    contact_of = rec.views(template.buffer, template.counts).pairs["contact"]
+    labels = []
+    for index, contact in enumerate(contact_of):
+        name = "|".join(template.contacts[int(contact)])
+        several = int(np.sum(contact_of == contact)) > 1
+        labels.append(f"{name}/{int(np.sum(contact_of[:index] == contact))}" if several else name)
+    return labels
+
+
+class Simulation:
+    """A run that is taken in turns. Raises SceneError or ModelError for wrong input.
+
+    Args:
+        scene: a scene, or what `load` takes.
+        model: a rung or its name; the geometric one does not move.
+        parameters: values by name; the others keep their defaults.
+        step: length of a step; the scene's own if not given.
+        tol: error allowed per step in each coordinate, for steps of controlled length; fixed steps if not given.
+        duration: end of the run; the scene's own if not given.
+        theta: of the theta rule on compliant rungs, in 1/2..1.
+        frames: how many states are kept at most (the stride doubles when they are full).
+        stride: steps between frames at first.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path | Mapping[str, Any],
+        model: Rung | str,
+        *,
+        parameters: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tol: float | None = None,
+        duration: float | None = None,
+        theta: float = 1.0,
+        frames: int = 2000,
+        stride: int = 1,
+    ) -> None:
+        self.scene = scene if isinstance(scene, Scene) else load(scene)
+        try:
+            self.model = rung(model)
+        except ValueError as error:
+            raise ModelError(str(error)) from None
+        if not self.model.moves:
+            raise ModelError("model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung")
+        for name, value in (("step", step), ("tol", tol), ("time", duration)):
+            if value is not None and not 0.0 < value < float("inf"):
+                raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
+        if not 0.5 <= theta <= 1.0:
+            raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
+        if frames < 3 or stride < 1:
+            raise ModelError("frames: at least 3, and stride: at least 1")
+        self.parameters = self.scene.parameters(parameters)
+        self.reason = ""
+        self.wall_s = 0.0
+        self.outcome = Code.RUNNING
+        self.certificate: Certificate | None = None
+        self.problem: ContactProblem | None = None
+        self.workspace: Workspace | None = None
+        self._turn = 500
+        try:
+            self._bound = self.scene.bind(self.parameters)
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return
+        world = self._bound.records.world[0]
+        self._control = np.zeros(1, CONTROL)
+        self._control["step"] = world["step"] if step is None else step
+        self._control["duration"] = world["duration"] if duration is None else duration
+        self._control["tolerance"] = world["tolerance"]
+        self._control["error"] = 0.0 if tol is None else tol
+        self._rung = self.model.record(theta)
+        self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
+        self.workspace.state.clock["stride"] = stride
+        template = self.scene.template
+        timed, conditions = template.timed, template.conditions
+        self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
+        self._conditions = (conditions.code, conditions.constants, conditions.table)
+        began = time.perf_counter()
+        code = loop.begin(self._bound.records, self._rung, self._control, self.workspace)
+        self.wall_s += time.perf_counter() - began
+        if code == Code.INVALID:
+            self.outcome, self.reason = Code.INVALID, self._overlap()
+
+    @property
+    def time(self) -> float:
+        """Simulated time so far."""
+        return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
+
+    @property
+    def progress(self) -> float:
+        """Simulated time over duration, 0..1."""
+        return 1.0 if self.outcome != Code.RUNNING else self.time / float(self._control[0]["duration"])
+
+    def advance(self) -> bool:
+        """Take steps for about `TURN_S`; returns whether the run goes on."""
+        if self.outcome != Code.RUNNING or self.workspace is None:
+            return False
+        began = time.perf_counter()
+        self.outcome = Code(
+            loop.advance(
+                self._bound.records, self._timed, self._conditions, self._bound.buffer, self._rung, self._control,
+                self.workspace, self._turn,
+            )  # fmt: skip
+        )
+        took = time.perf_counter() - began
+        self.wall_s += took
+        self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
+        if self.outcome != Code.RUNNING:
+            self._explain()
+        return self.outcome == Code.RUNNING
+
+    def result(self) -> Run:
+        """The run as far as it has come."""
+        clock = None if self.workspace is None else self.workspace.state.clock[0]
+        return Run(
+            scene=self.scene,
+            model=self.model,
+            parameters=self.parameters,
+            outcome=OUTCOMES[self.outcome],
+            reason=self.reason or OUTCOMES[self.outcome].meaning,
+            time=self.time,
+            steps=0 if clock is None else int(clock["steps"]),
+            attempts=0 if clock is None else int(clock["attempts"]),
+            worst_residual=0.0 if clock is None else float(clock["worst_residual"]),
+            wall_s=self.wall_s,
+            certificate=self.certificate,
+            problem=self.problem,
+            _workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
+        )
+
+    def _overlap(self) -> str:
+        assert self.workspace is not None
+        gaps = self.workspace.state.gaps
+        a, b = self.scene.template.contacts[int(np.argmin(gaps))]
+        return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
+
+    def _explain(self) -> None:
+        """Reason of the outcome; a jam or a missing support must be proved, or it is only not converged."""
+        assert self.workspace is not None
+        outcome = OUTCOMES[self.outcome]
+        self.reason = f"{outcome.meaning}. {outcome.advice}"
+        if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED):
+            return
+        clock = self.workspace.state.clock[0]
+        n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
+        self.problem = trim(self.workspace.problem, n, contacts, limited)
+        if self.outcome == Code.JAMMED:
+            self.certificate = certify_infeasible(self.problem)
+        else:
+            self.certificate = certify_unsupported(self.problem, self._resisting())
+        if self.certificate is not None:
+            self.reason = f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
+        else:
+            self.outcome = Code.NOT_CONVERGED
+            residual = float(clock["residual"])
+            self.reason = f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
+
+    def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """H of the last problem without its inertia."""
+        assert self.workspace is not None
+        state, terms = self.workspace.state, self.workspace.terms
+        free = state.free[: int(state.clock[0]["free"])]
+        grid = np.ix_(free, free)
+        return np.asarray(float(state.clock[0]["tried"]) * terms.stiffness[grid] + terms.damping[grid])
+
+
+def simulate(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    *,
+    on_progress: Callable[[Simulation], None] | None = None,
+    **options: Any,
+) -> Run:
+    """Run `scene` on `model` to its outcome; options as for `Simulation`.
+
+    `on_progress` is called about ten times a second. Ctrl-C raises KeyboardInterrupt within the same time.
+    """
+    simulation = Simulation(scene, model, **options)
+    while simulation.advance():
+        if on_progress is not None:
+            on_progress(simulation)
+    return simulation.result()

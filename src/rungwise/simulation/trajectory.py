@@ -1,0 +1,107 @@
+"""What a run recorded, as an xarray Dataset; saving and loading."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.contact.modes import NAMES
+from rungwise.simulation.state import SCALARS
+
+if TYPE_CHECKING:
+    import xarray
+
+    from rungwise.models.ladder import Rung
+    from rungwise.scene import Scene
+    from rungwise.simulation.state import Frames
+
+STORE = "trajectory.zarr"
+SUMMARY = "run.json"
+
+
+def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[str]) -> xarray.Dataset:
+    """Recorded frames with named coordinates.
+
+    Variables over `time`: position and velocity per coordinate, gap per contact, mode per contact point (two for each
+    pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work. Where impacts
+    make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave since the frame before;
+    otherwise contact_force holds the force at the frame. The kinematic rung has neither.
+    """
+    import xarray as xr
+
+    template = scene.template
+    contacts = [f"{a}|{b}" for a, b in template.contacts]
+    points = [f"{pair}/{k}" for pair in pairs for k in (0, 1)]
+    points += [f"{name}/{side}" for name in template.coordinates for side in ("lower", "upper")]
+    cut = slice(0, count)
+    variables: dict[str, Any] = {
+        "position": (("time", "coordinate"), frames.q[cut]),
+        "velocity": (("time", "coordinate"), frames.v[cut]),
+        "gap": (("time", "contact"), frames.gap[cut]),
+        "mode": (("time", "point"), frames.mode[cut].astype(np.int8), {"flags": list(NAMES)}),
+    }
+    if model.loads:
+        variables["drive_force"] = (("time", "coordinate"), frames.reaction[cut])
+        impacts = model.inertia > 0.0 and not model.compliant
+        name, values = ("contact_impulse", frames.impulse) if impacts else ("contact_force", frames.force)
+        variables[name] = (("time", "point", "direction"), values[cut])
+    for k, name in enumerate(SCALARS):
+        variables[name] = (("time",), frames.scalars[cut, k])
+    return xr.Dataset(
+        {name: (value[0], np.array(value[1]), *value[2:]) for name, value in variables.items()},
+        coords={
+            "time": np.array(frames.time[cut]),
+            "coordinate": _labels(template.coordinates),
+            "contact": _labels(contacts),
+            "point": _labels(points),
+            "direction": _labels(("normal", "tangent")),
+        },
+        attrs={"scene": scene.name, "model": model.name},
+    )
+
+
+def _labels(names: Sequence[str]) -> np.ndarray[Any, Any]:
+    """Text of any length: the only kind that zarr's format specifies."""
+    return np.array(names, dtype=object)
+
+
+def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, object]) -> Path:
+    """Write the trajectory and its summary into `folder`, whole or not at all: each part is renamed into place.
+
+    Raises OSError when the folder cannot be written.
+    """
+    target = Path(folder)
+    target.mkdir(parents=True, exist_ok=True)
+    mark = f".{uuid.uuid4().hex[:8]}"
+    store = target / (STORE + mark)
+    try:
+        trajectory.to_zarr(store, mode="w", consolidated=False)
+        text = target / (SUMMARY + mark)
+        text.write_text(json.dumps(summary, indent=1), "utf-8")
+        old = target / (STORE + mark + ".old")
+        if (target / STORE).exists():
+            os.replace(target / STORE, old)
+        os.replace(store, target / STORE)
+        os.replace(text, target / SUMMARY)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(store, ignore_errors=True)
+    return target
+
+
+def load(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
+    """Trajectory and summary of a saved run. Raises FileNotFoundError when the folder holds none."""
+    import xarray as xr
+
+    target = Path(folder)
+    if not (target / STORE).is_dir() or not (target / SUMMARY).is_file():
+        raise FileNotFoundError(f"{target} holds no saved run ({SUMMARY} and {STORE})")
+    summary: dict[str, Any] = json.loads((target / SUMMARY).read_text("utf-8"))
+    return xr.open_zarr(target / STORE, consolidated=False).load(), summary
