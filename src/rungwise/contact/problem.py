@@ -23,6 +23,7 @@ class ContactProblem(Block):
 
     H (n, n) symmetric positive definite; c (n,); W (k d, n); R (k, d, d); w (k d,); mu (k,);
     S (b, n); R_s (b,); w_s (b,); F (b,). Units: H is force per velocity, lambda and tau are forces.
+    quantum (1,): the velocity that rounding of positions amounts to over the step; smaller ones are noise.
     """
 
     H: NDArray[np.float64]
@@ -35,6 +36,7 @@ class ContactProblem(Block):
     R_s: NDArray[np.float64]
     w_s: NDArray[np.float64]
     F: NDArray[np.float64]
+    quantum: NDArray[np.float64]
 
 
 class ContactSolution(NamedTuple):
@@ -61,6 +63,7 @@ def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -
         R_s=np.zeros(limited),
         w_s=np.zeros(limited),
         F=np.zeros(limited),
+        quantum=np.zeros(1),
     )
 
 
@@ -80,4 +83,5 @@ def trim(problem: ContactProblem, n: int, contacts: int, limited: int) -> Contac
         R_s=p.R_s[:limited].copy(),
         w_s=p.w_s[:limited].copy(),
         F=p.F[:limited].copy(),
+        quantum=p.quantum.copy(),
     )

@@ -1,7 +1,8 @@
 """Residual of a candidate solution, from the problem alone: no solver has a say in it.
 
 Each equation is measured against the largest term of its kind, so that the residual is free of units:
-balance against the forces in it, velocities against U, the largest velocity term of the contact rows, forces
+balance against the forces in it, velocities against U, the largest velocity term of the contact rows (but no less than
+the problem's quantum), forces
 against L, the largest contact force. Signorini is the natural map min(u_n / U, lambda_n / L); friction is
 lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu lambda_n / L (exact cone).
 """
@@ -22,7 +23,7 @@ def residual(problem, n, contacts, limited, v, force, tau):  # type: ignore[no-u
     worst = _balance(p, n, contacts * d, limited, v, force, tau)
     if contacts + limited == 0:
         return worst
-    velocity, largest, stiffest = 0.0, 0.0, 0.0
+    velocity, largest, stiffest = p.quantum[0], 0.0, 0.0
     for r in range(contacts * d):
         velocity = max(velocity, _magnitude(p.W, p.w, r, n, v))
         largest = max(largest, abs(force[r]))

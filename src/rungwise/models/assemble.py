@@ -25,6 +25,7 @@ def assemble(rung, h, eps, terms, contacts, limited, free, n, v, speed, bounce, 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
     theta = rung[0].theta
+    problem.quantum[0] = terms.rounding[0] / h
     if rung[0].metric:
         _fill_metric(terms, free, n, problem)
     else:
@@ -173,6 +174,8 @@ def limit_inertia(rung, h, terms, contacts, limited, n, free, speed):  # type: i
     heaviest, fastest, least = 0.0, 0.0, math.inf
     for j in range(speed.shape[0]):
         fastest = max(fastest, abs(speed[j]))
+    for k in range(contacts):
+        fastest = max(fastest, abs(terms.gap[k]) / h)
     for i in range(n):
         a = free[i]
         heaviest = max(heaviest, terms.inertia[a, a])

@@ -8,7 +8,7 @@ from rungwise.kernel import copy, kernel
 from rungwise.outcome import Code
 from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import evaluate
-from rungwise.scene.records import FORCE, SERVO, SPEED
+from rungwise.scene.records import FORCE, HINGE, SERVO, SPEED
 from rungwise.simulation.frames import record
 from rungwise.simulation.step import SUPPORTED, UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
 from rungwise.system.planar import terms as planar
@@ -19,9 +19,13 @@ RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSA
 JAMMED, NO_SUPPORT, MISSED, TIMEOUT = int(Code.JAMMED), int(Code.UNSUPPORTED), int(Code.MISSED), int(Code.TIMEOUT)
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 
-TAKEN, REFUSED, LEFT_UNSUPPORTED = 0, 1, 2
+TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
 MAX_HALVINGS = 60
 MAX_LINEARISATIONS = 12
+ROUNDING = 1e-12
+"""Rounding of positions, relative to the extent of the scene."""
+NEAR = 1e-4
+"""Gaps below this fraction of the longest lever always count as contacts."""
 SINKING = 0.1
 """Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
 DRIFT = 1e-2
@@ -58,6 +62,10 @@ def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
             clock.size = min(clock.size, reach)
             clock.reach = max(clock.reach, reach)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
+    extent = clock.reach
+    for b in range(records.bodies.shape[0]):
+        extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
+    terms.rounding[0] = ROUNDING * extent
     clock.margin = control[0].tolerance
     _look(records, workspace)
     clock.next = control[0].step
@@ -99,41 +107,134 @@ def advance(records, timed, conditions, buffer, rung, control, workspace, turns)
 @kernel
 def _step(records, timed, conditions, buffer, rung, control, workspace):  # type: ignore[no-untyped-def]
     """One accepted step, halved as long as it has no solution."""
-    state, scratch = workspace.state, workspace.scratch
+    state = workspace.state
     clock = state.clock[0]
-    left = control[0].duration - clock.time
-    h = min(clock.next, control[0].step, left)
+    h = min(clock.next, control[0].longest, control[0].duration - clock.time)
     for _ in range(MAX_HALVINGS):
-        h, moving = _drive(records, timed, buffer, rung, control, workspace, h)
-        status = _attempt(records, rung, control, workspace, h)
-        clock.attempts += 1
+        h, moving = _drive(records, timed, buffer, rung, workspace, h)
+        status, h, following = _take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
             clock.steps += 1
             clock.taken = h
-            clock.time += h
-            clock.next = 2.0 * h
-            clock.worst_residual = max(clock.worst_residual, clock.residual)
-            verdict = _judge(conditions, state, scratch)
+            clock.next = following
+            if rung[0].compliant and _has_sunk(state):
+                return MODEL_INVALID
+            verdict = _judge(conditions, state, workspace.scratch)
             if verdict != RUNNING:
                 return verdict
             return _spent(records, rung, control, workspace, moving, timed)
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
-        if h * moving < 0.25 * control[0].tolerance and moving > 0.0:
+        if status == REFUSED and h * moving < 0.25 * control[0].tolerance and moving > 0.0:
             return JAMMED
-        h *= 0.5
+        h = following if status == TOO_COARSE else 0.5 * h
     return NOT_CONVERGED
 
 
 @kernel
-def _drive(records, timed, buffer, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+def _take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+    """Advance by h, or under error control by two halves of at most h that agree with the whole.
+
+    Returns the status, the step taken or refused, and the one to try next.
+    """
+    state = workspace.state
+    clock = state.clock[0]
+    allowed = control[0].error
+    parts, following = 1, 2.0 * h
+    if allowed > 0.0:
+        parts, following = 3, max(h, clock.next)
+        h = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        _keep(workspace)
+    for part in range(parts):
+        length = h if part == 0 else 0.5 * h
+        if part > 0 or allowed > 0.0:
+            length, _ = _drive(records, timed, buffer, rung, workspace, length)
+        status = _attempt(records, rung, workspace, length)
+        clock.attempts += 1
+        if status != TAKEN:
+            if part > 0:
+                _restore(records, workspace)
+            return status, h, h
+        if parts > 1 and part == 0:
+            copy(state.q, workspace.scratch.whole)
+            _restore(records, workspace)
+        else:
+            clock.time += length
+            clock.worst_residual = max(clock.worst_residual, clock.residual)
+    if allowed == 0.0:
+        return TAKEN, h, following
+    error = _disagreement(records, workspace)
+    factor = min(max(0.9 * math.sqrt(allowed / max(error, 1e-300)), 0.1), 4.0)
+    if error > allowed and h > 1e-12 * control[0].duration:
+        _restore(records, workspace)
+        return TOO_COARSE, h, min(factor, 0.5) * h
+    return TAKEN, h, max(following, factor * h) if factor > 1.0 else factor * h
+
+
+@kernel
+def _disagreement(records, workspace):  # type: ignore[no-untyped-def]
+    """Greatest distance between where two half steps and one whole step put any coordinate."""
+    state, worst = workspace.state, 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            turns = body.motion == HINGE or j == 2
+            lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
+            worst = max(worst, lever * abs(state.q[i] - workspace.scratch.whole[i]))
+    return worst
+
+
+@kernel
+def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-untyped-def]
+    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate."""
+    state, terms = workspace.state, workspace.terms
+    _widen(records, workspace, 4.0 * h * _fastest(records, rung, terms, state, state.v, 0.0))
+    for k in range(_gather(records, workspace)):
+        rate = 0.0
+        for i in range(state.v.shape[0]):
+            rate += terms.rows[2 * k, i] * (state.speed[i] if state.prescribed[i] else state.v[i])
+        if terms.gap[k] > closed and rate * h < -terms.gap[k]:
+            h = terms.gap[k] / -rate
+    return h
+
+
+@kernel
+def _keep(workspace):  # type: ignore[no-untyped-def]
+    """Keep all that `_restore` brings back."""
+    state, kept = workspace.state, workspace.kept
+    _remember(state, kept)
+    kept.clock[0] = state.clock[0]
+    copy(state.v, kept.v)
+    copy(state.force, kept.force)
+    copy(state.impulse, kept.impulse)
+    copy(workspace.scratch.limited_mode, kept.limited_mode)
+
+
+@kernel
+def _restore(records, workspace):  # type: ignore[no-untyped-def]
+    """Back to the kept state, but for the count of attempts."""
+    state, kept = workspace.state, workspace.kept
+    attempts = state.clock[0].attempts
+    state.clock[0] = kept.clock[0]
+    state.clock[0].attempts = attempts
+    copy(kept.v, state.v)
+    copy(kept.force, state.force)
+    copy(kept.impulse, state.impulse)
+    copy(kept.limited_mode, workspace.scratch.limited_mode)
+    _return(records, workspace, kept)
+    state.clock[0].least_gap = kept.clock[0].least_gap
+
+
+@kernel
+def _drive(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyped-def]
     """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first travel
     limit, and the greatest prescribed speed."""
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
     if timed[3].shape[0] > 0:
-        state.values[state.values.shape[0] - 2 - 2 * n - 2 * state.gaps.shape[0]] = clock.time + h
+        state.values[_time_slot(state)] = clock.time + h
         evaluate_numbers(timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer)
     moving = 0.0
     shortest = h
@@ -156,7 +257,7 @@ def _drive(records, timed, buffer, rung, control, workspace, h):  # type: ignore
 
 
 @kernel
-def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+def _attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
     """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
@@ -165,7 +266,7 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
             records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
             state.q, state.start, clock.time + h, state.passive, terms,
         )  # fmt: skip
-    _remember(state, scratch)
+    _remember(state, workspace.before)
     gap_before = clock.least_gap
     _widen(records, workspace, 4.0 * h * _fastest(records, rung, terms, state, state.v, h))
     contacts = _gather(records, workspace)
@@ -174,14 +275,16 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
     for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
         status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
-        if status != SUPPORTED:
+        if status == UNSOLVED:
             break
         reach = 2.0 * h * _fastest(records, rung, terms, state, scratch.v_new, 0.0)
         if reach > clock.near:
-            _return(records, workspace)
+            _return(records, workspace, workspace.before)
             _widen(records, workspace, 2.0 * reach)
             contacts = _gather(records, workspace)
             continue
+        if status == UNSUPPORTED:
+            break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, rung, workspace, h)
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
@@ -193,41 +296,42 @@ def _attempt(records, rung, control, workspace, h):  # type: ignore[no-untyped-d
             break
         contacts = _gather(records, workspace)
         _shift(h, contacts, terms, scratch)
-    _return(records, workspace)
+    _return(records, workspace, workspace.before)
     clock.least_gap = gap_before
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
 
 
 @kernel
-def _remember(state, scratch):  # type: ignore[no-untyped-def]
+def _remember(state, saved):  # type: ignore[no-untyped-def]
     for i in range(state.q.shape[0]):
-        scratch.old_q[i] = state.q[i]
+        saved.q[i] = state.q[i]
     for slot in range(state.features.shape[0]):
-        scratch.old_features[slot] = state.features[slot]
-        scratch.old_modes[slot] = state.modes[slot]
+        saved.features[slot] = state.features[slot]
+        saved.modes[slot] = state.modes[slot]
         for i in range(state.deformation.shape[1]):
-            scratch.old_deformation[slot, i] = state.deformation[slot, i]
+            saved.deformation[slot, i] = state.deformation[slot, i]
 
 
 @kernel
-def _return(records, workspace):  # type: ignore[no-untyped-def]
-    """Back to the state before the attempt."""
-    state, scratch = workspace.state, workspace.scratch
+def _return(records, workspace, saved):  # type: ignore[no-untyped-def]
+    """Back to the saved coordinates, contacts and deformations."""
+    state = workspace.state
     for i in range(state.q.shape[0]):
-        state.q[i] = scratch.old_q[i]
+        state.q[i] = saved.q[i]
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
     _look(records, workspace)
     for slot in range(state.features.shape[0]):
-        state.features[slot] = scratch.old_features[slot]
-        state.modes[slot] = scratch.old_modes[slot]
+        state.features[slot] = saved.features[slot]
+        state.modes[slot] = saved.modes[slot]
         for i in range(state.deformation.shape[1]):
-            state.deformation[slot, i] = scratch.old_deformation[slot, i]
+            state.deformation[slot, i] = saved.deformation[slot, i]
 
 
 @kernel
 def _widen(records, workspace, margin):  # type: ignore[no-untyped-def]
     """Contacts up to `margin` matter now: look again when the last look did not reach so far."""
     clock = workspace.state.clock[0]
+    margin = max(margin, NEAR * clock.reach)
     clock.near = margin
     if margin > clock.margin:
         clock.margin = 2.0 * margin
@@ -258,11 +362,11 @@ def _fastest(records, rung, terms, state, v, h):  # type: ignore[no-untyped-def]
             rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
             if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
                 rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
-            turns = body.motion == 2 or j == 2
+            turns = body.motion == HINGE or j == 2
             if turns:
                 rate *= state.clock[0].reach + (
                     math.hypot(state.pose[b, 0] - body.pivot_x, state.pose[b, 1] - body.pivot_y)
-                    if body.motion == 2
+                    if body.motion == HINGE
                     else 0.0
                 )
             speed += rate
@@ -283,7 +387,7 @@ def _move(records, rung, workspace, h):  # type: ignore[no-untyped-def]
     """Place the bodies at q + h v and look for contacts there."""
     state, scratch = workspace.state, workspace.scratch
     for i in range(state.q.shape[0]):
-        state.q[i] = scratch.old_q[i] + h * scratch.v_new[i]
+        state.q[i] = workspace.before.q[i] + h * scratch.v_new[i]
         if state.prescribed[i]:
             c = records.coordinates[i]
             state.q[i] = min(max(state.q[i], c.lower), c.upper)
@@ -309,9 +413,16 @@ def _finish(records, rung, h, contacts, workspace):  # type: ignore[no-untyped-d
 
 
 @kernel
+def _time_slot(state):  # type: ignore[no-untyped-def]
+    """Where expressions read t: values are parameters, t, q, v, gaps, forces, tolerance."""
+    return state.values.shape[0] - 2 - 2 * (state.q.shape[0] + state.gaps.shape[0])
+
+
+@kernel
 def _judge(conditions, state, scratch):  # type: ignore[no-untyped-def]
     """Verdict of the scene's conditions: unsafe before goal before doomed; those not stated have no program."""
     code, constants, table = conditions
+    state.values[_time_slot(state)] = state.clock[0].time
     for index, verdict in ((1, UNSAFE), (0, GOAL), (2, DOOMED)):
         first, last = table[index, 0], table[index, 1]
         if last > first and evaluate(code, constants, first, last, state.values, scratch.stack) >= 0.0:
@@ -320,14 +431,19 @@ def _judge(conditions, state, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def _has_sunk(state):  # type: ignore[no-untyped-def]
+    """Whether some deformation is too large for the shapes that carry it."""
+    for slot in range(state.features.shape[0]):
+        if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].size:
+            return True
+    return False
+
+
+@kernel
 def _spent(records, rung, control, workspace, moving, timed):  # type: ignore[no-untyped-def]
-    """Verdict of a state that no condition decides: sunk in, out of time, or at rest with all inputs spent."""
+    """Verdict of a state that no condition decides: out of time, or at rest with all inputs spent."""
     state = workspace.state
     clock = state.clock[0]
-    if rung[0].compliant:
-        for slot in range(state.features.shape[0]):
-            if abs(state.deformation[slot, 0]) > SINKING * clock.size:
-                return MODEL_INVALID
     driven, others = clock.free < state.q.shape[0], timed[3].shape[0] + records.potentials.shape[0]
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:

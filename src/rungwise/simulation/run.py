@@ -28,6 +28,10 @@ TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
 
 
+LONGEST = 100
+"""Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
+
+
 class ModelError(ValueError):
     """The model or an option of the run is wrong; the text is one line that names it."""
 
@@ -168,6 +172,7 @@ class Simulation:
         self._control["step"] = world["step"] if step is None else step
         self._control["duration"] = world["duration"] if duration is None else duration
         self._control["tolerance"] = world["tolerance"]
+        self._control["longest"] = self._control["step"] if tol is None else self._control["duration"] / LONGEST
         self._control["error"] = 0.0 if tol is None else tol
         self._rung = self.model.record(theta)
         self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)

@@ -24,9 +24,10 @@ CLOCK = np.dtype(
 """Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype(
-    [(name, np.float64) for name in ("step", "duration", "tolerance", "error", "shortest")]
+    [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")]
 )
-"""step: nominal (or first) step; tolerance: the goal's; error: error allowed per step, 0 for steps of fixed length."""
+"""step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed per step,
+0 for steps of fixed length."""
 
 
 class State(Block):
@@ -60,7 +61,7 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, and what a rejected step restores."""
+    """Workspace of one step: the solution, the solver's matrix, and where one whole step led (`whole`)."""
 
     x: NDArray[np.float64]
     v_new: NDArray[np.float64]
@@ -74,10 +75,21 @@ class Scratch(Block):
     fresh: NDArray[np.int64]
     after: NDArray[np.float64]
     stack: NDArray[np.float64]
-    old_q: NDArray[np.float64]
-    old_features: NDArray[np.int64]
-    old_deformation: NDArray[np.float64]
-    old_modes: NDArray[np.int64]
+    whole: NDArray[np.float64]
+
+
+class Snapshot(Block):
+    """What a step that is not accepted restores."""
+
+    clock: NDArray[np.void]
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+    features: NDArray[np.int64]
+    deformation: NDArray[np.float64]
+    modes: NDArray[np.int64]
+    limited_mode: NDArray[np.int64]
+    force: NDArray[np.float64]
+    impulse: NDArray[np.float64]
 
 
 class Frames(Block):
@@ -101,12 +113,14 @@ SCALARS = (
 
 
 class Workspace(Block):
-    """All arrays of one run."""
+    """All arrays of one run; `before` is the state before an attempt, `kept` that before a controlled step."""
 
     state: State
     terms: Terms
     problem: ContactProblem
     scratch: Scratch
+    before: Snapshot
+    kept: Snapshot
     frames: Frames
 
 
@@ -153,10 +167,21 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         fresh=np.zeros(2, np.int64),
         after=np.zeros(d),
         stack=np.zeros(STACK),
-        old_q=np.zeros(n),
-        old_features=np.zeros(2 * pairs, np.int64),
-        old_deformation=np.zeros((slots, d)),
-        old_modes=np.zeros(slots, np.int64),
+        whole=np.zeros(n),
+    )
+    before, kept = (
+        Snapshot(
+            clock=np.zeros(1, CLOCK),
+            q=np.zeros(n),
+            v=np.zeros(n),
+            features=np.zeros(2 * pairs, np.int64),
+            deformation=np.zeros((slots, d)),
+            modes=np.zeros(slots, np.int64),
+            limited_mode=np.zeros(limited, np.int64),
+            force=np.zeros((slots, d)),
+            impulse=np.zeros((slots, d)),
+        )
+        for _ in range(2)
     )
     recorded = Frames(
         time=np.zeros(frames),
@@ -174,5 +199,7 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         terms=allocate_terms(n, rows, limited),
         problem=problem,
         scratch=scratch,
+        before=before,
+        kept=kept,
         frames=recorded,
     )

@@ -32,6 +32,7 @@ class Terms(Block):
     limit      (b,)      F
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
+    rounding   (1,)      length below which positions are rounding
     """
 
     inertia: NDArray[np.float64]
@@ -50,6 +51,7 @@ class Terms(Block):
     limit: NDArray[np.float64]
     gains: NDArray[np.float64]
     error: NDArray[np.float64]
+    rounding: NDArray[np.float64]
 
 
 def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
@@ -72,4 +74,5 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         limit=np.zeros(b),
         gains=np.zeros((b, 2)),
         error=np.zeros((b, 2)),
+        rounding=np.zeros(1),
     )

@@ -9,12 +9,17 @@ so its answer counts only if the residual says so.
 
 from __future__ import annotations
 
+import math
+
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.kernel import kernel
 
 MAX_FLIPS = 12
+PROXIMAL = 1e-7
+"""Yield of forces, relative to the inertia, by which a mode with dependent contacts picks its least forces."""
+PROXIMAL_STEPS = 3
 _TOLERANCE = 1e-12
 
 
@@ -32,9 +37,21 @@ def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, o
 def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
     """The one solution of the linear equations of `mode`, inequalities aside."""
     p = problem
-    scale = _stiffest(p, n, contacts, limited)
-    size = _assemble(p, n, contacts, limited, mode, scale, matrix)
-    solve_in_place(matrix, size, 1, order)
+    scale = _scale(p, n, contacts, limited)
+    size = _assemble(p, n, contacts, limited, mode, scale, 0.0, force, tau, matrix)
+    if solve_in_place(matrix, size, 1, order) < size:
+        force[:] = 0.0
+        tau[:] = 0.0
+        for _ in range(PROXIMAL_STEPS):
+            size = _assemble(p, n, contacts, limited, mode, scale, PROXIMAL, force, tau, matrix)
+            solve_in_place(matrix, size, 1, order)
+            _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau)
+    _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau)
+
+
+@kernel
+def _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau):  # type: ignore[no-untyped-def]
+    """Velocities and forces from the solved system."""
     for i in range(n):
         v[i] = matrix[i, size]
     at = n
@@ -57,18 +74,19 @@ def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order
 
 
 @kernel
-def _stiffest(p, n, contacts, limited):  # type: ignore[no-untyped-def]
-    """Greatest force per velocity in the problem: it scales forces so that no row is lost beside another."""
-    scale = 0.0
+def _scale(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Force per velocity by which forces are scaled: midway between inertia and the stiffest contact, so that neither
+    is lost beside the other."""
+    inertia, contact = 0.0, 0.0
     for i in range(n):
-        scale = max(scale, p.H[i, i])
+        inertia = max(inertia, p.H[i, i])
     for k in range(contacts):
         if p.R[k, 0, 0] > 0.0:
-            scale = max(scale, 1.0 / p.R[k, 0, 0])
+            contact = max(contact, 1.0 / p.R[k, 0, 0])
     for r in range(limited):
         if p.R_s[r] > 0.0:
-            scale = max(scale, 1.0 / p.R_s[r])
-    return scale
+            contact = max(contact, 1.0 / p.R_s[r])
+    return math.sqrt(inertia * max(inertia, contact))
 
 
 @kernel
@@ -80,11 +98,12 @@ def _sign(mode):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _assemble(p, n, contacts, limited, mode, scale, a):  # type: ignore[no-untyped-def]
+def _assemble(p, n, contacts, limited, mode, scale, proximal, force, tau, a):  # type: ignore[no-untyped-def]
     """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
 
     Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then the
-    forces of the limited rows that hold. Balance rows are divided by `scale`, forces too.
+    forces of the limited rows that hold. Balance rows are divided by `scale`, forces too. A `proximal` > 0 lets each
+    force yield by so much about its present value.
     """
     size = n
     for k in range(contacts):
@@ -128,7 +147,25 @@ def _assemble(p, n, contacts, limited, mode, scale, a):  # type: ignore[no-untyp
         else:
             for i in range(n):
                 a[i, size] += p.S[r, i] * _sign(mode[contacts + r]) * p.F[r] / scale
+    if proximal > 0.0:
+        _make_proximal(n, contacts, limited, mode, scale, proximal, p, force, tau, a, size)
     return size
+
+
+@kernel
+def _make_proximal(n, contacts, limited, mode, scale, proximal, p, force, tau, a, size):  # type: ignore[no-untyped-def]
+    at = n
+    for k in range(contacts):
+        if mode[k] != OPEN:
+            for i in range(2 if mode[k] == STICK and p.mu[k] > 0.0 else 1):
+                a[at, at] += proximal
+                a[at, size] += proximal * force[2 * k + i] / scale
+                at += 1
+    for r in range(limited):
+        if mode[contacts + r] == STICK:
+            a[at, at] += proximal
+            a[at, size] += proximal * tau[r] / scale
+            at += 1
 
 
 @kernel
@@ -142,7 +179,7 @@ def _unknown(rows, row, n, slope, other, at, a):  # type: ignore[no-untyped-def]
 @kernel
 def _flip(p, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
     """Move every contact that contradicts its mode to the mode it asks for; returns whether any did."""
-    velocity, largest = 0.0, 0.0
+    velocity, largest = p.quantum[0], 0.0
     for r in range(2 * contacts):
         velocity = max(velocity, abs(p.w[r]))
         largest = max(largest, abs(force[r]))

@@ -14,7 +14,7 @@ from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.kernel import kernel
 
 TOLERANCE = 1e-8
-_ACCEPT = 1e-10
+_ACCEPT = 1e-9
 SOLVED, NO_SOLUTION = 0, 1
 WARM, PIVOTED, PIVOTED_AS_IS = 0, 1, 2
 
