@@ -61,7 +61,7 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, and where one whole step led (`whole`)."""
+    """Workspace of one step: the solution, the solver's matrix."""
 
     x: NDArray[np.float64]
     v_new: NDArray[np.float64]
@@ -75,7 +75,13 @@ class Scratch(Block):
     fresh: NDArray[np.int64]
     after: NDArray[np.float64]
     stack: NDArray[np.float64]
-    whole: NDArray[np.float64]
+
+
+class Whole(Block):
+    """Where one whole step led, to compare two halves with."""
+
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
 
 
 class Snapshot(Block):
@@ -121,6 +127,7 @@ class Workspace(Block):
     scratch: Scratch
     before: Snapshot
     kept: Snapshot
+    whole: Whole
     frames: Frames
 
 
@@ -167,7 +174,6 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         fresh=np.zeros(2, np.int64),
         after=np.zeros(d),
         stack=np.zeros(STACK),
-        whole=np.zeros(n),
     )
     before, kept = (
         Snapshot(
@@ -201,5 +207,6 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         scratch=scratch,
         before=before,
         kept=kept,
+        whole=Whole(q=np.zeros(n), v=np.zeros(n)),
         frames=recorded,
     )
