@@ -19,6 +19,8 @@ GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 ABSENT = -1
 _VERTICES = 1 << 20
 _TIE = 1e-9
+_OPPOSED = -0.995
+"""Cosine between the normals of faces that count as parallel: within 0.1 rad."""
 
 
 @kernel
@@ -63,30 +65,32 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
     `sign` is +1 where the normal of `shape` points from b to a.
     """
+    apart = gap > 0.0 or not (_has_area(shape) or _has_area(other))
     if other.end - other.first == 1:
-        if gap > 0.0 and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
+        if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
             return _closest_vertices(shape, other, sign, outline, points, features)
         features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     facing = _facing_edge(other, edge, vertex, outline)
+    ends = 4 if shape.kind != HALFPLANE and _are_parallel(edge, facing, outline) else 2
     first, least = -1, math.inf
-    for k in range(4):
+    for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
         if over:
             distance = _distance(e, j, outline)
             if distance < least:
                 first, least = k, distance
     if first < 0 or (gap > 0.0 and least > gap + _TIE * _span(edge, vertex, outline)):
-        if gap > 0.0:
+        if apart:
             return _closest_vertices(shape, other, sign, outline, points, features)
         features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
     second, farthest = -1, 0.0
-    for k in range(4):
+    _, _, j0 = _end(first, shape, other, edge, facing, outline)
+    for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
         if over and k != first:
-            _, _, j0 = _end(first, shape, other, edge, facing, outline)
             away = abs(_along(edge, j, outline) - _along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
@@ -94,6 +98,21 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
         return 1
     features[1] = _put_end(second, shape, other, edge, facing, sign, outline, points[1])
     return 2
+
+
+@kernel
+def _has_area(shape):  # type: ignore[no-untyped-def]
+    """Whether the core has an inside. Where neither has, edges alone do not separate what lies on one line."""
+    return shape.kind == HALFPLANE or shape.end - shape.first > 2
+
+
+@kernel
+def _are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
+    """Whether the edges may come to lie flat on each other.
+
+    Were the end of one edge held outside the other at any angle, a vertex that slides off it would be kicked.
+    """
+    return outline[edge, 2] * outline[facing, 2] + outline[edge, 3] * outline[facing, 3] < _OPPOSED
 
 
 @kernel
@@ -108,8 +127,6 @@ def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def
     if k < 2:
         j = facing if k == 0 else _next(other, facing)
         return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
-    if shape.kind == HALFPLANE:
-        return False, facing, edge
     j = edge if k == 2 else _next(shape, edge)
     return _is_over(other, facing, j, outline), facing, j
 
@@ -183,7 +200,10 @@ def _closest_vertices(shape, other, sign, outline, points, features):  # type: i
     least = math.sqrt(least)
     nx, ny = 0.0, 1.0
     if least > 0.0:
-        nx, ny = (outline[second, 0] - outline[first, 0]) / least, (outline[second, 1] - outline[first, 1]) / least
+        nx, ny = (
+            (outline[second, 0] - outline[first, 0]) / least,
+            (outline[second, 1] - outline[first, 1]) / least,
+        )
     gap = least - shape.radius - other.radius
     back = other.radius + 0.5 * gap
     points[0, GAP] = gap
