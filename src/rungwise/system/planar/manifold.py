@@ -1,9 +1,10 @@
 """Gap between two rounded convex polygons, as at most two points with the features that carry them.
 
-The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of the
-other lies over that edge, the gap is their distance; a second point is the other end of the stretch along which
-the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of the two
-is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices are closest.
+The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of
+the other lies over that edge, the gap is their distance; a second point is the other end of the stretch along
+which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of
+the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices
+are closest.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def manifold(a, b, outline, points, features):  # type: ignore[no-untyped-def]
 
 @kernel
 def _best_edge(shape, other, outline):  # type: ignore[no-untyped-def]
-    """Edge of `shape` that separates best: distance to the deepest vertex of `other`, the edge, that vertex."""
+    """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, that vertex."""
     best, best_edge, best_vertex = -math.inf, -1, -1
     if other.kind == HALFPLANE:
         return best, best_edge, best_vertex
@@ -102,7 +103,7 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
 @kernel
 def _has_area(shape):  # type: ignore[no-untyped-def]
-    """Whether the core has an inside. Where neither has, edges alone do not separate what lies on one line."""
+    """Whether the core has an inside. If neither has, edges alone do not separate what lies on one line."""
     return shape.kind == HALFPLANE or shape.end - shape.first > 2
 
 
@@ -110,7 +111,7 @@ def _has_area(shape):  # type: ignore[no-untyped-def]
 def _are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
     """Whether the edges may come to lie flat on each other.
 
-    Were the end of one edge held outside the other at any angle, a vertex that slides off it would be kicked.
+    Were the end of one held outside the other at any angle, a vertex that slides off it would be kicked.
     """
     return outline[edge, 2] * outline[facing, 2] + outline[edge, 3] * outline[facing, 3] < _OPPOSED
 
@@ -123,7 +124,7 @@ def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
 
 @kernel
 def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
-    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then those of the best edge."""
+    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then of the best edge."""
     if k < 2:
         j = facing if k == 0 else _next(other, facing)
         return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
