@@ -82,6 +82,19 @@ def test_deformation_follows_its_feature_through_the_slots(planar: Callable[...,
     assert placed.features[0] == right
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-4, -1e-4])
+def test_deformation_stays_where_two_faces_end_together(planar: Callable[..., Any], tilt: float) -> None:
+    """Of equal boxes, one on the other: whichever vertex is over the other's face, it is the same end."""
+    placed = planar({"lower": BOX | {"motion": {"kind": "fixed"}}, "upper": BOX | at(0.0, 1.0, tilt)})
+    for offset in (1e-3, -1e-3, 0.0, 1e-15, -1e-15, 1e-3):
+        placed.look(placed.q + np.array([offset, 0.0, 0.0]), 1.0)
+        side = np.sign(placed.points[:, 3])
+        assert sorted(side) == [-1.0, 1.0]
+        if offset == 1e-3:
+            placed.deformation[:] = np.outer(side, (0.1, 0.2))
+        assert np.array_equal(placed.deformation, np.outer(side, (0.1, 0.2)))
+
+
 def test_deformation_is_dropped_with_its_feature(planar: Callable[..., Any]) -> None:
     """A point that turns a corner leaves the deformation of the face behind; one that goes far forgets it."""
     placed = planar({"point": FREE | POINT, "box": BOX | {"motion": {"kind": "fixed"}}})

@@ -3,8 +3,8 @@
 The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of
 the other lies over that edge, the gap is their distance; a second point is the other end of the stretch along
 which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of
-the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices
-are closest.
+the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two
+vertices are closest.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
 
 ABSENT = -1
-_VERTICES = 1 << 20
+VERTICES = 1 << 20
+"""Feature of a vertex over an edge: edge VERTICES + vertex; those of two vertices are VERTICES^2 and more."""
 _TIE = 1e-9
 _OPPOSED = -0.995
 """Cosine between the normals of faces that count as parallel: within 0.1 rad."""
@@ -73,7 +74,7 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
         features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     facing = _facing_edge(other, edge, vertex, outline)
-    ends = 4 if shape.kind != HALFPLANE and _are_parallel(edge, facing, outline) else 2
+    ends = 4 if shape.kind != HALFPLANE and are_parallel(edge, facing, outline) else 2
     first, least = -1, math.inf
     for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
@@ -108,7 +109,7 @@ def _has_area(shape):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
+def are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
     """Whether the edges may come to lie flat on each other.
 
     Were the end of one held outside the other at any angle, a vertex that slides off it would be kicked.
@@ -126,9 +127,9 @@ def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
 def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
     """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then of the best edge."""
     if k < 2:
-        j = facing if k == 0 else _next(other, facing)
+        j = facing if k == 0 else next_vertex(other, facing)
         return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
-    j = edge if k == 2 else _next(shape, edge)
+    j = edge if k == 2 else next_vertex(shape, edge)
     return _is_over(other, facing, j, outline), facing, j
 
 
@@ -136,11 +137,12 @@ def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def
 def _is_over(shape, edge, vertex, outline):  # type: ignore[no-untyped-def]
     """Whether the vertex projects onto the edge."""
     place = _along(edge, vertex, outline)
-    return place >= 0.0 and place <= _along(edge, _next(shape, edge), outline)
+    return place >= 0.0 and place <= _along(edge, next_vertex(shape, edge), outline)
 
 
 @kernel
-def _next(shape, vertex):  # type: ignore[no-untyped-def]
+def next_vertex(shape, vertex):  # type: ignore[no-untyped-def]
+    """The vertex after this one; edges begin at the vertex whose number they bear."""
     return vertex + 1 if vertex + 1 < shape.end else shape.first
 
 
@@ -185,7 +187,7 @@ def _put(edge, vertex, edge_radius, vertex_radius, sign, outline, point):  # typ
     point[GAP] = gap
     point[NORMAL_X], point[NORMAL_Y] = sign * nx, sign * ny
     point[POINT_X], point[POINT_Y] = outline[vertex, 0] - back * nx, outline[vertex, 1] - back * ny
-    return edge * _VERTICES + vertex
+    return edge * VERTICES + vertex
 
 
 @kernel
@@ -210,7 +212,7 @@ def _closest_vertices(shape, other, sign, outline, points, features):  # type: i
     points[0, GAP] = gap
     points[0, NORMAL_X], points[0, NORMAL_Y] = sign * nx, sign * ny
     points[0, POINT_X], points[0, POINT_Y] = outline[second, 0] - back * nx, outline[second, 1] - back * ny
-    features[0] = (_VERTICES + first) * _VERTICES + second
+    features[0] = (VERTICES + first) * VERTICES + second
     if sign < 0.0:
-        features[0] = (_VERTICES + second) * _VERTICES + first
+        features[0] = (VERTICES + second) * VERTICES + first
     return 1
