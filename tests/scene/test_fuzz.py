@@ -77,7 +77,7 @@ def is_bound_or_refused(source: Any) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(COMMON, max_examples=250)
+@settings(COMMON, max_examples=150)
 @given(data=st.data())
 def test_changed_scenes(name: str, data: st.DataObject) -> None:
     scene = copy.deepcopy(SCENES[name])
