@@ -8,7 +8,9 @@ Promises: a solution whenever some mode's system is regular and solves the probl
 
 from __future__ import annotations
 
-from rungwise.contact.modes import OPEN
+import math
+
+from rungwise.contact.modes import FORWARD, OPEN, STICK
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.mode_newton import solve_mode
 from rungwise.kernel import kernel
@@ -32,11 +34,25 @@ def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, mat
             mode[k] = OPEN + rest % 4
             rest //= 4
         for r in range(limited):
-            mode[contacts + r] = 1 + rest % 3
+            mode[contacts + r] = STICK + rest % 3
             rest //= 3
+        if _repeats(problem, contacts, limited, mode):
+            continue
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         found = residual(problem, n, contacts, limited, v, force, tau)
         best = min(best, found)
         if found <= tolerance:
             return found
     return best
+
+
+@kernel
+def _repeats(p, contacts, limited, mode):  # type: ignore[no-untyped-def]
+    """Whether another mode says the same: without friction every closed one does, and joints only hold."""
+    for k in range(contacts):
+        if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
+            return True
+    for r in range(limited):
+        if math.isinf(p.F[r]) and mode[contacts + r] != STICK:
+            return True
+    return False
