@@ -1,15 +1,15 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
-* kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates that
-  the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
+* kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
 
-Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point a
-remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left. A
-certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause, all in
-the problem's natural units; rounding in the check itself is charged against it.
+Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
+a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
+A certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause,
+all in the problem's natural units; rounding in the check itself is charged against it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ _ROUNDING = 2.0**-52
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row per mode (frictional)."""
+    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row per mode
+    (frictional)."""
 
     kind: str
     vectors: tuple[NDArray[np.float64], ...]
@@ -37,10 +38,11 @@ class Certificate:
 def check(
     problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None
 ) -> bool:
-    """Whether the certificate proves that the problem has no solution (unsupported: no balance without inertia).
+    """Whether the certificate proves that the problem has no solution (unsupported: no balance without
+    inertia).
 
-    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported ones. "Proves" is meant up to the
-    bound that the module states.
+    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported ones. "Proves" is meant up
+    to the bound that the module states.
     """
     if not certificate.vectors or not all(np.isfinite(vector).all() for vector in certificate.vectors):
         return False
@@ -108,7 +110,8 @@ def _check_frictional(problem: ContactProblem, vectors: tuple[NDArray[np.float64
 def _check_unsupported(
     problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
 ) -> bool:
-    """The motion's power: loads less drives against what rates, contact forces and joint forces may still do."""
+    """The motion's power: loads less drives against what rates, contact forces and joint forces may still
+    do."""
     if motion.shape != problem.c.shape:
         return False
     d, units = problem.R.shape[1], natural_units(problem)

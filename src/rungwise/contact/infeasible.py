@@ -57,7 +57,8 @@ def _minimise(
     equal: NDArray[np.float64],
     upper: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64] | None:
-    """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding; None when no cost is below zero."""
+    """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding; None when no cost is below
+    zero."""
     from scipy.optimize import linprog
 
     right = None if upper is None else np.zeros(len(upper))

@@ -27,7 +27,9 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 def all_modes(problem: ContactProblem) -> Iterator[tuple[int, ...]]:
     """Every mode of a planar problem: contacts first, then limited rows."""
     contacts = [(OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu]
-    limited = [(STICK,) if np.isinf(bound) else (STICK, FORWARD, BACKWARD) for bound in problem.F]
+    limited = [
+        (STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,) for F in problem.F
+    ]
     return product(*contacts, *limited)
 
 
@@ -35,12 +37,15 @@ def mode_count(problem: ContactProblem) -> float:
     """How many modes there are (a float: it grows fast)."""
     sliding = int(np.sum(problem.mu > 0.0))
     return float(
-        4.0**sliding * 2.0 ** (len(problem.mu) - sliding) * 3.0 ** int(np.sum(np.isfinite(problem.F)))
+        4.0**sliding
+        * 2.0 ** (len(problem.mu) - sliding)
+        * 3.0 ** int(np.sum(np.isfinite(problem.F) & (problem.F > 0.0)))
     )
 
 
 class Units(NamedTuple):
-    """Natural units of a problem: what each coordinate's speed, a contact's speed and a contact force count as one."""
+    """Natural units of a problem: what each coordinate's speed, a contact's speed and a contact force count
+    as one."""
 
     coordinates: NDArray[np.float64]
     velocity: float
@@ -50,8 +55,8 @@ class Units(NamedTuple):
 def natural_units(problem: ContactProblem) -> Units:
     """Units from the problem's own rates and loads, whatever units its coordinates have.
 
-    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded (1 when
-    none is). A coordinate that no row feels has the unit that its inertia gives beside the others'.
+    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded
+    (1 when none is). A coordinate that no row feels has the unit that its inertia gives beside the others'.
     """
     p = problem
     inertia = np.sqrt(np.diag(p.H))
@@ -70,8 +75,9 @@ def natural_units(problem: ContactProblem) -> Units:
 def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
     """Equations and inequalities that a planar solution in this mode satisfies.
 
-    Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of units.
-    Without friction a closed contact slides, whichever closed mode it is given.
+    Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
+    units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
+    holds.
     """
     p = problem
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
@@ -120,13 +126,14 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
     for r in range(limited):
         row, own, limit = rates[2 * contacts + r], own_force[2 * contacts + r], p.F[r] / force
         right = -offset[2 * contacts + r]
-        if mode[contacts + r] == STICK:
+        if mode[contacts + r] == STICK and limit > 0.0:
             add(row, right)
             if np.isfinite(limit):
                 add(own, -limit, True)
                 add(-own, -limit, True)
         else:
-            sign = _FORCE_SIGN[mode[contacts + r]]
+            sign = _FORCE_SIGN.get(mode[contacts + r], 0.0)
             add(own, sign * limit)
-            add(-sign * row, -sign * right, True)
+            if limit > 0.0:
+                add(-sign * row, -sign * right, True)
     return np.vstack(equal), np.concatenate(value), np.array(least).reshape(-1, size), np.array(bound)

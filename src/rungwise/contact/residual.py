@@ -1,11 +1,12 @@
 """Residual of a candidate solution, from the problem alone: no solver has a say in it.
 
-Each equation is measured against the largest term of its kind, so that the residual is free of units, also where
-coordinates of different units meet: each balance row against its own terms and what the largest contact force L could
-do in it, velocities against U, the largest velocity term of the contact rows, forces against L. Signorini is the
-natural map min(u_n / U, lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the
-disc of radius mu lambda_n / L (exact cone). L is at least `_FLOOR` of the force that would change a contact's speed
-by U, so that forces of rounding size count as none.
+Each equation is measured against the largest term of its kind, so that the residual is free of units, also
+where coordinates of different units meet: each balance row against its own terms and what the largest contact
+force L could do in it, velocities against U, the largest velocity term of the contact rows, forces against L.
+Signorini is the natural map min(u_n / U, lambda_n / L); friction is lambda_t / L less its projection, after a
+step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L is at least `_FLOOR` of the force that
+would change a contact's speed by U, so that forces of rounding size count as none; and where U is only
+rounding beside the change of speed that L causes, it is `_FLOOR` of that change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -15,11 +16,13 @@ import math
 from rungwise.kernel import kernel
 
 _FLOOR = 1e-6
+_ROUNDING = 1e-14
 
 
 @kernel
 def residual(problem, n, contacts, limited, v, force, tau):  # type: ignore[no-untyped-def]
-    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not finite."""
+    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
+    finite."""
     p, d = problem, problem.R.shape[1]
     velocity, largest = 0.0, 0.0
     for r in range(contacts * d):
@@ -31,22 +34,26 @@ def residual(problem, n, contacts, limited, v, force, tau):  # type: ignore[no-u
     for r in range(limited):
         velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
         largest = max(largest, abs(tau[r]))
-    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
+    at_rest = velocity
+    for k in range(contacts):
+        velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
+    for r in range(limited):
+        velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     if velocity == 0.0:
         velocity = 1.0
     for k in range(contacts):
         largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
         largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
-    if largest == 0.0:
-        largest = 1.0
+    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
+    per_force = 1.0 / largest if largest > 0.0 else 1.0
     for k in range(contacts):
-        worst = _worse(worst, _contact(p, k, n, v, force, 1.0 / velocity, 1.0 / largest))
+        worst = _worse(worst, _contact(p, k, n, v, force, 1.0 / velocity, per_force))
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
             s += p.S[r, i] * v[i]
-        x, bound = tau[r] / largest, p.F[r] / largest
+        x, bound = tau[r] * per_force, p.F[r] * per_force
         worst = _worse(worst, abs(x - min(max(x - s / velocity, -bound), bound)) + 0.0 * s)
     return worst
 
@@ -69,6 +76,18 @@ def _at_least(speed, p, rows, r, n, force):  # type: ignore[no-untyped-def]
             return force
         yields = max(yields, rows[r, i] * rows[r, i] / p.H[i, i])
     return max(force, speed / yields) if yields > 0.0 else force
+
+
+@kernel
+def _rest(velocity, p, rows, r, n, force):  # type: ignore[no-untyped-def]
+    """Speed to measure row r against when `velocity` is only the rounding of what `force` does to it; 0 if it
+    is not."""
+    speed = 0.0
+    for i in range(n):
+        push = rows[r, i] * rows[r, i] * force
+        if velocity * p.H[i, i] < _ROUNDING * push:
+            speed = max(speed, _FLOOR * push / p.H[i, i])
+    return speed
 
 
 @kernel
@@ -122,7 +141,7 @@ def _contact(p, k, n, v, force, per_velocity, per_force):  # type: ignore[no-unt
             u += p.W[first + i, j] * v[j]
         u *= per_velocity
         if i == 0:
-            worst = abs(min(u, normal)) + 0.0 * u * normal
+            worst = _worse(0.0, abs(min(u, normal)) + 0.0 * u)
         else:
             length += (force[first + i] * per_force - u) ** 2
     length = math.sqrt(length)

@@ -262,7 +262,8 @@ class Simulation:
         state, terms = self.workspace.state, self.workspace.terms
         free = state.free[: int(state.clock[0]["free"])]
         grid = np.ix_(free, free)
-        return np.asarray(float(state.clock[0]["tried"]) * terms.stiffness[grid] + terms.damping[grid])
+        step = float(self._rung["theta"][0]) * float(state.clock[0]["tried"])
+        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 
 def simulate(

@@ -1,7 +1,7 @@
 """Exhaustive search over contact modes, the judge for few contacts.
 
-Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes; sliding has
-two senses in the plane, so 4^n here).
+Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes;
+sliding has two senses in the plane, so 4^n here).
 Accepts: planar problems with at most `MAX_MODES` modes.
 Promises: a solution whenever some mode's system is regular and solves the problem.
 """
@@ -26,7 +26,8 @@ def mode_count(contacts, limited):  # type: ignore[no-untyped-def]
 
 @kernel
 def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, matrix, order, tolerance):  # type: ignore[no-untyped-def]
-    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least met."""
+    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least
+    met."""
     best = 1e300
     for index in range(int(mode_count(contacts, limited))):
         rest = index
@@ -52,7 +53,7 @@ def _repeats(p, contacts, limited, mode):  # type: ignore[no-untyped-def]
     for k in range(contacts):
         if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
             return True
+    repeated = False
     for r in range(limited):
-        if math.isinf(p.F[r]) and mode[contacts + r] != STICK:
-            return True
-    return False
+        repeated |= math.isinf(p.F[r]) and mode[contacts + r] != STICK
+    return repeated

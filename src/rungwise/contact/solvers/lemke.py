@@ -1,12 +1,13 @@
 """Lemke's pivoting method for planar problems with exact Coulomb friction.
 
-Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-, gamma), with
-lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the plane the polyhedral
-cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have diagonals of about one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J. Numer.
-Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992), section 4.9.
-Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive (symmetric positive
-semidefinite Delassus blocks do).
-Promises: a solution or a ray in finitely many pivots; a ray is a hint that there is no solution, not a proof.
+Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-,
+gamma), with lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the
+plane the polyhedral cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have
+diagonals of about one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J.
+Numer. Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992),
+section 4.9. Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive
+(symmetric positive semidefinite Delassus blocks do). Promises: a solution or a ray in finitely many pivots; a
+ray is a hint that there is no solution, not a proof.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ _PIVOT = 1e-11
 
 @allocating_kernel
 def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
-    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the rule."""
+    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the
+    rule."""
     rows, size = 2 * contacts + limited, 4 * contacts + 3 * limited
     x, y = _units(problem, n, contacts, limited)
     delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
@@ -92,10 +94,11 @@ def _respond(response, i, contacts, limited, force, tau):  # type: ignore[no-unt
 
 @allocating_kernel
 def _reduce(p, n, contacts, limited, x, y):  # type: ignore[no-untyped-def]
-    """Delassus matrix and offset of contact and limited rows, and the response of (v, joint forces) to their forces.
+    """Delassus matrix and offset of contact and limited rows, and the response of (v, joint forces) to their
+    forces.
 
-    Everything is in the units x and y. Rows with infinite limit are joints: they are eliminated with v, and their own
-    rows and columns come out zero.
+    Everything is in the units x and y. Rows with infinite limit are joints: they are eliminated with v, and
+    their own rows and columns come out zero.
     """
     rows, size = 2 * contacts + limited, n + limited
     scaled = np.empty((rows, n))
@@ -226,7 +229,8 @@ def _eliminate(a, row, column, size):  # type: ignore[no-untyped-def]
 
 @kernel
 def _ratio_test(a, entering, basis, size):  # type: ignore[no-untyped-def]
-    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among equals."""
+    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
+    equals."""
     last, best = 2 * size + 1, -1
     for i in range(size):
         if a[i, entering] > _PIVOT and (best < 0 or _less(a, i, best, entering, last, size)):
@@ -256,7 +260,9 @@ def _less(a, i, j, entering, last, size):  # type: ignore[no-untyped-def]
 def _unpack(contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-untyped-def]
     for k in range(contacts):
         normal, plus, minus, gamma = z[4 * k], z[4 * k + 1], z[4 * k + 2], z[4 * k + 3]
-        force[2 * k], force[2 * k + 1] = normal * unit, (plus - minus) * unit
+        # Rounding may leave friction where nothing presses.
+        friction = plus - minus if normal > 0.0 else 0.0
+        force[2 * k], force[2 * k + 1] = normal * unit, friction * unit
         mode[k] = _mode(normal > 0.0, plus, minus, gamma)
     for r in range(limited):
         first = 4 * contacts + 3 * r

@@ -3,8 +3,8 @@
 Algorithm: semismooth Newton (active set) on the mixed problem, whose pieces are the contact modes.
 Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
 Accepts: planar problems (d = 2), singular H included as long as the mode's saddle system determines v.
-Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it may cycle,
-so its answer counts only if the residual says so.
+Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it
+may cycle, so its answer counts only if the residual says so.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ _TOLERANCE = 1e-12
 
 @kernel
 def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, flips):  # type: ignore[no-untyped-def]
-    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it found."""
+    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
+    found."""
     for i in range(flips):
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         # The last solution keeps the mode that it belongs to.
@@ -71,9 +72,9 @@ def _sign(mode):  # type: ignore[no-untyped-def]
 def _assemble(p, n, contacts, limited, mode, v, force, tau, a):  # type: ignore[no-untyped-def]
     """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
 
-    Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then the
-    forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no row is lost
-    beside another; the units are left in v, force and tau.
+    Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
+    the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
+    row is lost beside another; the units are left in v, force and tau.
     """
     size = n
     for k in range(contacts):
