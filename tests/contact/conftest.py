@@ -112,5 +112,5 @@ def _run(
 
 @pytest.fixture
 def run() -> Solver:
-    """run("planar" | "lemke" | "modes" | "enumeration", problem, mode): (status, solution); status 0 is solved."""
+    """run("planar" | "lemke" | "modes" | "enumeration", problem, mode): (0 if solved, solution)."""
     return _run
