@@ -71,7 +71,7 @@ def test_warm_start_needs_one_linear_solve(random_problem, run):
 def test_solutions_satisfy_the_system_of_their_mode(random_problem, run):
     for p in problems(random_problem, 1000, seed=6):
         status, solution = run("planar", p)
-        # A singular mode may drop a row that it contradicts: the solution stands, the name of its mode does not.
+        # A singular mode may drop a row that it contradicts: then only the name of the mode is wrong.
         if status != 0 or not is_determined(p, solution.mode):
             continue
         units = natural_units(p)

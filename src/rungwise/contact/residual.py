@@ -6,7 +6,7 @@ force L could do in it, velocities against U, the largest velocity term of the c
 Signorini is the natural map min(u_n / U, lambda_n / L); friction is lambda_t / L less its projection, after a
 step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L is at least `_FLOOR` of the force that
 would change a contact's speed by U, so that forces of rounding size count as none; and where U is only
-rounding beside the change of speed that L causes, it is `_FLOOR` of that change, so that things may rest.
+rounding beside the change of speed that L causes, it is `_REST` of that change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import math
 from rungwise.kernel import kernel
 
 _FLOOR = 1e-6
-_ROUNDING = 1e-14
+_ROUNDING, _REST = 1e-14, 1e-3
 
 
 @kernel
@@ -86,7 +86,7 @@ def _rest(velocity, p, rows, r, n, force):  # type: ignore[no-untyped-def]
     for i in range(n):
         push = rows[r, i] * rows[r, i] * force
         if velocity * p.H[i, i] < _ROUNDING * push:
-            speed = max(speed, _FLOOR * push / p.H[i, i])
+            speed = max(speed, _REST * push / p.H[i, i])
     return speed
 
 
