@@ -173,11 +173,14 @@ def sim(
         ),
     ] = None,
     theta: Annotated[
-        float,
+        float | None,
         typer.Option(
-            "--theta", parser=_number, metavar="NUMBER", help="Theta rule on compliant rungs, 0.5 to 1."
+            "--theta",
+            parser=_number,
+            metavar="NUMBER",
+            help="Theta rule on the dynamic-compliant rung, 0.5 to 1.",
         ),
-    ] = 1.0,
+    ] = None,
     inertia: Annotated[
         float | None,
         typer.Option(

@@ -85,7 +85,9 @@ def _fill_balance(rung, step, eps, terms, free, n, v, speed, problem):  # type: 
                 problem.c[i] -= resist * speed[b]
         for j in range(n):
             b = free[j]
-            problem.H[i, j] = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+            problem.H[i, j] = (
+                inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+            )
 
 
 @kernel

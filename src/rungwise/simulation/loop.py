@@ -16,7 +16,12 @@ from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count, place, start
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
-JAMMED, NO_SUPPORT, MISSED, TIMEOUT = int(Code.JAMMED), int(Code.UNSUPPORTED), int(Code.MISSED), int(Code.TIMEOUT)
+JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
+    int(Code.JAMMED),
+    int(Code.UNSUPPORTED),
+    int(Code.MISSED),
+    int(Code.TIMEOUT),
+)
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
@@ -253,7 +258,9 @@ def _drive(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyp
     n = state.q.shape[0]
     if timed[3].shape[0] > 0:
         state.values[_time_slot(state)] = clock.time + h
-        evaluate_numbers(timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer)
+        evaluate_numbers(
+            timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
+        )
     moving = 0.0
     shortest = h
     for i in range(n):
