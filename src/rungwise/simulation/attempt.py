@@ -1,0 +1,98 @@
+"""One attempt at a step of given length: linearise, solve, move, and accept or go back."""
+
+from __future__ import annotations
+
+from rungwise.kernel import kernel
+from rungwise.simulation.memory import bring_back, remember
+from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
+from rungwise.system.planar import terms as planar
+from rungwise.system.planar.place import place
+
+TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
+MAX_LINEARISATIONS = 12
+DRIFT = 1e-2
+"""New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
+
+
+@kernel
+def attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
+    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
+    state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    clock = state.clock[0]
+    if rung[0].loads:
+        planar.loads(
+            records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
+            state.q, state.start, clock.time + h, state.passive, terms,
+        )  # fmt: skip
+    remember(state, workspace.before)
+    gap_before = clock.least_gap
+    widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
+    contacts = gather(records, workspace)
+    status = UNSOLVED
+    clock.tried = h
+    for _ in range(MAX_LINEARISATIONS):
+        clock.contacts = contacts
+        status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
+        if status == UNSOLVED:
+            break
+        reach = 2.0 * h * fastest_pair(records, rung, terms, state, scratch.v_new, 0.0)
+        if reach > clock.near:
+            bring_back(records, workspace, workspace.before)
+            widen(records, workspace, 2.0 * reach)
+            contacts = gather(records, workspace)
+            continue
+        if status == UNSUPPORTED:
+            break
+        accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
+        _move(records, rung, workspace, h)
+        allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
+        if rung[0].compliant or clock.least_gap >= allowed:
+            _finish(records, rung, h, contacts, workspace)
+            return TAKEN
+        if not rung[0].metric:
+            status = UNSOLVED
+            break
+        contacts = gather(records, workspace)
+        _shift(h, contacts, terms, scratch)
+    bring_back(records, workspace, workspace.before)
+    clock.least_gap = gap_before
+    return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _shift(h, contacts, terms, scratch):  # type: ignore[no-untyped-def]
+    """Linearise about the trial state: gap less what the trial velocity contributed."""
+    for k in range(contacts):
+        for j in range(scratch.v_new.shape[0]):
+            terms.gap[k] -= h * terms.rows[2 * k, j] * scratch.v_new[j]
+
+
+@kernel
+def _move(records, rung, workspace, h):  # type: ignore[no-untyped-def]
+    """Place the bodies at q + h v and look for contacts there."""
+    state, scratch = workspace.state, workspace.scratch
+    for i in range(state.q.shape[0]):
+        state.q[i] = workspace.before.q[i] + h * scratch.v_new[i]
+        if state.prescribed[i]:
+            c = records.coordinates[i]
+            state.q[i] = min(max(state.q[i], c.lower), c.upper)
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    look(records, workspace)
+
+
+@kernel
+def _finish(records, rung, h, contacts, workspace):  # type: ignore[no-untyped-def]
+    """Velocities, work and the contact forces that conditions read."""
+    state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    account(rung, h, terms, contacts, state, scratch, state.v)
+    theta = rung[0].theta
+    for i in range(state.v.shape[0]):
+        if state.prescribed[i]:
+            state.v[i] = state.speed[i]
+        else:
+            state.v[i] = (scratch.v_new[i] - (1.0 - theta) * state.v[i]) / theta
+    for c in range(state.pushes.shape[0]):
+        state.pushes[c] = 0.0
+    for p in range(records.pairs.shape[0]):
+        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]

@@ -1,0 +1,100 @@
+"""Steps of controlled length: two halves that agree with the whole, and the onset of impacts."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import copy, kernel
+from rungwise.scene.records import HINGE
+from rungwise.simulation.attempt import TAKEN, TOO_COARSE, attempt
+from rungwise.simulation.drives import set_speeds
+from rungwise.simulation.memory import keep, restore
+from rungwise.simulation.nearby import fastest_pair, gather, widen
+from rungwise.system.planar.place import coordinate_count
+
+ONSET = 0.05
+"""First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
+
+
+@kernel
+def take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+    """Advance by h, or under error control by two halves of at most h that agree with the whole.
+
+    Returns the status, the step taken or refused, and the one to try next.
+    """
+    state = workspace.state
+    clock = state.clock[0]
+    allowed = control[0].error
+    parts, following = 1, 2.0 * h
+    if allowed > 0.0:
+        parts, following = 3, max(h, clock.next)
+        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        following = h if begins else following
+        keep(workspace)
+    for part in range(parts):
+        length = h if part == 0 else 0.5 * h
+        if part > 0 or allowed > 0.0:
+            length, _ = set_speeds(records, timed, buffer, rung, workspace, length)
+        status = attempt(records, rung, workspace, length)
+        clock.attempts += 1
+        if status != TAKEN:
+            if part > 0:
+                restore(records, workspace)
+            return status, h, h
+        if parts > 1 and part == 0:
+            copy(state.q, workspace.whole.q)
+            copy(state.v, workspace.whole.v)
+            restore(records, workspace)
+        else:
+            clock.time += length
+            clock.worst_residual = max(clock.worst_residual, clock.residual)
+    if allowed == 0.0:
+        return TAKEN, h, following
+    error = _disagreement(records, rung, control, workspace)
+    factor = min(max(0.9 * math.sqrt(allowed / max(error, 1e-300)), 0.1), 4.0)
+    if error > allowed and h > 1e-12 * control[0].duration:
+        restore(records, workspace)
+        return TOO_COARSE, h, min(factor, 0.5) * h
+    return TAKEN, h, max(following, factor * h) if factor > 1.0 else factor * h
+
+
+@kernel
+def _disagreement(records, rung, control, workspace):  # type: ignore[no-untyped-def]
+    """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
+    velocities are continuous (compliant contact), a longest step later."""
+    state, whole, worst = workspace.state, workspace.whole, 0.0
+    later = control[0].longest if rung[0].compliant and rung[0].inertia > 0.0 else 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            turns = body.motion == HINGE or j == 2
+            lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
+            worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
+            worst = max(worst, lever * later * abs(state.v[i] - whole.v[i]))
+    return worst
+
+
+@kernel
+def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-untyped-def]
+    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate.
+
+    A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and so do
+    two halves. Returns the step, and whether such an impact begins.
+    """
+    state, terms = workspace.state, workspace.terms
+    sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False
+    widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, 0.0))
+    for k in range(gather(records, workspace)):
+        rate, ease = 0.0, 0.0
+        for i in range(state.v.shape[0]):
+            row = terms.rows[2 * k, i]
+            rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
+            if sprung and not state.prescribed[i]:
+                ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
+        if terms.gap[k] > closed:
+            if rate * h < -terms.gap[k]:
+                h = terms.gap[k] / -rate
+        elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
+            h, begins = min(h, ONSET / math.sqrt(ease)), True
+    return h, begins

@@ -1,0 +1,44 @@
+"""Speeds of prescribed coordinates, up to the limits of their travel."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+from rungwise.scene.bind import evaluate_numbers
+from rungwise.scene.records import SERVO
+from rungwise.simulation.verdicts import time_slot
+from rungwise.system.planar import terms as planar
+
+
+@kernel
+def set_speeds(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyped-def]
+    """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first travel
+    limit, and the greatest prescribed speed."""
+    state = workspace.state
+    clock = state.clock[0]
+    n = state.q.shape[0]
+    if timed[3].shape[0] > 0:
+        state.values[time_slot(state)] = clock.time + h
+        evaluate_numbers(
+            timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
+        )
+    moving = 0.0
+    shortest = h
+    for i in range(n):
+        state.speed[i] = 0.0
+        if not state.prescribed[i]:
+            continue
+        c = records.coordinates[i]
+        speed = c.drive_speed
+        if c.drive == SERVO:
+            speed = (planar.target(c, state.start[i], clock.time + h) - state.q[i]) / h
+        stop = c.upper if speed > 0.0 else c.lower
+        room = abs(stop - state.q[i])
+        if math.isfinite(stop) and room <= 1e-12 * (abs(stop) + abs(speed) * h):
+            continue
+        state.speed[i] = speed
+        moving = max(moving, abs(speed))
+        if abs(speed) * shortest > room:
+            shortest = room / abs(speed)
+    return shortest, moving

@@ -1,0 +1,60 @@
+"""Keeping a state, and going back to it when a step is not accepted."""
+
+from __future__ import annotations
+
+from rungwise.kernel import copy, kernel
+from rungwise.simulation.nearby import look
+from rungwise.system.planar.place import place
+
+
+@kernel
+def keep(workspace):  # type: ignore[no-untyped-def]
+    """Keep all that `restore` brings back."""
+    state, kept = workspace.state, workspace.kept
+    remember(state, kept)
+    kept.clock[0] = state.clock[0]
+    copy(state.v, kept.v)
+    copy(state.force, kept.force)
+    copy(state.impulse, kept.impulse)
+    copy(workspace.scratch.limited_mode, kept.limited_mode)
+
+
+@kernel
+def restore(records, workspace):  # type: ignore[no-untyped-def]
+    """Back to the kept state, but for the count of attempts."""
+    state, kept = workspace.state, workspace.kept
+    attempts = state.clock[0].attempts
+    state.clock[0] = kept.clock[0]
+    state.clock[0].attempts = attempts
+    copy(kept.v, state.v)
+    copy(kept.force, state.force)
+    copy(kept.impulse, state.impulse)
+    copy(kept.limited_mode, workspace.scratch.limited_mode)
+    bring_back(records, workspace, kept)
+    state.clock[0].least_gap = kept.clock[0].least_gap
+
+
+@kernel
+def remember(state, saved):  # type: ignore[no-untyped-def]
+    for i in range(state.q.shape[0]):
+        saved.q[i] = state.q[i]
+    for slot in range(state.features.shape[0]):
+        saved.features[slot] = state.features[slot]
+        saved.modes[slot] = state.modes[slot]
+        for i in range(state.deformation.shape[1]):
+            saved.deformation[slot, i] = state.deformation[slot, i]
+
+
+@kernel
+def bring_back(records, workspace, saved):  # type: ignore[no-untyped-def]
+    """Back to the saved coordinates, contacts and deformations."""
+    state = workspace.state
+    for i in range(state.q.shape[0]):
+        state.q[i] = saved.q[i]
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    look(records, workspace)
+    for slot in range(state.features.shape[0]):
+        state.features[slot] = saved.features[slot]
+        state.modes[slot] = saved.modes[slot]
+        for i in range(state.deformation.shape[1]):
+            state.deformation[slot, i] = saved.deformation[slot, i]

@@ -1,0 +1,72 @@
+"""Which contacts are near enough to matter: looking for them, and how far to look."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import kernel
+from rungwise.scene.records import HINGE
+from rungwise.system.planar import terms as planar
+from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.place import coordinate_count
+
+NEAR = 1e-4
+"""Gaps below this fraction of the longest lever always count as contacts."""
+
+
+@kernel
+def look(records, workspace):  # type: ignore[no-untyped-def]
+    """Contacts at the placed bodies, within clock.margin."""
+    state = workspace.state
+    state.clock[0].least_gap = find_contacts(
+        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline,
+        state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
+        workspace.scratch.fresh,
+    )  # fmt: skip
+
+
+@kernel
+def widen(records, workspace, margin):  # type: ignore[no-untyped-def]
+    """Contacts up to `margin` matter now: look again when the last look did not reach so far."""
+    clock = workspace.state.clock[0]
+    margin = max(margin, NEAR * clock.reach)
+    clock.near = margin
+    if margin > clock.margin:
+        clock.margin = 2.0 * margin
+        look(records, workspace)
+    elif margin < clock.margin / 32.0:
+        clock.margin = 2.0 * margin
+
+
+@kernel
+def gather(records, workspace):  # type: ignore[no-untyped-def]
+    state, scratch = workspace.state, workspace.scratch
+    return planar.gather(
+        records.bodies, records.coordinates, records.contacts, records.pairs, state.pose, state.points,
+        state.features, state.deformation, state.q, state.prescribed, state.clock[0].near, workspace.terms,
+        scratch.slots,
+    )  # fmt: skip
+
+
+@kernel
+def fastest_pair(records, rung, terms, state, v, h):  # type: ignore[no-untyped-def]
+    """Bound on the relative speed of any two points, with what loads add during h."""
+    fastest = 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        speed = 0.0
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
+            if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
+                rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
+            turns = body.motion == HINGE or j == 2
+            if turns:
+                rate *= state.clock[0].reach + (
+                    math.hypot(state.pose[b, 0] - body.pivot_x, state.pose[b, 1] - body.pivot_y)
+                    if body.motion == HINGE
+                    else 0.0
+                )
+            speed += rate
+        fastest = max(fastest, speed)
+    return 2.0 * fastest
