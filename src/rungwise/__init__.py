@@ -8,7 +8,14 @@ for model in rw.LADDER[1:]:
 """
 
 from rungwise.models.ladder import (
-    DYNAMIC_COMPLIANT, DYNAMIC_RIGID, GEOMETRIC, KINEMATIC, LADDER, QUASISTATIC_COMPLIANT, QUASISTATIC_RIGID, Rung,
+    DYNAMIC_COMPLIANT,
+    DYNAMIC_RIGID,
+    GEOMETRIC,
+    KINEMATIC,
+    LADDER,
+    QUASISTATIC_COMPLIANT,
+    QUASISTATIC_RIGID,
+    Rung,
 )  # fmt: skip
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped

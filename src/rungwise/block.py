@@ -14,7 +14,13 @@ import numpy as np
 from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
-    NativeValue, infer_getattr, lower_getattr_generic, models, register_model, typeof_impl, unbox,
+    NativeValue,
+    infer_getattr,
+    lower_getattr_generic,
+    models,
+    register_model,
+    typeof_impl,
+    unbox,
 )  # fmt: skip
 
 

@@ -15,10 +15,18 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import numba
+import numpy as np
 import platformdirs
+from numpy.typing import NDArray
+
+Reals: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+RecordArray: TypeAlias = NDArray[np.void]
+Record: TypeAlias = Any
+"""One element of a record array: its fields are known to numba, not to the type checker."""
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -87,7 +95,7 @@ def _numba_cache(folder: Path) -> Iterator[None]:
 
 
 @kernel
-def copy(source, target):  # type: ignore[no-untyped-def]
+def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
     """target[...] = source for contiguous arrays of one size (numba's own assignment makes a temporary copy)."""
     a, b = source.reshape(source.size), target.reshape(target.size)
     for i in range(b.size):

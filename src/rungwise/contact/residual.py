@@ -14,14 +14,17 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.contact.problem import ContactProblem
+from rungwise.kernel import Reals, kernel
 
 _FLOOR = 1e-6
 _ROUNDING, _REST = 1e-14, 1e-3
 
 
 @kernel
-def residual(problem, n, contacts, limited, v, force, tau):  # type: ignore[no-untyped-def]
+def residual(
+    problem: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals
+) -> float:
     """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
     finite."""
     p, d = problem, problem.R.shape[1]
@@ -60,7 +63,7 @@ def residual(problem, n, contacts, limited, v, force, tau):  # type: ignore[no-u
 
 
 @kernel
-def _worse(a, b):  # type: ignore[no-untyped-def]
+def _worse(a: float, b: float) -> float:
     """The larger of two violations; inf when b is not a number (max and min may drop it)."""
     if b <= a:
         return a
@@ -68,7 +71,7 @@ def _worse(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _at_least(speed, p, rows, r, n, force):  # type: ignore[no-untyped-def]
+def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
     """`force`, or what it takes to change the rate of row r by `speed`, roughly, if that is more."""
     yields = 0.0
     for i in range(n):
@@ -80,7 +83,7 @@ def _at_least(speed, p, rows, r, n, force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rest(velocity, p, rows, r, n, force):  # type: ignore[no-untyped-def]
+def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
     """Speed to measure row r against when `velocity` is only the rounding of what `force` does to it; 0 if it
     is not."""
     speed = 0.0
@@ -92,7 +95,7 @@ def _rest(velocity, p, rows, r, n, force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _magnitude(rows, offset, r, n, v):  # type: ignore[no-untyped-def]
+def _magnitude(rows: Reals, offset: Reals, r: int, n: int, v: Reals) -> float:
     total = abs(offset[r])
     for i in range(n):
         total = max(total, abs(rows[r, i] * v[i]))
@@ -100,7 +103,7 @@ def _magnitude(rows, offset, r, n, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _yielding(p, k, i, force):  # type: ignore[no-untyped-def]
+def _yielding(p: ContactProblem, k: int, i: int, force: Reals) -> float:
     """(R lambda) of contact k in direction i."""
     d = p.R.shape[1]
     total = 0.0
@@ -110,7 +113,9 @@ def _yielding(p, k, i, force):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _balance(p, n, rows, limited, v, force, tau, largest):  # type: ignore[no-untyped-def]
+def _balance(
+    p: ContactProblem, n: int, rows: int, limited: int, v: Reals, force: Reals, tau: Reals, largest: float
+) -> float:
     worst = 0.0
     for i in range(n):
         total, scale, lever = -p.c[i], abs(p.c[i]), 0.0
@@ -131,7 +136,9 @@ def _balance(p, n, rows, limited, v, force, tau, largest):  # type: ignore[no-un
 
 
 @kernel
-def _contact(p, k, n, v, force, per_velocity, per_force):  # type: ignore[no-untyped-def]
+def _contact(
+    p: ContactProblem, k: int, n: int, v: Reals, force: Reals, per_velocity: float, per_force: float
+) -> float:
     d = p.R.shape[1]
     first = k * d
     normal = force[first] * per_force

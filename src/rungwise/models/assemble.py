@@ -12,14 +12,29 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.contact.problem import ContactProblem
+from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.system.terms import Terms
 
 LIMIT = 1e-8
 """How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
 
 
 @kernel
-def assemble(rung, h, eps, terms, contacts, limited, free, n, v, speed, bounce, problem):  # type: ignore[no-untyped-def]
+def assemble(
+    rung: RecordArray,
+    h: float,
+    eps: float,
+    terms: Terms,
+    contacts: int,
+    limited: int,
+    free: Ints,
+    n: int,
+    v: Reals,
+    speed: Reals,
+    bounce: bool,
+    problem: ContactProblem,
+) -> bool:
     """Fill `problem` for the `free` (n,) coordinates; the others move at `speed`, v is what the step starts from.
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
@@ -63,7 +78,7 @@ def assemble(rung, h, eps, terms, contacts, limited, free, n, v, speed, bounce, 
 
 
 @kernel
-def _fill_metric(terms, free, n, problem):  # type: ignore[no-untyped-def]
+def _fill_metric(terms: Terms, free: Ints, n: int, problem: ContactProblem) -> None:
     """Kinematic rung: the slowest admissible motion in the unit-mass metric."""
     for i in range(n):
         problem.c[i] = 0.0
@@ -72,7 +87,17 @@ def _fill_metric(terms, free, n, problem):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_balance(rung, step, eps, terms, free, n, v, speed, problem):  # type: ignore[no-untyped-def]
+def _fill_balance(
+    rung: RecordArray,
+    step: float,
+    eps: float,
+    terms: Terms,
+    free: Ints,
+    n: int,
+    v: Reals,
+    speed: Reals,
+    problem: ContactProblem,
+) -> None:
     inertia = eps / step
     momentum = inertia if rung[0].inertia > 0.0 else 0.0
     for i in range(n):
@@ -91,7 +116,7 @@ def _fill_balance(rung, step, eps, terms, free, n, v, speed, problem):  # type: 
 
 
 @kernel
-def _carried(rows, r, free, n, speed):  # type: ignore[no-untyped-def]
+def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0
     for j in range(speed.shape[0]):
@@ -100,7 +125,9 @@ def _carried(rows, r, free, n, speed):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _approach(r, h, terms, v, speed, free, n, eps):  # type: ignore[no-untyped-def]
+def _approach(
+    r: int, h: float, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float
+) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than two steps of load explain."""
     g = _carried(terms.rows, r, free, n, speed)
     loaded = 0.0
@@ -113,7 +140,7 @@ def _approach(r, h, terms, v, speed, free, n, eps):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _soften(k, d, h, theta, terms, problem):  # type: ignore[no-untyped-def]
+def _soften(k: int, d: int, h: float, theta: float, terms: Terms, problem: ContactProblem) -> None:
     """R, and what the deformation at the start contributes to w."""
     for i in range(d):
         for j in range(d):
@@ -133,7 +160,7 @@ def _soften(k, d, h, theta, terms, problem):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _invert(a, d):  # type: ignore[no-untyped-def]
+def _invert(a: Reals, d: int) -> None:
     """Inverse of a positive definite matrix in place (Gauss-Jordan; no pivoting is needed)."""
     for k in range(d):
         pivot = 1.0 / a[k, k]
@@ -149,7 +176,9 @@ def _invert(a, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def deform(rung, h, terms, k, force, problem, after):  # type: ignore[no-untyped-def]
+def deform(
+    rung: RecordArray, h: float, terms: Terms, k: int, force: Reals, problem: ContactProblem, after: Reals
+) -> None:
     """Deformation of contact k after the step into `after` (d,): delta = R (h lambda + (C - (1 - theta) h K) delta).
 
     Without force it relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta = 1/2 and little
@@ -176,7 +205,9 @@ def deform(rung, h, terms, k, force, problem, after):  # type: ignore[no-untyped
 
 
 @kernel
-def limit_inertia(rung, h, terms, contacts, limited, n, free, speed):  # type: ignore[no-untyped-def]
+def limit_inertia(
+    rung: RecordArray, h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals
+) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
     Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is exact.

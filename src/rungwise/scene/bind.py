@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import BOX, CAPSULE, FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT
@@ -35,10 +35,23 @@ coordinate."""
 
 
 @kernel
-def bind(  # type: ignore[no-untyped-def]
-    code, constants, table, targets, slots, low, high, kinds, values, stack, buffer,
-    bodies, coordinates, shapes, vertices,
-):  # fmt: skip
+def bind(
+    code: Ints,
+    constants: Reals,
+    table: Ints,
+    targets: Ints,
+    slots: Ints,
+    low: Reals,
+    high: Reals,
+    kinds: Ints,
+    values: Reals,
+    stack: Reals,
+    buffer: Reals,
+    bodies: RecordArray,
+    coordinates: RecordArray,
+    shapes: RecordArray,
+    vertices: RecordArray,
+) -> tuple[int, int]:
     """Numbers into `buffer`, checked, then all that follows from them. Returns (fault, index)."""
     evaluate_numbers(code, constants, table, targets, values, stack, buffer)
     wrong = _check(slots, low, high, kinds, buffer)
@@ -48,14 +61,16 @@ def bind(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def evaluate_numbers(code, constants, table, targets, values, stack, buffer):  # type: ignore[no-untyped-def]
+def evaluate_numbers(
+    code: Ints, constants: Reals, table: Ints, targets: Ints, values: Reals, stack: Reals, buffer: Reals
+) -> None:
     """Run every program and store its value at its target."""
     for i in range(targets.shape[0]):
         buffer[targets[i]] = evaluate(code, constants, table[i, 0], table[i, 1], values, stack)
 
 
 @kernel
-def _check(slots, low, high, kinds, buffer):  # type: ignore[no-untyped-def]
+def _check(slots: Ints, low: Reals, high: Reals, kinds: Ints, buffer: Reals) -> int:
     """Index of the first number outside its bounds, or -1."""
     for i in range(slots.shape[0]):
         x = buffer[slots[i]]
@@ -67,7 +82,9 @@ def _check(slots, low, high, kinds, buffer):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _derive(bodies, coordinates, shapes, vertices):  # type: ignore[no-untyped-def]
+def _derive(
+    bodies: RecordArray, coordinates: RecordArray, shapes: RecordArray, vertices: RecordArray
+) -> tuple[int, int]:
     """Fill in all that follows from the numbers. Returns (fault, index)."""
     for s in range(shapes.shape[0]):
         fault = _outline(shapes[s], vertices)
@@ -88,7 +105,7 @@ def _derive(bodies, coordinates, shapes, vertices):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _outline(shape, vertices):  # type: ignore[no-untyped-def]
+def _outline(shape: Record, vertices: RecordArray) -> int:
     """Vertices in the body frame, counter-clockwise, with their edges' normals and lengths."""
     first, n = shape.first, shape.end - shape.first
     if shape.kind == HALFPLANE:
@@ -118,7 +135,7 @@ def _outline(shape, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _convexity(first, n, vertices):  # type: ignore[no-untyped-def]
+def _convexity(first: int, n: int, vertices: RecordArray) -> int:
     """Each turn is to the left, and together they are one full turn."""
     total = 0.0
     for k in range(n):
@@ -132,7 +149,7 @@ def _convexity(first, n, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _place(shape, vertices):  # type: ignore[no-untyped-def]
+def _place(shape: Record, vertices: RecordArray) -> None:
     c, s = math.cos(shape.angle), math.sin(shape.angle)
     for k in range(shape.first, shape.end):
         x, y = vertices[k].x, vertices[k].y
@@ -141,7 +158,7 @@ def _place(shape, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _halfplane(shape, vertices):  # type: ignore[no-untyped-def]
+def _halfplane(shape: Record, vertices: RecordArray) -> int:
     """One edge from `at`, of unit length, with the solid on its left."""
     a, b = shape.first, shape.first + 1
     nx, ny = vertices[b].x, vertices[b].y
@@ -157,7 +174,7 @@ def _halfplane(shape, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _twice_area(first, n, vertices):  # type: ignore[no-untyped-def]
+def _twice_area(first: int, n: int, vertices: RecordArray) -> float:
     total = 0.0
     for k in range(n):
         a, b = vertices[first + k], vertices[first + (k + 1) % n]
@@ -166,7 +183,7 @@ def _twice_area(first, n, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mass(body, shapes, vertices):  # type: ignore[no-untyped-def]
+def _mass(body: Record, shapes: RecordArray, vertices: RecordArray) -> None:
     """Mass, centre (body frame) and inertia about it, from outline and density where not given.
 
     A rounded polygon is its core, a strip along each edge and a sector at each vertex; the moments of each
@@ -196,7 +213,7 @@ def _mass(body, shapes, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mean(shape, vertices):  # type: ignore[no-untyped-def]
+def _mean(shape: Record, vertices: RecordArray) -> tuple[float, float]:
     x = y = 0.0
     n = shape.end - shape.first
     for k in range(shape.first, shape.end):
@@ -205,7 +222,7 @@ def _mean(shape, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _moments(shape, vertices):  # type: ignore[no-untyped-def]
+def _moments(shape: Record, vertices: RecordArray) -> tuple[float, float, float, float]:
     """Area, first moments and polar second moment about the body's origin."""
     area = mx = my = second = 0.0
     if shape.kind == HALFPLANE:
@@ -244,7 +261,7 @@ def _moments(shape, vertices):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _bisector(before, after):  # type: ignore[no-untyped-def]
+def _bisector(before: Record, after: Record) -> tuple[float, float]:
     """Unit vector midway between the normals of two successive edges (a half turn to the left included)."""
     x, y = before.normal_x + after.normal_x, before.normal_y + after.normal_y
     norm = math.hypot(x, y)
@@ -254,7 +271,7 @@ def _bisector(before, after):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _motion(body, coordinates):  # type: ignore[no-untyped-def]
+def _motion(body: Record, coordinates: RecordArray) -> int:
     """Unit axis, generalised inertia and metric of the body's coordinates."""
     i = body.coordinate
     if body.motion == SLIDE:
@@ -279,7 +296,7 @@ def _motion(body, coordinates):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _inertia(body, coordinate, metric):  # type: ignore[no-untyped-def]
+def _inertia(body: Record, coordinate: Record, metric: float) -> int:
     coordinate.metric = metric
     coordinate.mass = body.mass * metric
     if coordinate.drive == SPEED or coordinate.mass > 0.0:
@@ -288,7 +305,7 @@ def _inertia(body, coordinate, metric):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _centre_frame(body, shapes, vertices):  # type: ignore[no-untyped-def]
+def _centre_frame(body: Record, shapes: RecordArray, vertices: RecordArray) -> None:
     """Move the body's frame to its centre of mass."""
     c, s = math.cos(body.angle), math.sin(body.angle)
     body.x += c * body.centre_x - s * body.centre_y

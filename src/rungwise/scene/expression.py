@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 MAX_LENGTH = 2000
 MAX_NODES = 300
@@ -242,7 +242,7 @@ class Programs:
 
 
 @kernel
-def evaluate(code, constants, start, stop, values, stack):  # type: ignore[no-untyped-def]
+def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> float:
     """Value of the program in rows start..stop of `code`, reading names from `values`; `stack` is scratch."""
     top = -1
     for row in range(start, stop):
@@ -268,7 +268,7 @@ def evaluate(code, constants, start, stop, values, stack):  # type: ignore[no-un
 
 
 @kernel
-def _binary(operation, a, b):  # type: ignore[no-untyped-def]
+def _binary(operation: int, a: float, b: float) -> float:
     if operation == ADD:
         return a + b
     if operation == SUBTRACT:
@@ -291,7 +291,7 @@ def _binary(operation, a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _margin(a, b):  # type: ignore[no-untyped-def]
+def _margin(a: float, b: float) -> float:
     """a - b, also at infinity; -inf where one of them is not a number."""
     if a == b:
         return 0.0
@@ -299,7 +299,7 @@ def _margin(a, b):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _unary(operation, a):  # type: ignore[no-untyped-def]
+def _unary(operation: int, a: float) -> float:
     if operation == NEGATE:
         return -a
     if operation == ABSOLUTE:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import kernel
+from rungwise.kernel import RecordArray, kernel
+from rungwise.scene.records import Records
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.state import Scratch, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
+from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
 MAX_LINEARISATIONS = 12
@@ -16,7 +19,7 @@ DRIFT = 1e-2
 
 
 @kernel
-def attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
+def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> int:
     """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
@@ -61,7 +64,7 @@ def attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shift(h, contacts, terms, scratch):  # type: ignore[no-untyped-def]
+def _shift(h: float, contacts: int, terms: Terms, scratch: Scratch) -> None:
     """Linearise about the trial state: gap less what the trial velocity contributed."""
     for k in range(contacts):
         for j in range(scratch.v_new.shape[0]):
@@ -69,7 +72,7 @@ def _shift(h, contacts, terms, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _move(records, rung, workspace, h):  # type: ignore[no-untyped-def]
+def _move(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
     """Place the bodies at q + h v and look for contacts there."""
     state, scratch = workspace.state, workspace.scratch
     for i in range(state.q.shape[0]):
@@ -82,7 +85,7 @@ def _move(records, rung, workspace, h):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _finish(records, rung, h, contacts, workspace):  # type: ignore[no-untyped-def]
+def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     account(rung, h, terms, contacts, state, scratch, state.v)

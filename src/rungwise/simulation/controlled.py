@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import copy, kernel
-from rungwise.scene.records import HINGE
+from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.attempt import TAKEN, TOO_COARSE, attempt
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.memory import keep, restore
 from rungwise.simulation.nearby import fastest_pair, gather, widen
+from rungwise.simulation.state import Timed, Workspace
 from rungwise.system.planar.place import coordinate_count
 
 ONSET = 0.05
@@ -17,7 +18,15 @@ ONSET = 0.05
 
 
 @kernel
-def take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[no-untyped-def]
+def take(
+    records: Records,
+    timed: Timed,
+    buffer: Reals,
+    rung: RecordArray,
+    control: RecordArray,
+    workspace: Workspace,
+    h: float,
+) -> tuple[int, float, float]:
     """Advance by h, or under error control by two halves of at most h that agree with the whole.
 
     Returns the status, the step taken or refused, and the one to try next.
@@ -59,7 +68,7 @@ def take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[n
 
 
 @kernel
-def _disagreement(records, rung, control, workspace):  # type: ignore[no-untyped-def]
+def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
     """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
     velocities are continuous (compliant contact), a longest step later."""
     state, whole, worst = workspace.state, workspace.whole, 0.0
@@ -76,7 +85,9 @@ def _disagreement(records, rung, control, workspace):  # type: ignore[no-untyped
 
 
 @kernel
-def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-untyped-def]
+def _until_contact(
+    records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float
+) -> tuple[float, bool]:
     """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate.
 
     A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and so do

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.bind import evaluate_numbers
-from rungwise.scene.records import SERVO
+from rungwise.scene.records import SERVO, Records
+from rungwise.simulation.state import Timed, Workspace
 from rungwise.simulation.verdicts import time_slot
 from rungwise.system.planar import terms as planar
 
 
 @kernel
-def set_speeds(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyped-def]
+def set_speeds(
+    records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
+) -> tuple[float, float]:
     """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first travel
     limit, and the greatest prescribed speed."""
     state = workspace.state

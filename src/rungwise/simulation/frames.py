@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import copy, kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.scene.records import Records
+from rungwise.simulation.state import Frames, Workspace
 from rungwise.system.planar.terms import potential_energy
 
 
 @kernel
-def record(records, rung, workspace, always):  # type: ignore[no-untyped-def]
+def record(records: Records, rung: RecordArray, workspace: Workspace, always: bool) -> None:
     """Keep the present state if its turn has come, or `always`. A full buffer is thinned, and the stride doubles."""
     state, frames = workspace.state, workspace.frames
     clock = state.clock[0]
@@ -34,7 +36,7 @@ def record(records, rung, workspace, always):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _thin(frames):  # type: ignore[no-untyped-def]
+def _thin(frames: Frames) -> None:
     """Drop every other frame; impulses of a dropped frame go to the next one kept."""
     count = frames.time.shape[0]
     for k in range(2, count, 2):
@@ -54,7 +56,7 @@ def _thin(frames):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _scalars(records, rung, workspace, out):  # type: ignore[no-untyped-def]
+def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Reals) -> None:
     """Residual, energies and work, in the order of `state.SCALARS`."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]

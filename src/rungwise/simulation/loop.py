@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import copy, kernel
-from rungwise.scene.records import SERVO, SPEED
+from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.scene.records import SERVO, SPEED, Records
 from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, TOO_COARSE
 from rungwise.simulation.controlled import take
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.nearby import look
+from rungwise.simulation.state import Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
     JAMMED,
@@ -31,7 +32,7 @@ ROUNDING = 1e-12
 
 
 @kernel
-def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
+def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> int:
     """State at t = 0; returns RUNNING, a verdict that holds at once, or INVALID when bodies overlap."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
@@ -73,7 +74,16 @@ def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def advance(records, timed, conditions, buffer, rung, control, workspace, turns):  # type: ignore[no-untyped-def]
+def advance(
+    records: Records,
+    timed: Timed,
+    conditions: Conditions,
+    buffer: Reals,
+    rung: RecordArray,
+    control: RecordArray,
+    workspace: Workspace,
+    turns: int,
+) -> int:
     """Take at most `turns` steps; returns the outcome, RUNNING if the run has not ended.
 
     `timed` and `conditions` are (code, constants, table[, targets]) of the scene's programs.
@@ -92,7 +102,15 @@ def advance(records, timed, conditions, buffer, rung, control, workspace, turns)
 
 
 @kernel
-def _step(records, timed, conditions, buffer, rung, control, workspace):  # type: ignore[no-untyped-def]
+def _step(
+    records: Records,
+    timed: Timed,
+    conditions: Conditions,
+    buffer: Reals,
+    rung: RecordArray,
+    control: RecordArray,
+    workspace: Workspace,
+) -> int:
     """One accepted step, halved as long as it has no solution."""
     state = workspace.state
     clock = state.clock[0]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from rungwise.kernel import copy, kernel
+from rungwise.scene.records import Records
 from rungwise.simulation.nearby import look
+from rungwise.simulation.state import Snapshot, State, Workspace
 from rungwise.system.planar.place import place
 
 
 @kernel
-def keep(workspace):  # type: ignore[no-untyped-def]
+def keep(workspace: Workspace) -> None:
     """Keep all that `restore` brings back."""
     state, kept = workspace.state, workspace.kept
     remember(state, kept)
@@ -20,7 +22,7 @@ def keep(workspace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def restore(records, workspace):  # type: ignore[no-untyped-def]
+def restore(records: Records, workspace: Workspace) -> None:
     """Back to the kept state, but for the count of attempts."""
     state, kept = workspace.state, workspace.kept
     attempts = state.clock[0].attempts
@@ -35,7 +37,7 @@ def restore(records, workspace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def remember(state, saved):  # type: ignore[no-untyped-def]
+def remember(state: State, saved: Snapshot) -> None:
     for i in range(state.q.shape[0]):
         saved.q[i] = state.q[i]
     for slot in range(state.features.shape[0]):
@@ -46,7 +48,7 @@ def remember(state, saved):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def bring_back(records, workspace, saved):  # type: ignore[no-untyped-def]
+def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
     """Back to the saved coordinates, contacts and deformations."""
     state = workspace.state
     for i in range(state.q.shape[0]):

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
-from rungwise.scene.records import HINGE
+from rungwise.kernel import Reals, RecordArray, kernel
+from rungwise.scene.records import HINGE, Records
+from rungwise.simulation.state import State, Workspace
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count
+from rungwise.system.terms import Terms
 
 NEAR = 1e-4
 """Gaps below this fraction of the longest lever always count as contacts."""
 
 
 @kernel
-def look(records, workspace):  # type: ignore[no-untyped-def]
+def look(records: Records, workspace: Workspace) -> None:
     """Contacts at the placed bodies, within clock.margin."""
     state = workspace.state
     state.clock[0].least_gap = find_contacts(
@@ -26,7 +28,7 @@ def look(records, workspace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def widen(records, workspace, margin):  # type: ignore[no-untyped-def]
+def widen(records: Records, workspace: Workspace, margin: float) -> None:
     """Contacts up to `margin` matter now: look again when the last look did not reach so far."""
     clock = workspace.state.clock[0]
     margin = max(margin, NEAR * clock.reach)
@@ -39,7 +41,7 @@ def widen(records, workspace, margin):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(records, workspace):  # type: ignore[no-untyped-def]
+def gather(records: Records, workspace: Workspace) -> int:
     state, scratch = workspace.state, workspace.scratch
     return planar.gather(
         records.bodies, records.coordinates, records.contacts, records.pairs, state.pose, state.points,
@@ -49,7 +51,9 @@ def gather(records, workspace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def fastest_pair(records, rung, terms, state, v, h):  # type: ignore[no-untyped-def]
+def fastest_pair(
+    records: Records, rung: RecordArray, terms: Terms, state: State, v: Reals, h: float
+) -> float:
     """Bound on the relative speed of any two points, with what loads add during h."""
     fastest = 0.0
     for b in range(records.bodies.shape[0]):

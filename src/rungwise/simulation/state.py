@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
-from numpy.typing import NDArray
 
 from rungwise.block import Block
-
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.terms import Terms, allocate_terms
+
+Conditions: TypeAlias = tuple[Ints, Reals, Ints]
+"""Programs of the scene's conditions: code, constants and table."""
+Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
+"""Programs of the numbers that depend on time: code, constants, table and targets."""
 
 CLOCK = np.dtype(
     [(name, np.int64) for name in ("steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride",
@@ -36,78 +42,78 @@ class State(Block):
     `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
     """
 
-    clock: NDArray[np.void]
-    values: NDArray[np.float64]
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
-    gaps: NDArray[np.float64]
-    pushes: NDArray[np.float64]
-    start: NDArray[np.float64]
-    prescribed: NDArray[np.int64]
-    free: NDArray[np.int64]
-    speed: NDArray[np.float64]
-    passive: NDArray[np.float64]
-    reaction: NDArray[np.float64]
-    pose: NDArray[np.float64]
-    outline: NDArray[np.float64]
-    points: NDArray[np.float64]
-    features: NDArray[np.int64]
-    deformation: NDArray[np.float64]
-    modes: NDArray[np.int64]
-    force: NDArray[np.float64]
-    impulse: NDArray[np.float64]
+    clock: RecordArray
+    values: Reals
+    q: Reals
+    v: Reals
+    gaps: Reals
+    pushes: Reals
+    start: Reals
+    prescribed: Ints
+    free: Ints
+    speed: Reals
+    passive: Reals
+    reaction: Reals
+    pose: Reals
+    outline: Reals
+    points: Reals
+    features: Ints
+    deformation: Reals
+    modes: Ints
+    force: Reals
+    impulse: Reals
 
 
 class Scratch(Block):
     """Workspace of one step: the solution, the solver's matrix."""
 
-    x: NDArray[np.float64]
-    v_new: NDArray[np.float64]
-    contact_force: NDArray[np.float64]
-    limited_force: NDArray[np.float64]
-    mode: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    limited_mode: NDArray[np.int64]
-    matrix: NDArray[np.float64]
-    order: NDArray[np.int64]
-    fresh: NDArray[np.int64]
-    after: NDArray[np.float64]
-    stack: NDArray[np.float64]
+    x: Reals
+    v_new: Reals
+    contact_force: Reals
+    limited_force: Reals
+    mode: Ints
+    slots: Ints
+    limited_mode: Ints
+    matrix: Reals
+    order: Ints
+    fresh: Ints
+    after: Reals
+    stack: Reals
 
 
 class Whole(Block):
     """Where one whole step led, to compare two halves with."""
 
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
+    q: Reals
+    v: Reals
 
 
 class Snapshot(Block):
     """What a step that is not accepted restores."""
 
-    clock: NDArray[np.void]
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
-    features: NDArray[np.int64]
-    deformation: NDArray[np.float64]
-    modes: NDArray[np.int64]
-    limited_mode: NDArray[np.int64]
-    force: NDArray[np.float64]
-    impulse: NDArray[np.float64]
+    clock: RecordArray
+    q: Reals
+    v: Reals
+    features: Ints
+    deformation: Reals
+    modes: Ints
+    limited_mode: Ints
+    force: Reals
+    impulse: Reals
 
 
 class Frames(Block):
     """Recorded states; when full, every other frame is dropped and the stride doubles."""
 
-    time: NDArray[np.float64]
-    q: NDArray[np.float64]
-    v: NDArray[np.float64]
-    gap: NDArray[np.float64]
-    mode: NDArray[np.int64]
-    force: NDArray[np.float64]
-    impulse: NDArray[np.float64]
-    reaction: NDArray[np.float64]
-    scalars: NDArray[np.float64]
+    time: Reals
+    q: Reals
+    v: Reals
+    gap: Reals
+    mode: Ints
+    force: Reals
+    impulse: Reals
+    reaction: Reals
+    scalars: Reals
 
 
 SCALARS = (
@@ -129,7 +135,7 @@ class Workspace(Block):
     frames: Frames
 
 
-def allocate(records: Records, values: NDArray[np.float64], parameters: int, frames: int) -> Workspace:
+def allocate(records: Records, values: Reals, parameters: int, frames: int) -> Workspace:
     """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them."""
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n

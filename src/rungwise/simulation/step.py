@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
-from rungwise.kernel import kernel
+from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import assemble, deform, limit_inertia
+from rungwise.simulation.state import Scratch, State
+from rungwise.system.terms import Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 _UNBALANCED = 1e-4
 
 
 @kernel
-def solve_step(rung, h, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+def solve_step(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> int:
     """Velocities at the end of a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
     Contact modes start from those of the slots, and `state.modes` is left as it was.
@@ -54,7 +65,9 @@ def solve_step(rung, h, terms, contacts, state, scratch, problem):  # type: igno
 
 
 @kernel
-def _solve(contacts, limited, n, state, scratch, problem):  # type: ignore[no-untyped-def]
+def _solve(
+    contacts: int, limited: int, n: int, state: State, scratch: Scratch, problem: ContactProblem
+) -> int:
     for k in range(contacts):
         scratch.mode[k] = state.modes[scratch.slots[k]]
     for r in range(limited):
@@ -68,7 +81,7 @@ def _solve(contacts, limited, n, state, scratch, problem):  # type: ignore[no-un
 
 
 @kernel
-def _is_balanced(step, terms, state, scratch):  # type: ignore[no-untyped-def]
+def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
     """Whether the inertia that the limit eps -> 0+ leaves in the balance is negligible beside the loads."""
     clock = state.clock[0]
     left, scale = 0.0, 0.0
@@ -80,7 +93,15 @@ def _is_balanced(step, terms, state, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def accept_forces(rung, h, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+def accept_forces(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> None:
     """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
     force, slots = scratch.contact_force, scratch.slots
     d = state.force.shape[1]
@@ -98,7 +119,15 @@ def accept_forces(rung, h, terms, contacts, state, scratch, problem):  # type: i
 
 
 @kernel
-def _relax(h, rung, terms, contacts, state, scratch, problem):  # type: ignore[no-untyped-def]
+def _relax(
+    h: float,
+    rung: RecordArray,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> None:
     """New deformations. A slot that is too far away to be among the contacts is at rest."""
     for k in range(contacts):
         if terms.contact_stiffness[k, 0, 0] < 1e300:
@@ -108,7 +137,9 @@ def _relax(h, rung, terms, contacts, state, scratch, problem):  # type: ignore[n
 
 
 @kernel
-def account(rung, h, terms, contacts, state, scratch, v_old):  # type: ignore[no-untyped-def]
+def account(
+    rung: RecordArray, h: float, terms: Terms, contacts: int, state: State, scratch: Scratch, v_old: Reals
+) -> None:
     """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
     With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to rounding.

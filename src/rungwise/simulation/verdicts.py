@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import kernel
+from rungwise.kernel import RecordArray, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
-from rungwise.scene.records import FORCE, SERVO
+from rungwise.scene.records import FORCE, SERVO, Records
+from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
 JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
@@ -20,7 +21,7 @@ SINKING = 0.1
 
 
 @kernel
-def judge(conditions, state, scratch):  # type: ignore[no-untyped-def]
+def judge(conditions: Conditions, state: State, scratch: Scratch) -> int:
     """Verdict of the scene's conditions: unsafe before goal before doomed; those not stated have no program."""
     code, constants, table = conditions
     state.values[time_slot(state)] = state.clock[0].time
@@ -32,7 +33,7 @@ def judge(conditions, state, scratch):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def has_sunk(state):  # type: ignore[no-untyped-def]
+def has_sunk(state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
     for slot in range(state.features.shape[0]):
         if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].size:
@@ -41,7 +42,14 @@ def has_sunk(state):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def spent(records, rung, control, workspace, moving, timed):  # type: ignore[no-untyped-def]
+def spent(
+    records: Records,
+    rung: RecordArray,
+    control: RecordArray,
+    workspace: Workspace,
+    moving: float,
+    timed: Timed,
+) -> int:
     """Verdict of a state that no condition decides: out of time, or at rest with all inputs spent."""
     state = workspace.state
     clock = state.clock[0]
@@ -61,6 +69,6 @@ def spent(records, rung, control, workspace, moving, timed):  # type: ignore[no-
 
 
 @kernel
-def time_slot(state):  # type: ignore[no-untyped-def]
+def time_slot(state: State) -> int:
     """Where expressions read t: values are parameters, t, q, v, gaps, forces, tolerance."""
     return state.values.shape[0] - 2 - 2 * (state.q.shape[0] + state.gaps.shape[0])

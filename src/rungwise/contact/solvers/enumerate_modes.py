@@ -11,21 +11,34 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.modes import FORWARD, OPEN, STICK
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.mode_newton import solve_mode
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 MAX_MODES = 5000
 
 
 @kernel
-def mode_count(contacts, limited):  # type: ignore[no-untyped-def]
+def mode_count(contacts: int, limited: int) -> float:
     """Number of modes, as a float: it grows fast."""
     return 4.0**contacts * 3.0**limited
 
 
 @kernel
-def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, matrix, order, tolerance):  # type: ignore[no-untyped-def]
+def solve_by_enumeration(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    tolerance: float,
+) -> float:
     """First mode whose solution has a residual within `tolerance`; returns that residual, or the least
     met."""
     best = 1e300
@@ -48,7 +61,7 @@ def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, mat
 
 
 @kernel
-def _repeats(p, contacts, limited, mode):  # type: ignore[no-untyped-def]
+def _repeats(p: ContactProblem, contacts: int, limited: int, mode: Ints) -> bool:
     """Whether another mode says the same: without friction every closed one does, and joints only hold."""
     for k in range(contacts):
         if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:

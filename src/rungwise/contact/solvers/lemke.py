@@ -17,15 +17,25 @@ import math
 import numpy as np
 
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.linear import solve_in_place
-from rungwise.kernel import allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 SOLVED, RAY, EXHAUSTED = 0, 1, 2
 _PIVOT = 1e-11
 
 
 @allocating_kernel
-def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
+def solve_lemke(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> int:
     """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the
     rule."""
     rows, size = 2 * contacts + limited, 4 * contacts + 3 * limited
@@ -55,7 +65,7 @@ def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ig
 
 
 @allocating_kernel
-def _units(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Reals, Reals]:
     """Units x of the velocities and y of the forces in which H has a unit diagonal and rows are about one.
 
     Both directions of a contact share one unit, so that friction coefficients stay what they are.
@@ -82,7 +92,7 @@ def _units(p, n, contacts, limited):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _respond(response, i, contacts, limited, force, tau):  # type: ignore[no-untyped-def]
+def _respond(response: Reals, i: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
     """Unknown i of (v, joint forces) under the loads and these forces, all in their units."""
     total = response[i, 2 * contacts + limited]
     for r in range(2 * contacts):
@@ -93,7 +103,9 @@ def _respond(response, i, contacts, limited, force, tau):  # type: ignore[no-unt
 
 
 @allocating_kernel
-def _reduce(p, n, contacts, limited, x, y):  # type: ignore[no-untyped-def]
+def _reduce(
+    p: ContactProblem, n: int, contacts: int, limited: int, x: Reals, y: Reals
+) -> tuple[Reals, Reals, Reals]:
     """Delassus matrix and offset of contact and limited rows, and the response of (v, joint forces) to their
     forces.
 
@@ -147,7 +159,16 @@ def _reduce(p, n, contacts, limited, x, y):  # type: ignore[no-untyped-def]
 
 
 @allocating_kernel
-def _tableau(p, contacts, limited, delassus, offset, y, unit, size):  # type: ignore[no-untyped-def]
+def _tableau(
+    p: ContactProblem,
+    contacts: int,
+    limited: int,
+    delassus: Reals,
+    offset: Reals,
+    y: Reals,
+    unit: float,
+    size: int,
+) -> Reals:
     """Rows of w - M z - d z0 = q, columns [w, z, z0, q]; forces z are in units of y and `unit`."""
     sign = np.zeros(size)
     source = np.full(size, -1)
@@ -185,7 +206,7 @@ def _tableau(p, contacts, limited, delassus, offset, y, unit, size):  # type: ig
 
 
 @allocating_kernel
-def _pivot(a, z, size):  # type: ignore[no-untyped-def]
+def _pivot(a: Reals, z: Reals, size: int) -> int:
     """Lemke's method on the tableau; fills z."""
     last = 2 * size + 1
     basis = np.arange(size)
@@ -213,7 +234,7 @@ def _pivot(a, z, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _eliminate(a, row, column, size):  # type: ignore[no-untyped-def]
+def _eliminate(a: Reals, row: int, column: int, size: int) -> None:
     width = 2 * size + 2
     inverse = 1.0 / a[row, column]
     for j in range(width):
@@ -228,7 +249,7 @@ def _eliminate(a, row, column, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _ratio_test(a, entering, basis, size):  # type: ignore[no-untyped-def]
+def _ratio_test(a: Reals, entering: int, basis: Ints, size: int) -> int:
     """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
     equals."""
     last, best = 2 * size + 1, -1
@@ -245,7 +266,7 @@ def _ratio_test(a, entering, basis, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _less(a, i, j, entering, last, size):  # type: ignore[no-untyped-def]
+def _less(a: Reals, i: int, j: int, entering: int, last: int, size: int) -> bool:
     x, y = a[i, last] / a[i, entering], a[j, last] / a[j, entering]
     if abs(x - y) > _PIVOT * max(1.0, abs(x), abs(y)):
         return x < y
@@ -257,7 +278,7 @@ def _less(a, i, j, entering, last, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _unpack(contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-untyped-def]
+def _unpack(contacts: int, limited: int, z: Reals, unit: float, mode: Ints, force: Reals, tau: Reals) -> None:
     for k in range(contacts):
         normal, plus, minus, gamma = z[4 * k], z[4 * k + 1], z[4 * k + 2], z[4 * k + 3]
         # Rounding may leave friction where nothing presses.
@@ -271,7 +292,7 @@ def _unpack(contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-un
 
 
 @kernel
-def _mode(closed, plus, minus, gamma):  # type: ignore[no-untyped-def]
+def _mode(closed: bool, plus: float, minus: float, gamma: float) -> int:
     if not closed:
         return OPEN
     if gamma > 0.0:

@@ -6,13 +6,13 @@ dependent unknowns are zero; whether it is one is for the residual to say.
 
 from __future__ import annotations
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 _RANK = 1e-13
 
 
 @kernel
-def solve_in_place(a, size, columns, order):  # type: ignore[no-untyped-def]
+def solve_in_place(a: Reals, size: int, columns: int, order: Ints) -> int:
     """Solve for `columns` right-hand sides in a[:size, size:size + columns]; the solutions replace them.
 
     `order` (size,) is scratch. Returns the rank.
@@ -50,7 +50,7 @@ def solve_in_place(a, size, columns, order):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _exchange(a, k, row, column, size, width, order):  # type: ignore[no-untyped-def]
+def _exchange(a: Reals, k: int, row: int, column: int, size: int, width: int, order: Ints) -> None:
     if row != k:
         for j in range(k, width):
             x = a[k, j]
@@ -67,7 +67,7 @@ def _exchange(a, k, row, column, size, width, order):  # type: ignore[no-untyped
 
 
 @kernel
-def _substitute_back(a, size, columns, rank):  # type: ignore[no-untyped-def]
+def _substitute_back(a: Reals, size: int, columns: int, rank: int) -> None:
     for c in range(size, size + columns):
         for i in range(rank, size):
             a[i, c] = 0.0
@@ -79,7 +79,7 @@ def _substitute_back(a, size, columns, rank):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _restore_order(a, size, columns, order):  # type: ignore[no-untyped-def]
+def _restore_order(a: Reals, size: int, columns: int, order: Ints) -> None:
     """Put unknown order[i] back in place order[i]; column 0 of the spent matrix carries the values."""
     for c in range(size, size + columns):
         for i in range(size):

@@ -12,9 +12,10 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.linear import solve_in_place
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 MAX_FLIPS = 12
 PROXIMAL = 1e-7
@@ -24,7 +25,19 @@ _TOLERANCE = 1e-12
 
 
 @kernel
-def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, flips):  # type: ignore[no-untyped-def]
+def solve_by_modes(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    flips: int,
+) -> float:
     """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
     found."""
     for i in range(flips):
@@ -36,7 +49,18 @@ def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, o
 
 
 @kernel
-def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
+def solve_mode(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+) -> None:
     """The one solution of the linear equations of `mode`, inequalities aside."""
     p = problem
     size = _assemble(p, n, contacts, limited, mode, 0.0, v, force, tau, matrix)
@@ -54,7 +78,18 @@ def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order
 
 
 @kernel
-def _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau):  # type: ignore[no-untyped-def]
+def _unpack(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    size: int,
+    matrix: Reals,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> None:
     """From the solved system, in the units that `_assemble` left in v, force and tau."""
     for i in range(n):
         v[i] *= matrix[i, size]
@@ -79,7 +114,7 @@ def _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau):  # type
 
 
 @kernel
-def _sign(mode):  # type: ignore[no-untyped-def]
+def _sign(mode: int) -> float:
     """Sign of the friction force."""
     if mode == BACKWARD:
         return 1.0
@@ -87,7 +122,18 @@ def _sign(mode):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _assemble(p, n, contacts, limited, mode, proximal, v, force, tau, a):  # type: ignore[no-untyped-def]
+def _assemble(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    proximal: float,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    a: Reals,
+) -> int:
     """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
 
     Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
@@ -146,7 +192,7 @@ def _assemble(p, n, contacts, limited, mode, proximal, v, force, tau, a):  # typ
 
 
 @kernel
-def _ease(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+def _ease(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
     """Factor of the units of velocities: 1, or less where inertia is far below the stiffness of contacts (the
     quasistatic limit), so that neither is lost beside the other."""
     least = 1.0
@@ -158,7 +204,7 @@ def _ease(p, n, contacts, limited):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _share(rows, row, n, yields, inertia):  # type: ignore[no-untyped-def]
+def _share(rows: Reals, row: int, n: int, yields: float, inertia: Reals) -> float:
     """Part of a row's yielding that is its own and not the bodies'; 1 for a rigid row."""
     total = yields
     for i in range(n):
@@ -167,7 +213,7 @@ def _share(rows, row, n, yields, inertia):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _unit(rows, row, n, yields, v):  # type: ignore[no-untyped-def]
+def _unit(rows: Reals, row: int, n: int, yields: float, v: Reals) -> float:
     """Unit of a row's force: the row then has a length of about one, in units v of the velocities."""
     for i in range(n):
         yields += (rows[row, i] * v[i]) ** 2
@@ -175,7 +221,9 @@ def _unit(rows, row, n, yields, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _unknown(rows, row, n, slope, other, unit, v, at, a):  # type: ignore[no-untyped-def]
+def _unknown(
+    rows: Reals, row: int, n: int, slope: float, other: int, unit: float, v: Reals, at: int, a: Reals
+) -> None:
     """Equation of `row` in line `at`; in column `at` its force, with `slope` times that of row `other`."""
     for i in range(n):
         x = unit * v[i]
@@ -184,7 +232,9 @@ def _unknown(rows, row, n, slope, other, unit, v, at, a):  # type: ignore[no-unt
 
 
 @kernel
-def _flip(p, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
+def _flip(
+    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals
+) -> bool:
     """Move every contact that contradicts its mode to the mode it asks for; returns whether any did."""
     velocity, largest = p.quantum[0], 0.0
     for r in range(2 * contacts):
@@ -216,7 +266,9 @@ def _flip(p, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-unty
 
 
 @kernel
-def _contact_mode(p, n, k, mode, v, force, slack, tiny):  # type: ignore[no-untyped-def]
+def _contact_mode(
+    p: ContactProblem, n: int, k: int, mode: int, v: Reals, force: Reals, slack: float, tiny: float
+) -> int:
     normal, tangential = force[2 * k], force[2 * k + 1]
     if mode == OPEN:
         rate = p.w[2 * k]

@@ -7,11 +7,12 @@ a hint for the caller to shorten the step and, in the end, to look for a certifi
 from __future__ import annotations
 
 from rungwise.contact.modes import OPEN, STICK
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
 from rungwise.contact.solvers.lemke import SOLVED as LEMKE_SOLVED
 from rungwise.contact.solvers.lemke import solve_lemke
 from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
@@ -20,13 +21,24 @@ WARM, PIVOTED, PIVOTED_AS_IS = 0, 1, 2
 
 
 @kernel
-def matrix_size(n, contacts, limited):  # type: ignore[no-untyped-def]
+def matrix_size(n: int, contacts: int, limited: int) -> int:
     """Side of the scratch matrix that `solve_planar` needs, one more in columns."""
     return n + 2 * contacts + limited
 
 
 @kernel
-def solve_planar(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
+def solve_planar(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+) -> tuple[int, float]:
     """Solve, starting from `mode`, into v, force, tau and `mode`; returns (status, residual)."""
     found = 0.0
     for stage in (WARM, PIVOTED, PIVOTED_AS_IS):

@@ -8,16 +8,28 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import HALFPLANE
 from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
 
 
 @kernel
-def find_contacts(  # type: ignore[no-untyped-def]
-    bodies, shapes, contacts, pairs, pose, outline, margin, points, features, deformation, modes, gaps, fresh
-):
+def find_contacts(
+    bodies: RecordArray,
+    shapes: RecordArray,
+    contacts: RecordArray,
+    pairs: RecordArray,
+    pose: Reals,
+    outline: Reals,
+    margin: float,
+    points: Reals,
+    features: Ints,
+    deformation: Reals,
+    modes: Ints,
+    gaps: Reals,
+    fresh: Ints,
+) -> float:
     """Update every pair's slots; returns the least gap found.
 
     `points` (2 pairs, 5), `features`, `modes` (2 pairs,) and `deformation` (2 pairs, d) are per slot, `gaps`
@@ -46,7 +58,7 @@ def find_contacts(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _distance_of_circles(a, b, pose, outline):  # type: ignore[no-untyped-def]
+def _distance_of_circles(a: Record, b: Record, pose: Reals, outline: Reals) -> float:
     """Lower bound of the gap from the circles about the bodies' centres."""
     if a.kind == HALFPLANE:
         return _height(a, b, pose, outline)
@@ -57,14 +69,14 @@ def _distance_of_circles(a, b, pose, outline):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _height(plane, shape, pose, outline):  # type: ignore[no-untyped-def]
+def _height(plane: Record, shape: Record, pose: Reals, outline: Reals) -> float:
     i = plane.first
     dx, dy = pose[shape.body, X] - outline[i, 0], pose[shape.body, Y] - outline[i, 1]
     return outline[i, 2] * dx + outline[i, 3] * dy - shape.reach - plane.radius
 
 
 @kernel
-def _forget(slot, features, deformation, modes):  # type: ignore[no-untyped-def]
+def _forget(slot: int, features: Ints, deformation: Reals, modes: Ints) -> None:
     if features[slot] != ABSENT:
         features[slot] = ABSENT
         deformation[slot, :] = 0.0
@@ -72,7 +84,16 @@ def _forget(slot, features, deformation, modes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _follow(slot, fresh, a, b, outline, features, deformation, modes):  # type: ignore[no-untyped-def]
+def _follow(
+    slot: int,
+    fresh: Ints,
+    a: Record,
+    b: Record,
+    outline: Reals,
+    features: Ints,
+    deformation: Reals,
+    modes: Ints,
+) -> None:
     """Give slots `slot` and `slot + 1` the fresh features, keeping what belongs to those that stay."""
     if fresh[0] == features[slot] and fresh[1] == features[slot + 1]:
         return
@@ -90,7 +111,7 @@ def _follow(slot, fresh, a, b, outline, features, deformation, modes):  # type: 
 
 
 @kernel
-def _stays(old, new, a, b, outline):  # type: ignore[no-untyped-def]
+def _stays(old: int, new: int, a: Record, b: Record, outline: Reals) -> bool:
     """Whether two features are one contact: equal, or the same end of the stretch where two faces meet.
 
     Where the faces end together, rounding decides whose vertex is over the other's edge.
@@ -108,7 +129,7 @@ def _stays(old, new, a, b, outline):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _end_together(shape, edge, vertex, other, facing, corner):  # type: ignore[no-untyped-def]
+def _end_together(shape: Record, edge: int, vertex: int, other: Record, facing: int, corner: int) -> bool:
     """Whether `vertex`, of the facing edge, and `corner`, of the edge, are on the same side of both edges."""
     if vertex == facing:
         return corner == next_vertex(shape, edge)

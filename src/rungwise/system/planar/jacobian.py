@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Reals, Record, kernel
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import coordinate_count, lever
 
 
 @kernel
-def contact_rows(body_a, body_b, a, b, pose, point, rows, first):  # type: ignore[no-untyped-def]
+def contact_rows(
+    body_a: Record, body_b: Record, a: int, b: int, pose: Reals, point: Reals, rows: Reals, first: int
+) -> None:
     """Write rows `first` (normal) and `first + 1` (tangent, the normal turned clockwise) of one contact point.
 
     The force on body a is positive along them, that on body b negative.
@@ -20,7 +22,7 @@ def contact_rows(body_a, body_b, a, b, pose, point, rows, first):  # type: ignor
 
 
 @kernel
-def _add(body, pose, point, sign, rows, first):  # type: ignore[no-untyped-def]
+def _add(body: Record, pose: Reals, point: Reals, sign: float, rows: Reals, first: int) -> None:
     nx, ny = point[NORMAL_X], point[NORMAL_Y]
     for i in range(coordinate_count(body)):
         vx, vy = lever(body, pose, i, point[POINT_X], point[POINT_Y])

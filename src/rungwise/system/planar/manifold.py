@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, Record, kernel
 from rungwise.scene.records import HALFPLANE
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
@@ -26,7 +26,7 @@ _OPPOSED = -0.995
 
 
 @kernel
-def manifold(a, b, outline, points, features):  # type: ignore[no-untyped-def]
+def manifold(a: Record, b: Record, outline: Reals, points: Reals, features: Ints) -> int:
     """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points there are."""
     features[0] = features[1] = ABSENT
     gap_a, edge_a, vertex_b = _best_edge(a, b, outline)
@@ -39,7 +39,7 @@ def manifold(a, b, outline, points, features):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _best_edge(shape, other, outline):  # type: ignore[no-untyped-def]
+def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int, int]:
     """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, that vertex."""
     best, best_edge, best_vertex = -math.inf, -1, -1
     if other.kind == HALFPLANE:
@@ -62,7 +62,17 @@ def _best_edge(shape, other, outline):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features):  # type: ignore[no-untyped-def]
+def _from_edge(
+    shape: Record,
+    other: Record,
+    edge: int,
+    vertex: int,
+    gap: float,
+    sign: float,
+    outline: Reals,
+    points: Reals,
+    features: Ints,
+) -> int:
     """Points on the best edge of `shape`: ends of the stretch where it faces the nearest edge of `other`.
 
     `sign` is +1 where the normal of `shape` points from b to a.
@@ -103,13 +113,13 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
 
 @kernel
-def _has_area(shape):  # type: ignore[no-untyped-def]
+def _has_area(shape: Record) -> bool:
     """Whether the core has an inside. If neither has, edges alone do not separate what lies on one line."""
     return shape.kind == HALFPLANE or shape.end - shape.first > 2
 
 
 @kernel
-def are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
+def are_parallel(edge: int, facing: int, outline: Reals) -> bool:
     """Whether the edges may come to lie flat on each other.
 
     Were the end of one held outside the other at any angle, a vertex that slides off it would be kicked.
@@ -118,13 +128,15 @@ def are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
+def _span(edge: int, vertex: int, outline: Reals) -> float:
     """A length to measure ties by: that of the vertex from the edge's start."""
     return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
 
 
 @kernel
-def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
+def _end(
+    k: int, shape: Record, other: Record, edge: int, facing: int, outline: Reals
+) -> tuple[bool, int, int]:
     """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then of the best edge."""
     if k < 2:
         j = facing if k == 0 else next_vertex(other, facing)
@@ -134,34 +146,34 @@ def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def
 
 
 @kernel
-def _is_over(shape, edge, vertex, outline):  # type: ignore[no-untyped-def]
+def _is_over(shape: Record, edge: int, vertex: int, outline: Reals) -> bool:
     """Whether the vertex projects onto the edge."""
     place = _along(edge, vertex, outline)
     return place >= 0.0 and place <= _along(edge, next_vertex(shape, edge), outline)
 
 
 @kernel
-def next_vertex(shape, vertex):  # type: ignore[no-untyped-def]
+def next_vertex(shape: Record, vertex: int) -> int:
     """The vertex after this one; edges begin at the vertex whose number they bear."""
     return vertex + 1 if vertex + 1 < shape.end else shape.first
 
 
 @kernel
-def _along(edge, vertex, outline):  # type: ignore[no-untyped-def]
+def _along(edge: int, vertex: int, outline: Reals) -> float:
     """Place of the vertex along the edge, from its start."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
     return outline[edge, 2] * dy - outline[edge, 3] * dx
 
 
 @kernel
-def _distance(edge, vertex, outline):  # type: ignore[no-untyped-def]
+def _distance(edge: int, vertex: int, outline: Reals) -> float:
     """Distance of the vertex from the line of the edge, positive outside."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
     return outline[edge, 2] * dx + outline[edge, 3] * dy
 
 
 @kernel
-def _facing_edge(other, edge, vertex, outline):  # type: ignore[no-untyped-def]
+def _facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
     """Edge of `other` at the deepest vertex whose normal is most opposed to that of `edge`."""
     before = vertex - 1 if vertex > other.first else other.end - 1
     nx, ny = outline[edge, 2], outline[edge, 3]
@@ -171,7 +183,9 @@ def _facing_edge(other, edge, vertex, outline):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _put_end(k, shape, other, edge, facing, sign, outline, point):  # type: ignore[no-untyped-def]
+def _put_end(
+    k: int, shape: Record, other: Record, edge: int, facing: int, sign: float, outline: Reals, point: Reals
+) -> int:
     _, e, j = _end(k, shape, other, edge, facing, outline)
     if k < 2:
         return _put(e, j, shape.radius, other.radius, sign, outline, point)
@@ -179,7 +193,15 @@ def _put_end(k, shape, other, edge, facing, sign, outline, point):  # type: igno
 
 
 @kernel
-def _put(edge, vertex, edge_radius, vertex_radius, sign, outline, point):  # type: ignore[no-untyped-def]
+def _put(
+    edge: int,
+    vertex: int,
+    edge_radius: float,
+    vertex_radius: float,
+    sign: float,
+    outline: Reals,
+    point: Reals,
+) -> int:
     """Write the point of a vertex over an edge; returns its feature."""
     nx, ny = outline[edge, 2], outline[edge, 3]
     gap = _distance(edge, vertex, outline) - edge_radius - vertex_radius
@@ -191,7 +213,9 @@ def _put(edge, vertex, edge_radius, vertex_radius, sign, outline, point):  # typ
 
 
 @kernel
-def _closest_vertices(shape, other, sign, outline, points, features):  # type: ignore[no-untyped-def]
+def _closest_vertices(
+    shape: Record, other: Record, sign: float, outline: Reals, points: Reals, features: Ints
+) -> int:
     """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""
     least, first, second = math.inf, -1, -1
     for i in range(shape.first, shape.end):

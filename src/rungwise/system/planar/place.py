@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE
 
 X, Y, COS, SIN = 0, 1, 2, 3
@@ -12,7 +12,15 @@ X, Y, COS, SIN = 0, 1, 2, 3
 
 
 @kernel
-def place(bodies, shapes, vertices, q, pose, outline, fixed_too):  # type: ignore[no-untyped-def]
+def place(
+    bodies: RecordArray,
+    shapes: RecordArray,
+    vertices: RecordArray,
+    q: Reals,
+    pose: Reals,
+    outline: Reals,
+    fixed_too: bool,
+) -> None:
     """Fill `pose` and `outline` at q; bodies without coordinates only if `fixed_too`."""
     for b in range(bodies.shape[0]):
         body = bodies[b]
@@ -30,7 +38,7 @@ def place(bodies, shapes, vertices, q, pose, outline, fixed_too):  # type: ignor
 
 
 @kernel
-def _pose(body, q, pose):  # type: ignore[no-untyped-def]
+def _pose(body: Record, q: Reals, pose: Reals) -> None:
     i = body.coordinate
     x, y, angle = body.x, body.y, body.angle
     if body.motion == SLIDE:
@@ -51,7 +59,7 @@ def _pose(body, q, pose):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def start(bodies, coordinates, q, v):  # type: ignore[no-untyped-def]
+def start(bodies: RecordArray, coordinates: RecordArray, q: Reals, v: Reals) -> None:
     """Initial q and v: `start` is a displacement from the pose."""
     for i in range(coordinates.shape[0]):
         q[i] = coordinates[i].start
@@ -65,7 +73,7 @@ def start(bodies, coordinates, q, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def lever(body, pose, i, x, y):  # type: ignore[no-untyped-def]
+def lever(body: Record, pose: Reals, i: int, x: float, y: float) -> tuple[float, float]:
     """Velocity of the body's point (x, y) per unit speed of its i-th coordinate."""
     if body.motion == SLIDE:
         return body.axis_x, body.axis_y
@@ -79,7 +87,7 @@ def lever(body, pose, i, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def coordinate_count(body):  # type: ignore[no-untyped-def]
+def coordinate_count(body: Record) -> int:
     """How many coordinates the body has."""
     if body.motion == FREE:
         return 3

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import X, Y
+from rungwise.system.terms import Terms
 
 
 @kernel
-def constants(coordinates, potentials, factors, terms):  # type: ignore[no-untyped-def]
+def constants(coordinates: RecordArray, potentials: RecordArray, factors: RecordArray, terms: Terms) -> int:
     """Inertia, metric, stiffness, damping and force-limited rows; returns how many such rows there are."""
     n, count = coordinates.shape[0], 0
     for i in range(n):
@@ -42,7 +43,7 @@ def constants(coordinates, potentials, factors, terms):  # type: ignore[no-untyp
 
 
 @kernel
-def target(coordinate, start, time):  # type: ignore[no-untyped-def]
+def target(coordinate: Record, start: float, time: float) -> float:
     """Position that a servo wants at `time`."""
     if coordinate.has_target:
         return coordinate.target
@@ -50,9 +51,19 @@ def target(coordinate, start, time):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def loads(  # type: ignore[no-untyped-def]
-    world, bodies, coordinates, potentials, factors, pose, q, start, time, passive, terms
-):
+def loads(
+    world: RecordArray,
+    bodies: RecordArray,
+    coordinates: RecordArray,
+    potentials: RecordArray,
+    factors: RecordArray,
+    pose: Reals,
+    q: Reals,
+    start: Reals,
+    time: float,
+    passive: Reals,
+    terms: Terms,
+) -> None:
     """Load and servo errors at q for a step that ends at `time`; `passive` gets gravity and given body forces."""
     n = q.shape[0]
     for b in range(bodies.shape[0]):
@@ -83,7 +94,7 @@ def loads(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _weight(world, body, pose, passive):  # type: ignore[no-untyped-def]
+def _weight(world: RecordArray, body: Record, pose: Reals, passive: Reals) -> None:
     fx = body.mass * world[0].gravity_x + body.force_x
     fy = body.mass * world[0].gravity_y + body.force_y
     i = body.coordinate
@@ -96,7 +107,7 @@ def _weight(world, body, pose, passive):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def potential_energy(world, bodies, pose):  # type: ignore[no-untyped-def]
+def potential_energy(world: RecordArray, bodies: RecordArray, pose: Reals) -> float:
     """Energy of the bodies' weight."""
     energy = 0.0
     for b in range(bodies.shape[0]):
@@ -106,21 +117,21 @@ def potential_energy(world, bodies, pose):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def gather(  # type: ignore[no-untyped-def]
-    bodies,
-    coordinates,
-    contacts,
-    pairs,
-    pose,
-    points,
-    features,
-    deformation,
-    q,
-    prescribed,
-    margin,
-    terms,
-    slots,
-):
+def gather(
+    bodies: RecordArray,
+    coordinates: RecordArray,
+    contacts: RecordArray,
+    pairs: RecordArray,
+    pose: Reals,
+    points: Reals,
+    features: Ints,
+    deformation: Reals,
+    q: Reals,
+    prescribed: Ints,
+    margin: float,
+    terms: Terms,
+    slots: Ints,
+) -> int:
     """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many, with
     their `slots`."""
     count = 0
@@ -157,7 +168,7 @@ def gather(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _stop(gap, i, sign, count, terms):  # type: ignore[no-untyped-def]
+def _stop(gap: float, i: int, sign: float, count: int, terms: Terms) -> None:
     """A travel limit: a rigid frictionless contact on one coordinate (infinite stiffness stands for rigid)."""
     terms.rows[2 * count, :] = 0.0
     terms.rows[2 * count + 1, :] = 0.0
