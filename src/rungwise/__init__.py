@@ -23,8 +23,8 @@ from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.trajectory import load as load_run
 
 __all__ = [
-    "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES", "QUASISTATIC_COMPLIANT",
-    "QUASISTATIC_RIGID", "Code", "InvalidScene", "ModelError", "Outcome", "Run", "Rung", "Scene", "SceneError",
-    "Simulation", "load", "load_run", "schema", "shipped", "simulate",
+    "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Code", "InvalidScene", "ModelError", "Outcome", "Run",
+    "Rung", "Scene", "SceneError", "Simulation", "load", "load_run", "schema", "shipped", "simulate",
 ]  # fmt: skip
 __version__ = "0.1.0"

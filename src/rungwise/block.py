@@ -1,8 +1,9 @@
 """Blocks: named arrays that kernels get by reference.
 
-A kernel that takes fifty arrays as arguments, or as a tuple, pays for copying fifty array headers at each call, and
-compiles slowly. A `Block` is handed over as one pointer to a table of headers that never changes; reading
-``block.name`` inside a kernel loads the header, and the compiler may keep it. A field may be a block itself.
+A kernel that takes fifty arrays as arguments, or as a tuple, pays for copying fifty array headers at each
+call, and compiles slowly. A `Block` is handed over as one pointer to a table of headers that never changes;
+reading ``block.name`` inside a kernel loads the header, and the compiler may keep it. A field may be a block
+itself.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from numba.extending import (
 
 
 class Block:
-    """Base of named groups of C-contiguous arrays, given as keyword arguments in the order of the annotations.
+    """Base of named groups of C-contiguous arrays, given by keyword in the order of the annotations.
 
     The arrays' memory is shared, not copied; the block keeps them alive. Fields are fixed once built.
     """
@@ -50,7 +51,7 @@ class Block:
 
 
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
-    """Words of an array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
+    """An array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
     if isinstance(value, Block):
         return [value._address]  # type: ignore[attr-defined]
     if not value.flags.c_contiguous:
@@ -78,7 +79,7 @@ def _typeof(value: Block, _context: object) -> BlockType:
 
 
 @register_model(BlockType)
-class _BlockModel(models.PrimitiveModel):  # type: ignore[misc, name-defined]
+class _BlockModel(models.PrimitiveModel):
     def __init__(self, manager: Any, block: BlockType) -> None:
         super().__init__(manager, block, cgutils.voidptr_t)
 
@@ -92,7 +93,7 @@ def _unbox(_block: BlockType, obj: Any, c: Any) -> NativeValue:
 
 
 @infer_getattr
-class _BlockAttribute(AttributeTemplate):  # type: ignore[misc]
+class _BlockAttribute(AttributeTemplate):
     key = BlockType
 
     def generic_resolve(self, block: BlockType, attribute: str) -> types.Type | None:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -42,7 +42,7 @@ SetOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 BAD_INPUT = 2
 INTERRUPTED = 130
-_USAGE_ERROR = typer.BadParameter.__mro__[2]
+_USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """The base of click's errors, wherever this version of typer takes click from."""
 
 
@@ -268,7 +268,8 @@ def _announce_compilation() -> None:
 
 def _watch(simulation: Simulation, quiet: bool) -> bool:
     """Run to the end with a progress bar; returns whether Ctrl-C ended it."""
-    report, close = (lambda: None, lambda: None) if quiet else _bar(simulation)
+    silent: tuple[Callable[[], None], Callable[[], None]] = (lambda: None, lambda: None)
+    report, close = silent if quiet else _bar(simulation)
     try:
         while simulation.advance():
             report()

@@ -9,8 +9,10 @@ calls. ``RUNGWISE_CACHE`` moves that folder.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -34,8 +36,8 @@ F = TypeVar("F", bound=Callable[..., object])
 def kernel(function: F) -> F:
     """Compile `function` on first call, without the GIL, with IEEE division, cached on disk.
 
-    A kernel allocates nothing: it is compiled without reference counting, which would otherwise be paid for each
-    array of each call, and numba refuses it if it allocates.
+    A kernel allocates nothing: it is compiled without reference counting, which would otherwise be paid for
+    each array of each call, and numba refuses it if it allocates.
     """
     return _compile(function, allocates=False)
 
@@ -96,7 +98,26 @@ def _numba_cache(folder: Path) -> Iterator[None]:
 
 @kernel
 def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
-    """target[...] = source for contiguous arrays of one size (numba's own assignment makes a temporary copy)."""
+    """target[...] = source, contiguous and of one size (numba's own assignment makes a temporary copy)."""
     a, b = source.reshape(source.size), target.reshape(target.size)
     for i in range(b.size):
         b[i] = a[i]
+
+
+def main() -> None:
+    """Compile and cache all kernels: run the scenes that ship on every rung, at fixed and controlled steps."""
+    # Run as a program, this file is a second module beside the one whose kernels the package uses.
+    package, cached = importlib.import_module("rungwise"), importlib.import_module("rungwise.kernel")
+    began = time.perf_counter()
+    models = [model for model in package.LADDER if model.moves]
+    for name in package.shipped():
+        scene = package.load(name)
+        for model in models:
+            for tol in (None, 1e-2):
+                package.Simulation(scene, model, tol=tol, duration=1e-6).advance()
+    took = time.perf_counter() - began
+    print(f"rungwise: kernels of {len(models)} rungs are ready in {cached.cache_folder()} ({took:.0f} s)")
+
+
+if __name__ == "__main__":
+    main()

@@ -739,7 +739,11 @@ def test_right_parameters(given: dict[str, float] | None) -> None:
     assert load(WHOLE).parameters(given)["p"] in (0.5, 1.0)
 
 
-@pytest.mark.parametrize("source", [None, 5, True, b"two_finger", ["two_finger"], object()], ids=lambda source: type(source).__name__)
+@pytest.mark.parametrize(
+    "source",
+    [None, 5, True, b"two_finger", ["two_finger"], object()],
+    ids=lambda source: type(source).__name__,
+)
 def test_wrong_source(source: object) -> None:
     assert refusal(source).startswith("scene: must be a name, a path or a mapping, not ")
 

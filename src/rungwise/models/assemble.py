@@ -2,10 +2,14 @@
 
 With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: the velocity at theta):
 
-    H = eps M / (theta h) + theta h K_p + K_d        c = eps M v / (theta h) + load - (prescribed columns of H) v_p
-    R = (theta h K + C)^-1                           w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
-                                                     w_t = -(R K delta)_t + W_p v_p
-    rigid contact: R = 0, w_n = psi / h + W_p v_p    restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
+    H = eps M / (theta h) + theta h K_p + K_d
+    c = eps M v / (theta h) + load - (prescribed columns of H) v_p
+    R = (theta h K + C)^-1
+    w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
+    w_t = -(R K delta)_t + W_p v_p
+
+    rigid contact: R = 0, w_n = psi / h + W_p v_p
+    restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
 from __future__ import annotations
@@ -35,7 +39,7 @@ def assemble(
     bounce: bool,
     problem: ContactProblem,
 ) -> bool:
-    """Fill `problem` for the `free` (n,) coordinates; the others move at `speed`, v is what the step starts from.
+    """Fill `problem` for the `free` (n,) coordinates; the others move at `speed`, and the step starts from v.
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
@@ -179,10 +183,12 @@ def _invert(a: Reals, d: int) -> None:
 def deform(
     rung: RecordArray, h: float, terms: Terms, k: int, force: Reals, problem: ContactProblem, after: Reals
 ) -> None:
-    """Deformation of contact k after the step into `after` (d,): delta = R (h lambda + (C - (1 - theta) h K) delta).
+    """Deformation of contact k after the step into `after` (d,).
 
-    Without force it relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta = 1/2 and little
-    damping it would otherwise change sign from step to step for ever.
+    With force it is R (h lambda + (C - (1 - theta) h K) delta).
+
+    Without force it relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta = 1/2 and
+    little damping it would otherwise change sign from step to step for ever.
     """
     d = after.shape[0]
     pushed = False

@@ -1,7 +1,7 @@
 """The ladder: six contact models of one equation, as data.
 
-A rung says which terms of the equation are kept. ``inertia`` is the paper's epsilon: 1 keeps M and the momentum, 0
-is the limit 0+ (quasistatic), and values between give the models in between.
+A rung says which terms of the equation are kept. ``inertia`` is the paper's epsilon: 1 keeps M and the
+momentum, 0 is the limit 0+ (quasistatic), and values between give the models in between.
 """
 
 from __future__ import annotations

@@ -70,13 +70,15 @@ def describe_text(report: Mapping[str, Any]) -> str:
     for name, body in report["bodies"].items():
         x, y = body["centre"]
         lines.append(
-            f"  {name:12s} {body['role']:9s} {'+'.join(body['shapes']):10s} {body['motion']:6s} mass {body['mass']:.6g}"
+            f"  {name:12s} {body['role']:9s} {'+'.join(body['shapes']):10s} {body['motion']:6s}"
+            f" mass {body['mass']:.6g}"
             f"  inertia {body['inertia']:.6g}  centre ({x:.6g}, {y:.6g})"
         )
         for coordinate, c in body["coordinates"].items():
             drive = f"  drive {c['drive']}" if c["drive"] else ""
             lines.append(
-                f"    {name}.{coordinate}: starts at {c['start']:.6g}, travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
+                f"    {name}.{coordinate}: starts at {c['start']:.6g},"
+                f" travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
             )
     lines.append("contacts")
     for c in report["contacts"]:

@@ -27,7 +27,8 @@ FAULTS = {
     NO_NORMAL: "the normal has no length",
     NO_AXIS: "the axis has no length",
     NO_MASS: "a body that forces move needs a mass greater than 0 (give mass, or a shape with area)",
-    NO_INERTIA: "a body that turns freely needs an inertia greater than 0 (give inertia, or a shape with area)",
+    NO_INERTIA: "a body that turns freely needs an inertia greater than 0"
+    " (give inertia, or a shape with area)",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
 """Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body or

@@ -88,10 +88,10 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
 def _until_contact(
     records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float
 ) -> tuple[float, bool]:
-    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate.
+    """The step, but no longer than the first open gap (beyond `closed`) takes to close at its present rate.
 
-    A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and so do
-    two halves. Returns the step, and whether such an impact begins.
+    A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and
+    so do two halves. Returns the step, and whether such an impact begins.
     """
     state, terms = workspace.state, workspace.terms
     sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False

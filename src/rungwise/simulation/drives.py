@@ -16,8 +16,8 @@ from rungwise.system.planar import terms as planar
 def set_speeds(
     records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
-    """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first travel
-    limit, and the greatest prescribed speed."""
+    """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first
+    travel limit, and the greatest prescribed speed."""
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]

@@ -10,7 +10,7 @@ from rungwise.system.planar.terms import potential_energy
 
 @kernel
 def record(records: Records, rung: RecordArray, workspace: Workspace, always: bool) -> None:
-    """Keep the present state if its turn has come, or `always`. A full buffer is thinned, and the stride doubles."""
+    """Keep the present state if its turn has come, or `always`; thin a full buffer and double the stride."""
     state, frames = workspace.state, workspace.frames
     clock = state.clock[0]
     clock.since += 1

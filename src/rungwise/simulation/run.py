@@ -40,8 +40,8 @@ class ModelError(ValueError):
 class Run:
     """How a run ended and what it recorded.
 
-    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that counts as
-    solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of.
+    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
+    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of.
     """
 
     scene: Scene
@@ -120,10 +120,10 @@ class Simulation:
         model: a rung or its name; the geometric one does not move.
         parameters: values by name; the others keep their defaults.
         step: length of a step; the scene's own if not given.
-        tol: error allowed per step in each coordinate, for steps of controlled length; fixed steps if not given.
+        tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
         duration: end of the run; the scene's own if not given.
-        theta: of the theta rule where compliant contact carries momentum, in 1/2..1; if not given, 1 (which damps)
-            for fixed steps and 1/2 (second order) under error control.
+        theta: of the theta rule where compliant contact carries momentum, in 1/2..1; if not given, 1 (which
+            damps) for fixed steps and 1/2 (second order) under error control.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first.
     """
@@ -219,7 +219,7 @@ class Simulation:
                 self._control,
                 self.workspace,
                 self._turn,
-            )  # fmt: skip
+            )
         )
         took = time.perf_counter() - began
         self.wall_s += took

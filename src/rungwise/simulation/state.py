@@ -20,26 +20,28 @@ Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 """Programs of the numbers that depend on time: code, constants, table and targets."""
 
 CLOCK = np.dtype(
-    [(name, np.int64) for name in ("steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride",
-                                   "free", "spent")]
+    [(name, np.int64) for name in (
+        "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "spent",
+    )]
     + [(name, np.float64) for name in (
-        "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual", "reach", "size",
-        "drive_work", "load_work", "contact_work", "support_work",
+        "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual",
+        "reach", "size", "drive_work", "load_work", "contact_work", "support_work",
     )]
 )  # fmt: skip
-"""Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next; `reach` is the longest lever arm."""
+"""Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
+try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype([(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")])
-"""step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed per step,
-0 for steps of fixed length."""
+"""step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
+per step, 0 for steps of fixed length."""
 
 
 class State(Block):
     """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
 
-    Per slot (two for each pair of shapes, then two travel limits for each coordinate): features, deformation (, d),
-    modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of the others,
-    `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
+    Per slot (two for each pair of shapes, then two travel limits for each coordinate): features, deformation
+    (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
+    the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
     """
 
     clock: RecordArray
@@ -117,13 +119,13 @@ class Frames(Block):
 
 
 SCALARS = (
-    "residual", "kinetic_energy", "potential_energy", "elastic_energy", "drive_work", "load_work", "contact_work",
-    "support_work",
+    "residual", "kinetic_energy", "potential_energy", "elastic_energy",
+    "drive_work", "load_work", "contact_work", "support_work",
 )  # fmt: skip
 
 
 class Workspace(Block):
-    """All arrays of one run; `before` is the state before an attempt, `kept` that before a controlled step."""
+    """Arrays of one run; `before` is the state before an attempt, `kept` that before a controlled step."""
 
     state: State
     terms: Terms

@@ -23,7 +23,7 @@ def solve_step(
     scratch: Scratch,
     problem: ContactProblem,
 ) -> int:
-    """Velocities at the end of a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
+    """Velocities after a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
     Contact modes start from those of the slots, and `state.modes` is left as it was.
     """
@@ -142,7 +142,8 @@ def account(
 ) -> None:
     """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
-    With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to rounding.
+    With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
+    rounding.
     """
     clock = state.clock[0]
     n, d, theta = state.v.shape[0], state.force.shape[1], rung[0].theta

@@ -29,10 +29,11 @@ SUMMARY = "run.json"
 def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[str]) -> xarray.Dataset:
     """Recorded frames with named coordinates.
 
-    Variables over `time`: position and velocity per coordinate, gap per contact, mode per contact point (two for each
-    pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work. Where impacts
-    make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave since the frame before;
-    otherwise contact_force holds the force at the frame. The kinematic rung has neither.
+    Variables over `time`: position and velocity per coordinate, gap per contact, mode per contact point (two
+    for each pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work.
+    Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
+    since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
+    neither.
     """
     import xarray as xr
 
@@ -73,7 +74,7 @@ def _labels(names: Sequence[str]) -> np.ndarray[Any, Any]:
 
 
 def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, object]) -> Path:
-    """Write the trajectory and its summary into `folder`, whole or not at all: each part is renamed into place.
+    """Write trajectory and summary into `folder`, whole or not at all: each part is renamed into place.
 
     Raises OSError when the folder cannot be written.
     """

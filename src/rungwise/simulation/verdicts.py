@@ -17,12 +17,12 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 )
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 SINKING = 0.1
-"""Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
+"""Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model fails."""
 
 
 @kernel
 def judge(conditions: Conditions, state: State, scratch: Scratch) -> int:
-    """Verdict of the scene's conditions: unsafe before goal before doomed; those not stated have no program."""
+    """Verdict of the scene's conditions: unsafe before goal before doomed; one not stated has no program."""
     code, constants, table = conditions
     state.values[time_slot(state)] = state.clock[0].time
     for index, verdict in ((1, UNSAFE), (0, GOAL), (2, DOOMED)):
@@ -63,7 +63,7 @@ def spent(
         drive = records.coordinates[i].drive
         if abs(state.v[i]) * control[0].duration > 1e-6 * control[0].tolerance:
             return RUNNING
-        if not state.prescribed[i] and (drive == SERVO or drive == FORCE):
+        if not state.prescribed[i] and drive in (SERVO, FORCE):
             return RUNNING
     return MISSED
 

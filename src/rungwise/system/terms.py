@@ -1,9 +1,9 @@
 """The contract between a system and the models: everything that a step needs to know, as arrays.
 
-A system fills `Terms` at (t, q, v); models assemble from `Terms` only. Shapes: n coordinates, c contacts of
-d directions each (normal first; d = 2 in the plane, 3 in space), b force-limited rows. Arrays may be longer than
-the `contacts` in use. In the plane v is the rate of q (G = 1), M is constant and k vanishes, because coordinates
-are those of centres of mass.
+A system fills `Terms` at (t, q, v); models assemble from `Terms` only. Shapes: n coordinates, c contacts of d
+directions each (normal first; d = 2 in the plane, 3 in space), b force-limited rows. Arrays may be longer
+than the `contacts` in use. In the plane v is the rate of q (G = 1), M is constant and k vanishes, because
+coordinates are those of centres of mass.
 """
 
 from __future__ import annotations

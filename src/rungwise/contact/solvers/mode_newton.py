@@ -19,7 +19,7 @@ from rungwise.kernel import Ints, Reals, kernel
 
 MAX_FLIPS = 12
 PROXIMAL = 1e-7
-"""Yield of forces, relative to the inertia, by which a mode with dependent contacts picks its least forces."""
+"""Yield of forces, relative to the inertia, by which a mode of dependent contacts picks its least forces."""
 PROXIMAL_STEPS = 3
 _TOLERANCE = 1e-12
 
@@ -138,8 +138,8 @@ def _assemble(
 
     Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
     the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
-    row is lost beside another; the units are left in v, force and tau. A `proximal` > 0 lets each force yield by
-    so much, in its own unit, about its present value.
+    row is lost beside another; the units are left in v, force and tau. A `proximal` > 0 lets each force yield
+    by so much, in its own unit, about its present value.
     """
     size = n
     for k in range(contacts):

@@ -11,7 +11,7 @@ from rungwise.system.planar.place import coordinate_count, lever
 def contact_rows(
     body_a: Record, body_b: Record, a: int, b: int, pose: Reals, point: Reals, rows: Reals, first: int
 ) -> None:
-    """Write rows `first` (normal) and `first + 1` (tangent, the normal turned clockwise) of one contact point.
+    """Write rows `first` (normal) and `first + 1` (tangent: the normal turned clockwise) of a contact point.
 
     The force on body a is positive along them, that on body b negative.
     """

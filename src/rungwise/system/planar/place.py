@@ -8,7 +8,7 @@ from rungwise.kernel import Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE
 
 X, Y, COS, SIN = 0, 1, 2, 3
-"""Columns of `pose` (bodies, 4); `outline` (vertices, 4) holds x, y and the normal of the edge that starts there."""
+"""Columns of `pose` (bodies, 4); `outline` (vertices, 4) holds x, y and the normal of the edge from there."""
 
 
 @kernel

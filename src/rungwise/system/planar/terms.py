@@ -64,7 +64,7 @@ def loads(
     passive: Reals,
     terms: Terms,
 ) -> None:
-    """Load and servo errors at q for a step that ends at `time`; `passive` gets gravity and given body forces."""
+    """Load and servo errors at q for a step that ends at `time`; `passive` gets gravity and given forces."""
     n = q.shape[0]
     for b in range(bodies.shape[0]):
         _weight(world, bodies[b], pose[b], passive)
@@ -132,8 +132,8 @@ def gather(
     terms: Terms,
     slots: Ints,
 ) -> int:
-    """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many, with
-    their `slots`."""
+    """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many,
+    with their `slots`."""
     count = 0
     for p in range(pairs.shape[0]):
         for slot in range(2 * p, 2 * p + 2):
@@ -169,7 +169,7 @@ def gather(
 
 @kernel
 def _stop(gap: float, i: int, sign: float, count: int, terms: Terms) -> None:
-    """A travel limit: a rigid frictionless contact on one coordinate (infinite stiffness stands for rigid)."""
+    """A travel limit: a rigid frictionless contact on one coordinate (infinite stiffness means rigid)."""
     terms.rows[2 * count, :] = 0.0
     terms.rows[2 * count + 1, :] = 0.0
     terms.rows[2 * count, i] = sign
