@@ -17,9 +17,10 @@ from pydantic import ValidationError
 
 from rungwise.scene import bind as binding
 from rungwise.scene import records as rec
+from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile, shown
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template, build
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
 
 MAX_FILE = 2_000_000
 LIBRARY = files("rungwise.scene") / "library"
@@ -245,7 +246,7 @@ class _Loader(yaml.SafeLoader):
     """Safe YAML without aliases (which can grow without bound), tags and repeated keys."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event: Any = self.peek_event()
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call, unused-ignore]
         if self.check_event(yaml.AliasEvent):
             raise yaml.composer.ComposerError(None, None, "aliases are not allowed", event.start_mark)
         if event.tag is not None:

@@ -1,0 +1,405 @@
+"""From a scene as written to a template: records with their literal numbers, and programs for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from fnmatch import fnmatchcase
+from itertools import combinations, islice
+
+import numpy as np
+
+from rungwise.scene import records as rec
+from rungwise.scene.expression import (
+    CONSTANTS,
+    FUNCTIONS,
+    Code,
+    ExpressionError,
+    Programs,
+    compile_expression,
+)
+from rungwise.scene.fields import (
+    Box,
+    Capsule,
+    Contact,
+    Coordinate,
+    Disc,
+    Force,
+    HalfPlane,
+    Hinge,
+    Number,
+    Polygon,
+    SceneFile,
+    Servo,
+    Shape,
+    Slide,
+    Speed,
+    shown,
+)  # fmt: skip
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, Template
+
+INF = float("inf")
+MAX_PAIRS = 100_000
+"""Most pairs of shapes that may touch: beyond it, a small file would need all memory."""
+
+
+def build(scene: SceneFile) -> Template:
+    """The template of a scene. Raises SceneError, naming the field."""
+    return _Builder(scene).build()
+
+
+class _Builder:
+    def __init__(self, scene: SceneFile) -> None:
+        self.scene = scene
+        self.parameters = tuple(scene.parameters)
+        for name in self.parameters:
+            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "gap", "force", "speed"):
+                raise SceneError(f"parameters.{name}: the name is taken by the expression language")
+        self.bodies = tuple(scene.bodies)
+        self.coordinates = tuple(
+            f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
+        )
+        self.matched = list(self._match_contacts())
+        self.contacts = tuple(pair for pair, _, _ in self.matched)
+        self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
+        if len(self.pairs) > MAX_PAIRS:
+            raise SceneError(
+                f"contacts: more than {MAX_PAIRS} pairs of shapes may touch; name fewer bodies in between"
+            )
+        self.static: list[tuple[Code, int]] = []
+        self.timed: list[tuple[Code, int]] = []
+        self.checks: list[tuple[int, float, float, int, str]] = []
+        self.watched: set[int] = set()
+        self.counts = (
+            1,
+            len(self.bodies),
+            len(self.coordinates),
+            sum(len(body.shapes) for body in scene.bodies.values()),
+            sum(_vertex_count(shape) for body in scene.bodies.values() for shape in body.shapes),
+            len(self.contacts),
+            len(self.pairs),
+            len(scene.potentials),
+            len(scene.potentials) * len(self.coordinates),
+        )
+        self.buffer = rec.allocate(self.counts)
+        self.records = rec.views(self.buffer, self.counts)
+
+    def build(self) -> Template:
+        for field in ("tolerance", "duration", "step"):
+            self.put("world", 0, field, getattr(self.scene, field), field, above=0.0)
+        for k, value in enumerate(self.scene.gravity):
+            self.put("world", 0, ("gravity_x", "gravity_y")[k], value, f"gravity.{k}")
+        for index in range(len(self.bodies)):
+            self._body(index)
+        for index, (pair, entry, contact) in enumerate(self.matched):
+            self._contact(index, pair, f"contacts.{entry}", contact)
+        for index, (contact_index, a, b) in enumerate(self.pairs):
+            self.records.pairs[index] = (contact_index, a, b)
+        self._unused_contacts()
+        for index in range(len(self.scene.potentials)):
+            self._potential(index)
+        conditions = Programs([self._condition(name) for name in ("goal", "unsafe", "doomed")])
+        for index in self.watched:
+            self.records.contacts[index]["watched"] = 1
+        slots, low, high, kinds, paths = zip(*self.checks, strict=True)
+        return Template(
+            counts=self.counts,
+            buffer=self.buffer,
+            numbers=Programs([code for code, _ in self.static]),
+            targets=np.array([target for _, target in self.static], np.int64),
+            timed=Programs([code for code, _ in self.timed]),
+            timed_targets=np.array([target for _, target in self.timed], np.int64),
+            conditions=conditions,
+            checks=Checks(
+                np.array(slots, np.int64), np.array(low), np.array(high), np.array(kinds, np.int64), paths
+            ),
+            parameters=self.parameters,
+            bodies=self.bodies,
+            coordinates=self.coordinates,
+            contacts=self.contacts,
+        )
+
+    def put(
+        self,
+        kind: str,
+        index: int,
+        field: str,
+        value: Number,
+        path: str,
+        *,
+        above: float | None = None,
+        at_least: float = -INF,
+        at_most: float = INF,
+        infinite: bool = False,
+        timed: bool = False,
+    ) -> None:
+        """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
+        target = rec.slot(self.counts, kind, index, field)
+        if isinstance(value, str):
+            code = self._program(value, path, timed)
+            self.static.append((code, target))
+            if len(self.parameters) in code.reads:
+                self.timed.append((code, target))
+        else:
+            self.buffer[target] = value
+        low = at_least if above is None else above
+        kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
+        self.checks.append((target, low, at_most, kinds, path))
+
+    def _program(self, text: str, path: str, timed: bool = False) -> Code:
+        try:
+            return compile_expression(text, self._number_lookup(timed), lambda: _listed(self._names(timed)))
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def _names(self, timed: bool) -> tuple[str, ...]:
+        return (*self.parameters, "t") if timed else self.parameters
+
+    def _number_lookup(self, timed: bool) -> Callable[[str, tuple[str, ...]], int | None]:
+        names = self._names(timed)
+
+        def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
+            return names.index(dotted[0]) if not function and dotted[0] in names else None
+
+        return lookup
+
+    def _condition(self, field: str) -> Code:
+        text = getattr(self.scene, field)
+        if text is None:
+            return Code()
+        try:
+            return compile_expression(text, self._state_lookup, self._state_names, condition=True)
+        except ExpressionError as error:
+            raise SceneError(f"{field}: {error}") from None
+
+    def _state_names(self) -> str:
+        names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
+        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
+        return _listed(names)
+
+    def _state_lookup(self, function: str, dotted: tuple[str, ...]) -> int | None:
+        time = len(self.parameters)
+        n, contacts = len(self.coordinates), len(self.contacts)
+        if function in ("", "speed") and len(dotted) == 1:
+            if dotted[0] in self.coordinates:
+                return time + 1 + self.coordinates.index(dotted[0]) + (n if function else 0)
+            if not function and dotted[0] in (*self.parameters, "t"):
+                return (*self.parameters, "t").index(dotted[0])
+            if not function and dotted[0] == "tolerance":
+                return time + 1 + 2 * n + 2 * contacts
+        if function in ("gap", "force") and len(dotted) == 2:
+            for pair in (dotted, dotted[::-1]):
+                if pair in self.contacts:
+                    index = self.contacts.index(pair)
+                    self.watched.add(index)
+                    return time + 1 + 2 * n + index + (contacts if function == "force" else 0)
+        return None
+
+    def _body(self, index: int) -> None:
+        name = self.bodies[index]
+        body = self.scene.bodies[name]
+        path = f"bodies.{name}"
+        record = self.records.bodies[index]
+        for field in ("x", "y", "angle"):
+            self.put("bodies", index, field, getattr(body.pose, field), f"{path}.pose.{field}")
+        record["motion"] = ("fixed", "slide", "hinge", "free").index(body.motion.kind)
+        direction = body.motion.axis if isinstance(body.motion, Slide) else (1.0, 0.0)
+        pivot = body.motion.pivot if isinstance(body.motion, Hinge) else (0.0, 0.0)
+        for field, value, source in (
+            ("axis_x", direction[0], "motion.axis.0"), ("axis_y", direction[1], "motion.axis.1"),
+            ("pivot_x", pivot[0], "motion.pivot.0"), ("pivot_y", pivot[1], "motion.pivot.1"),
+            ("force_x", body.force[0], "force.0"), ("force_y", body.force[1], "force.1"),
+            ("torque", body.torque, "torque"),
+        ):  # fmt: skip
+            self.put("bodies", index, field, value, f"{path}.{source}", timed=not source.startswith("motion"))
+        self.put("bodies", index, "density", body.density, f"{path}.density", at_least=0.0)
+        for field in ("mass", "inertia"):
+            value = getattr(body, field)
+            record[f"{field}_given"] = value is not None
+            self.put("bodies", index, field, 0.0 if value is None else value, f"{path}.{field}", at_least=0.0)
+        record["centre_given"] = body.centre is not None
+        for k, value in enumerate(body.centre or (0.0, 0.0)):
+            self.put("bodies", index, ("centre_x", "centre_y")[k], value, f"{path}.centre.{k}")
+        self._shapes(index, body.shapes, path)
+        self._coordinates(index, path)
+
+    def _coordinates(self, index: int, path: str) -> None:
+        name = self.bodies[index]
+        body = self.scene.bodies[name]
+        names = body.coordinate_names
+        for given in body.coordinates:
+            if given not in names:
+                valid = ", ".join(names) or "none (fixed)"
+                raise SceneError(f"{path}.coordinates: unknown coordinate {given!r}; valid: {valid}")
+        first = self.coordinates.index(f"{name}.{names[0]}") if names else 0
+        self.records.bodies[index]["coordinate"] = first
+        for offset, coordinate_name in enumerate(names):
+            self._coordinate(index, first + offset, coordinate_name, f"{path}.coordinates.{coordinate_name}")
+
+    def _coordinate(self, body: int, index: int, name: str, path: str) -> None:
+        given = self.scene.bodies[self.bodies[body]].coordinates.get(name, Coordinate())
+        record = self.records.coordinates[index]
+        record["body"] = body
+        self.put("coordinates", index, "start", given.start, f"{path}.start")
+        self.put("coordinates", index, "speed", given.speed, f"{path}.speed")
+        self.put("coordinates", index, "lower", given.lower, f"{path}.lower", infinite=True)
+        self.put("coordinates", index, "upper", given.upper, f"{path}.upper", infinite=True)
+        self.put("coordinates", index, "damping", given.damping, f"{path}.damping", at_least=0.0)
+        self.put(
+            "coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0
+        )
+        drive = given.drive
+        path += ".drive"
+
+        def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:
+            self.put(
+                "coordinates", index, field, value, f"{path}.{source}",
+                at_least=at_least, timed=timed, infinite=field == "limit",
+            )  # fmt: skip
+
+        match drive:
+            case Speed(speed=speed):
+                record["drive"] = rec.SPEED
+                put("drive_speed", speed, "speed", timed=True)
+            case Servo():
+                record["drive"] = rec.SERVO
+                record["has_target"] = drive.target is not None
+                put("stiffness", drive.stiffness, "stiffness", 0.0)
+                put("drive_damping", drive.damping, "damping", 0.0)
+                put("limit", drive.limit, "limit", 0.0)
+                put("target_speed", drive.target_speed, "target_speed", timed=drive.target is not None)
+                if drive.target is not None:
+                    put("target", drive.target, "target", timed=True)
+            case Force(force=force):
+                record["drive"] = rec.FORCE
+                put("force", force, "force", timed=True)
+
+    def _shapes(self, body: int, shapes: tuple[Shape, ...], path: str) -> None:
+        earlier = [self.scene.bodies[name].shapes for name in self.bodies[:body]]
+        first = sum(len(many) for many in earlier)
+        vertex = sum(_vertex_count(shape) for many in earlier for shape in many)
+        listed = self.scene.bodies[self.bodies[body]].shape
+        self.records.bodies[body]["first_shape"] = first
+        self.records.bodies[body]["end_shape"] = first + len(shapes)
+        for offset, shape in enumerate(shapes):
+            index = first + offset
+            where = f"{path}.shape" + (f".{offset}" if isinstance(listed, tuple) else "")
+            outline = _vertices(shape)
+            record = self.records.shapes[index]
+            record["body"] = body
+            record["first"], record["end"] = vertex, vertex + len(outline)
+            record["kind"] = _KINDS.get(shape.kind, rec.POLYGON)
+            positive = isinstance(shape, Disc | Capsule)
+            self.put(
+                "shapes", index, "radius", getattr(shape, "radius", 0.0), f"{where}.radius",
+                above=0.0 if positive else None, at_least=0.0,
+            )  # fmt: skip
+            self.put("shapes", index, "at_x", shape.at[0], f"{where}.at.0")
+            self.put("shapes", index, "at_y", shape.at[1], f"{where}.at.1")
+            self.put("shapes", index, "angle", getattr(shape, "angle", 0.0), f"{where}.angle")
+            for k, (x, y) in enumerate(outline):
+                source = f"{where}.{'normal' if isinstance(shape, HalfPlane) else f'vertices.{k}'}"
+                self.put("vertices", vertex, "x", x, f"{source}.0")
+                self.put("vertices", vertex, "y", y, f"{source}.1")
+                vertex += 1
+            for field, size in zip(("size_x", "size_y"), _SIZES.get(shape.kind, ()), strict=False):
+                self.put("shapes", index, field, getattr(shape, size), f"{where}.{size}", above=0.0)
+
+    def _match_contacts(self) -> Iterator[tuple[tuple[str, str], int, Contact]]:
+        bodies = self.scene.bodies
+        for entry, contact in enumerate(self.scene.contacts):
+            for k, pattern in enumerate(contact.between):
+                if not any(fnmatchcase(name, pattern) for name in bodies):
+                    path = f"contacts.{entry}.between.{k}"
+                    raise SceneError(
+                        f"{path}: {shown(pattern)} names no body; valid: {_listed(bodies)}, or *"
+                    )
+        for pair in combinations(bodies, 2):
+            if all(not bodies[name].coordinate_names for name in pair):
+                continue
+            for entry, contact in enumerate(self.scene.contacts):
+                a, b = contact.between
+                if any(fnmatchcase(x, a) and fnmatchcase(y, b) for x, y in (pair, pair[::-1])):
+                    yield pair, entry, contact
+                    break
+
+    def _shape_pairs(self) -> Iterator[tuple[int, int, int]]:
+        bodies = list(self.scene.bodies.values())
+        first = np.cumsum([0] + [len(body.shapes) for body in bodies])
+        for index, pair in enumerate(self.contacts):
+            a, b = (self.bodies.index(name) for name in pair)
+            for i, shape_a in enumerate(bodies[a].shapes):
+                for j, shape_b in enumerate(bodies[b].shapes):
+                    if not (isinstance(shape_a, HalfPlane) and isinstance(shape_b, HalfPlane)):
+                        yield index, int(first[a]) + i, int(first[b]) + j
+
+    def _contact(self, index: int, pair: tuple[str, str], path: str, contact: Contact) -> None:
+        record = self.records.contacts[index]
+        record["body_a"], record["body_b"] = (self.bodies.index(name) for name in pair)
+
+        def put(field: str, value: Number, above: float | None = None, at_most: float = INF) -> None:
+            self.put(
+                "contacts", index, field, value, f"{path}.{field}", above=above, at_least=0.0, at_most=at_most
+            )
+
+        put("friction", contact.friction)
+        put("restitution", contact.restitution, at_most=1.0)
+        put("stiffness", contact.stiffness, above=0.0)
+        put("damping", contact.damping)
+        tangential = contact.tangential_stiffness
+        put("tangential_stiffness", contact.stiffness if tangential is None else tangential, above=0.0)
+        tangential = contact.tangential_damping
+        put("tangential_damping", contact.damping if tangential is None else tangential)
+
+    def _unused_contacts(self) -> None:
+        """Expressions of entries that hold for no pair must be right, too."""
+        used = {entry for _, entry, _ in self.matched}
+        for entry, contact in enumerate(self.scene.contacts):
+            for field, value in contact:
+                if entry not in used and isinstance(value, str):
+                    self._program(value, f"contacts.{entry}.{field}")
+
+    def _potential(self, index: int) -> None:
+        potential = self.scene.potentials[index]
+        path = f"potentials.{index}"
+        self.put("potentials", index, "stiffness", potential.stiffness, f"{path}.stiffness", at_least=0.0)
+        self.put("potentials", index, "target", potential.target, f"{path}.target")
+        named = [("terms", name) for name in potential.terms]
+        named += [(f"on.{k}", name) for k, name in enumerate(potential.on or ())]
+        for field, name in named:
+            if name not in self.coordinates:
+                raise SceneError(
+                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {_listed(self.coordinates)}"
+                )
+        for place, name in enumerate(self.coordinates):
+            row = index * len(self.coordinates) + place
+            robot = self.scene.bodies[name.split(".")[0]].role == "robot"
+            acts = robot if potential.on is None else name in potential.on
+            self.put("terms", row, "factor", potential.terms.get(name, 0.0), f"{path}.terms.{name}")
+            self.records.terms[row]["acts"] = acts
+
+
+def _listed(names: Iterable[str]) -> str:
+    many = list(names)
+    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"
+
+
+_SIZES = {"box": ("width", "height"), "capsule": ("length",)}
+_KINDS = {"box": rec.BOX, "capsule": rec.CAPSULE, "halfplane": rec.HALFPLANE}
+
+
+def _vertex_count(shape: Shape) -> int:
+    return len(_vertices(shape))
+
+
+def _vertices(shape: Shape) -> list[tuple[Number, Number]]:
+    """Core outline before `at` and `angle`; binding fills in those that follow from sizes."""
+    match shape:
+        case Polygon(vertices=vertices):
+            return list(vertices)
+        case HalfPlane(normal=normal):
+            return [(0.0, 0.0), normal]
+        case Box():
+            return [(0.0, 0.0)] * 4
+        case Capsule():
+            return [(0.0, 0.0)] * 2
+    return [(0.0, 0.0)]
