@@ -25,6 +25,8 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
+ABSORBED = 3
+"""Beside the statuses of `solve_step`."""
 MAX_HALVINGS = 60
 MAX_LINEARISATIONS = 12
 ROUNDING = 1e-12
@@ -33,6 +35,10 @@ NEAR = 1e-4
 """Gaps below this fraction of the longest lever always count as contacts."""
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
+SHORT_OF = 1.0 - 1e-9
+"""A step that is to end at a contact ends a little short of it: the impact belongs to the next step."""
+SOON = 0.01
+"""Part of a fixed step within which an impact counts as being at its beginning; a later one ends the step."""
 SINKING = 0.1
 """Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
 DRIFT = 1e-2
@@ -62,6 +68,9 @@ def begin(records, rung, control, workspace):  # type: ignore[no-untyped-def]
     else:
         for i in range(n):
             terms.metric[i, i] = records.coordinates[i].metric
+    for c in range(records.contacts.shape[0]):
+        newton = not rung[0].compliant and rung[0].inertia > 0.0
+        clock.bounces |= newton and records.contacts[c].restitution > 0.0
     clock.size = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach
@@ -150,19 +159,21 @@ def _take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[
     parts, following = 1, 2.0 * h
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0)
         following = h if begins else following
         _keep(workspace)
+    elif clock.bounces:
+        h, _ = _until_contact(records, rung, workspace, h, 0.0, SOON)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
-        if part > 0 or allowed > 0.0:
+        if part > 0 or allowed > 0.0 or clock.bounces:
             length, _ = _drive(records, timed, buffer, rung, workspace, length)
-        status = _attempt(records, rung, workspace, length)
+        status = _attempt(records, rung, workspace, length, SOON * control[0].step)
         clock.attempts += 1
         if status != TAKEN:
             if part > 0:
                 _restore(records, workspace)
-            return status, h, h
+            return status, h, 0.5 * h
         if parts > 1 and part == 0:
             copy(state.q, workspace.whole.q)
             copy(state.v, workspace.whole.v)
@@ -198,8 +209,9 @@ def _disagreement(records, rung, control, workspace):  # type: ignore[no-untyped
 
 
 @kernel
-def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-untyped-def]
-    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate.
+def _until_contact(records, rung, workspace, h, closed, soon):  # type: ignore[no-untyped-def]
+    """The step, no longer than the time in which the first open gap (beyond `closed`, and beyond what closes within
+    the fraction `soon` of the step) closes at its present rate.
 
     A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and so do
     two halves. Returns the step, and whether such an impact begins.
@@ -215,8 +227,8 @@ def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-unty
             if sprung and not state.prescribed[i]:
                 ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
         if terms.gap[k] > closed:
-            if rate * h < -terms.gap[k]:
-                h = terms.gap[k] / -rate
+            if rate * h < -terms.gap[k] < soon * rate * h:
+                h = SHORT_OF * terms.gap[k] / -rate
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
             h, begins = min(h, ONSET / math.sqrt(ease)), True
     return h, begins
@@ -283,8 +295,11 @@ def _drive(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyp
 
 
 @kernel
-def _attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
-    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
+def _attempt(records, rung, workspace, h, shortest):  # type: ignore[no-untyped-def]
+    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before.
+
+    A step longer than `shortest` in which an impact begins at a contact that should bounce is TOO_COARSE.
+    """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
     if rung[0].loads:
@@ -311,6 +326,9 @@ def _attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
             continue
         if status == UNSUPPORTED:
             break
+        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, scratch):
+            status = ABSORBED
+            break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, rung, workspace, h)
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
@@ -324,7 +342,22 @@ def _attempt(records, rung, workspace, h):  # type: ignore[no-untyped-def]
         _shift(h, contacts, terms, scratch)
     _return(records, workspace, workspace.before)
     clock.least_gap = gap_before
+    if status == ABSORBED:
+        return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _absorbs(terms, contacts, h, scratch):  # type: ignore[no-untyped-def]
+    """Whether a contact with restitution, open at the start of the step, is met in its course: it would not bounce."""
+    for k in range(contacts):
+        if terms.restitution[k] > 0.0 and scratch.contact_force[2 * k] > 0.0:
+            rate = 0.0
+            for i in range(scratch.v_new.shape[0]):
+                rate += terms.rows[2 * k, i] * scratch.v_new[i]
+            if terms.gap[k] > 0.0 and abs(terms.gap[k] + h * rate) <= 1e-6 * terms.gap[k]:
+                return True
+    return False
 
 
 @kernel

@@ -15,7 +15,7 @@ from rungwise.system.terms import Terms, allocate_terms
 
 CLOCK = np.dtype(
     [(name, np.int64) for name in ("steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride",
-                                   "free", "spent")]
+                                   "free", "bounces")]
     + [(name, np.float64) for name in (
         "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual", "reach", "size",
         "drive_work", "load_work", "contact_work", "support_work",
