@@ -105,7 +105,7 @@ def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
 
 
 def main() -> None:
-    """Compile and cache the kernels: begin the shipped scenes on every rung, at fixed and controlled steps."""
+    """Compile and cache all kernels: begin each shipped scene on each rung, at fixed and controlled steps."""
     # Run as a program, this file is a second module beside the one whose kernels the package uses.
     package, cached = importlib.import_module("rungwise"), importlib.import_module("rungwise.kernel")
     began = time.perf_counter()

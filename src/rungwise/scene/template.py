@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.scene.expression import (
-    Programs,
-)
+from rungwise.scene.expression import Programs
 
 STRICT, MAY_BE_INFINITE = 1, 2
 

@@ -13,14 +13,19 @@ from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
+ABSORBED = 3
+"""Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
 DRIFT = 1e-2
 """New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
 
 
 @kernel
-def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> int:
-    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before."""
+def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float, shortest: float) -> int:
+    """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before.
+
+    A step longer than `shortest` in which an impact begins at a contact that should bounce is TOO_COARSE.
+    """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
     if rung[0].loads:
@@ -47,6 +52,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float)
             continue
         if status == UNSUPPORTED:
             break
+        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, scratch):
+            status = ABSORBED
+            break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, rung, workspace, h)
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
@@ -60,7 +68,22 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float)
         _shift(h, contacts, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
+    if status == ABSORBED:
+        return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _absorbs(terms: Terms, contacts: int, h: float, scratch: Scratch) -> bool:
+    """Whether a contact with restitution, open at the start, is met during the step: it would not bounce."""
+    for k in range(contacts):
+        if terms.restitution[k] > 0.0 and scratch.contact_force[2 * k] > 0.0:
+            rate = 0.0
+            for i in range(scratch.v_new.shape[0]):
+                rate += terms.rows[2 * k, i] * scratch.v_new[i]
+            if terms.gap[k] > 0.0 and abs(terms.gap[k] + h * rate) <= 1e-6 * terms.gap[k]:
+                return True
+    return False
 
 
 @kernel

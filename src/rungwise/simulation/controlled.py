@@ -15,6 +15,10 @@ from rungwise.system.planar.place import coordinate_count
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
+SHORT_OF = 1.0 - 1e-9
+"""A step that is to end at a contact ends a little short of it: the impact belongs to the next step."""
+SOON = 0.01
+"""Part of a fixed step within which an impact counts as being at its beginning; a later one ends the step."""
 
 
 @kernel
@@ -37,19 +41,21 @@ def take(
     parts, following = 1, 2.0 * h
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0)
         following = h if begins else following
         keep(workspace)
+    elif clock.bounces:
+        h, _ = _until_contact(records, rung, workspace, h, 0.0, SOON)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
-        if part > 0 or allowed > 0.0:
+        if part > 0 or allowed > 0.0 or clock.bounces:
             length, _ = set_speeds(records, timed, buffer, rung, workspace, length)
-        status = attempt(records, rung, workspace, length)
+        status = attempt(records, rung, workspace, length, SOON * control[0].step)
         clock.attempts += 1
         if status != TAKEN:
             if part > 0:
                 restore(records, workspace)
-            return status, h, h
+            return status, h, 0.5 * h
         if parts > 1 and part == 0:
             copy(state.q, workspace.whole.q)
             copy(state.v, workspace.whole.v)
@@ -86,9 +92,10 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
 
 @kernel
 def _until_contact(
-    records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float
+    records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float, soon: float
 ) -> tuple[float, bool]:
-    """The step, but no longer than the first open gap (beyond `closed`) takes to close at its present rate.
+    """The step, but no longer than the first open gap (beyond `closed`, and beyond what closes within the
+    fraction `soon` of the step) takes to close at its present rate.
 
     A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and
     so do two halves. Returns the step, and whether such an impact begins.
@@ -104,8 +111,8 @@ def _until_contact(
             if sprung and not state.prescribed[i]:
                 ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
         if terms.gap[k] > closed:
-            if rate * h < -terms.gap[k]:
-                h = terms.gap[k] / -rate
+            if rate * h < -terms.gap[k] < soon * rate * h:
+                h = SHORT_OF * terms.gap[k] / -rate
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
             h, begins = min(h, ONSET / math.sqrt(ease)), True
     return h, begins

@@ -54,6 +54,9 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     else:
         for i in range(n):
             terms.metric[i, i] = records.coordinates[i].metric
+    for c in range(records.contacts.shape[0]):
+        newton = not rung[0].compliant and rung[0].inertia > 0.0
+        clock.bounces |= newton and records.contacts[c].restitution > 0.0
     clock.size = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach

@@ -21,7 +21,7 @@ Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 
 CLOCK = np.dtype(
     [(name, np.int64) for name in (
-        "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "spent",
+        "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
     )]
     + [(name, np.float64) for name in (
         "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual",
