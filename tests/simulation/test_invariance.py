@@ -57,7 +57,7 @@ def test_order_of_bodies(two_finger: rw.Scene, model: rw.Rung) -> None:
 
 def turned(data: dict[str, Any], angle: float, shift: tuple[float, float]) -> dict[str, Any]:
     """The blocks scene in a frame that is turned and shifted."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = float(np.cos(angle)), float(np.sin(angle))
     data["gravity"] = [f"gravity * {s!r}", f"-gravity * {c!r}"]
     for body in data["bodies"].values():
         pose = body["pose"]
@@ -77,7 +77,7 @@ def test_frame(model: rw.Rung) -> None:
         parameters |= {"mu": 0.6, "mu_stack": 0.6}
     scenes = rw.load(plain), rw.load(turned(rw.load("blocks").file.model_dump(mode="json"), angle, shift) | {"goal": None, "unsafe": None})
     one, two = (rw.simulate(scene, model, parameters=parameters, duration=0.5) for scene in scenes)
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = float(np.cos(angle)), float(np.sin(angle))
     assert one.outcome == two.outcome
     for body, place in one.final.items():
         there = two.final[body]

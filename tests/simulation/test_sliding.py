@@ -84,7 +84,7 @@ def test_compliant_block_keeps_its_elastic_offset() -> None:
     weight = 1.0 * G
     tilt = slip - weight * math.sin(slope) / (2.0 * stiffness)
     turned = float((end - start).sel(coordinate="lone.angle"))
-    assert tilt == pytest.approx(-0.5 * turned, rel=2e-2)
+    assert tilt == pytest.approx(0.5 * turned, rel=2e-2)
     assert np.abs(run.trajectory.velocity[-1]).max() < 1e-9
 
 
