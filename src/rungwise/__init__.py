@@ -1,10 +1,10 @@
 """Plan manipulation with contact models of every fidelity: one scene, six models, one equation.
 
-    import rungwise as rw
-    scene = rw.load("two_finger")
-    for model in rw.LADDER[1:]:
-        run = rw.simulate(scene, model, parameters={"v2": 0.9})
-        print(model.name, run.outcome, run.worst_residual)
+import rungwise as rw
+scene = rw.load("two_finger")
+for model in rw.LADDER[1:]:
+    run = rw.simulate(scene, model, parameters={"v2": 0.9})
+    print(model.name, run.outcome, run.worst_residual)
 """
 
 from rungwise.models.ladder import (

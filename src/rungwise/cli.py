@@ -6,18 +6,27 @@ Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interru
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
 if TYPE_CHECKING:
     from rungwise.scene import Scene
     from rungwise.simulation.run import Run, Simulation
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
+
 
 app = typer.Typer(
     name="rungwise",
@@ -27,7 +36,9 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 SceneArgument = Annotated[str, typer.Argument(help="Name of a scene that ships, or path of a YAML file.")]
-SetOption = Annotated[list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -45,15 +56,39 @@ def main() -> None:
         _refuse(" ".join(error.format_message().split()))
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
     sys.exit(code if isinstance(code, int) else 0)
 
 
 def _refuse(message: str) -> NoReturn:
-    print(f"rungwise: {message}", file=sys.stderr)
+    print(f"rungwise: {' '.join(message.split())}", file=sys.stderr)
     sys.exit(BAD_INPUT)
+
+
+def _print(text: str) -> None:
+    """Print; a reader who leaves early ends the program quietly, a full disk with one line."""
+    try:
+        print(text.encode(sys.stdout.encoding, "replace").decode(sys.stdout.encoding), flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            sys.exit(1)
+        _refuse(f"output: cannot be written ({error.strerror or error})")
+
+
+def _print_json(value: object, indent: int | None = None) -> None:
+    _print(json.dumps(_finite(value), indent=indent, allow_nan=False))
+
+
+def _finite(value: object) -> object:
+    """The same with null for infinity and NaN, which JSON does not have."""
+    match value:
+        case dict():
+            return {key: _finite(item) for key, item in value.items()}
+        case list() | tuple():
+            return [_finite(item) for item in value]
+        case float() if not math.isfinite(value):
+            return None
+    return value
 
 
 @contextmanager
@@ -76,10 +111,9 @@ def models(as_json: JsonOption = False) -> int:
     from rungwise.models.ladder import LADDER
 
     if as_json:
-        print(json.dumps({"models": [asdict(rung) for rung in LADDER]}))
+        _print_json({"models": [asdict(rung) for rung in LADDER]})
         return 0
-    for rung in LADDER:
-        print(f"{rung.name:22s} ({rung.equation})  {rung.about}")
+    _print("\n".join(f"{rung.name:22s} ({rung.equation})  {rung.about}" for rung in LADDER))
     return 0
 
 
@@ -89,17 +123,17 @@ def scenes(
     schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of scene files.")] = False,
 ) -> int:
     """The scenes that ship."""
-    from rungwise.scene import load, schema as scene_schema, shipped
+    from rungwise.scene import load, shipped
+    from rungwise.scene import schema as scene_schema
 
     if schema:
-        print(json.dumps(scene_schema(), indent=None if as_json else 1))
+        _print_json(scene_schema(), indent=None if as_json else 1)
         return 0
     known = {name: load(name).file.about for name in shipped()}
     if as_json:
-        print(json.dumps({"scenes": known}))
+        _print_json({"scenes": known})
         return 0
-    for name, about in known.items():
-        print(f"{name:22s} {about}")
+    _print("\n".join(f"{name:22s} {about}" for name, about in known.items()))
     return 0
 
 
@@ -111,7 +145,7 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
     with _plain_errors():
         loaded = _load(scene)
         report = describe(loaded, _parameters(loaded, values))
-    print(json.dumps(report) if as_json else describe_text(report))
+    _print_json(report) if as_json else _print(describe_text(report))
     return 0
 
 
@@ -120,12 +154,41 @@ def sim(
     scene: SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
     values: SetOption = None,
-    step: Annotated[float | None, typer.Option("--step", help="Length of a step; the scene's own if not given.")] = None,
-    tol: Annotated[float | None, typer.Option("--tol", help="Error allowed per step: step lengths are chosen.")] = None,
-    duration: Annotated[float | None, typer.Option("--time", help="End of the run; the scene's own if not given.")] = None,
-    theta: Annotated[float, typer.Option("--theta", help="Theta rule on compliant rungs, 0.5 to 1.")] = 1.0,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step", parser=_number, metavar="NUMBER", help="Length of a step; the scene's own if not given."
+        ),
+    ] = None,
+    tol: Annotated[
+        float | None,
+        typer.Option(
+            "--tol", parser=_number, metavar="NUMBER", help="Error allowed per step: step lengths are chosen."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            "--time", parser=_number, metavar="NUMBER", help="End of the run; the scene's own if not given."
+        ),
+    ] = None,
+    theta: Annotated[
+        float | None,
+        typer.Option(
+            "--theta",
+            parser=_number,
+            metavar="NUMBER",
+            help="Theta rule on the dynamic-compliant rung, 0.5 to 1.",
+        ),
+    ] = None,
     inertia: Annotated[
-        float | None, typer.Option("--inertia", help="The paper's epsilon, 0 to 1, in place of the rung's own.")
+        float | None,
+        typer.Option(
+            "--inertia",
+            parser=_number,
+            metavar="NUMBER",
+            help="The paper's epsilon, 0 to 1, in place of the rung's own.",
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
     as_json: JsonOption = False,
@@ -158,7 +221,7 @@ def sim(
             run.save(out)
         except OSError as error:
             _refuse(f"out: {out} cannot be written ({error.strerror or error})")
-    print(json.dumps(run.summary()) if as_json else _sentence(run))
+    _print_json(run.summary()) if as_json else _print(_sentence(run))
     return INTERRUPTED if interrupted else run.outcome.exit_code
 
 
@@ -178,8 +241,10 @@ def _parameters(scene: Scene, values: list[str] | None) -> dict[str, float]:
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not equals or value != value:
-            raise SceneError(f"--set {item[:80]}: must be name=number; names: {', '.join(scene.file.parameters) or 'none'}")
+        if not equals or not name.strip() or value != value:
+            raise SceneError(
+                f"--set {item[:80]}: must be name=number; names: {', '.join(scene.file.parameters) or 'none'}"
+            )
         given[name.strip()] = value
     return scene.parameters(given)
 
@@ -229,9 +294,8 @@ def _sentence(run: Run) -> str:
     lines = [
         f"{run.scene.name} on {run.model.name}: {run.outcome}",
         f"  {run.reason}",
-        f"  time {run.time:.6g} after {run.steps} steps, worst residual {run.worst_residual:.1e}, {run.wall_s:.3f} s",
+        f"  time {run.time:.6g} after {run.steps} steps, worst residual {run.worst_residual:.1e},"
+        f" {run.wall_s:.3f} s",
         f"  {final}",
     ]
     return "\n".join(lines)
-
-

@@ -1,10 +1,15 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
-* kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates that
-  the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
+* kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
-  c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0.
+  c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
+
+Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
+a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
+A certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause,
+all in the problem's natural units; rounding in the check itself is charged against it.
 """
 
 from __future__ import annotations
@@ -14,26 +19,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.modes import all_modes, linear_system
+from rungwise.contact.modes import all_modes, linear_system, natural_units
 from rungwise.contact.problem import ContactProblem
 
-TOLERANCE = 1e-7
+REACH = 1e3
+_ROUNDING = 2.0**-52
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row per mode (frictional)."""
+    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row per mode
+    (frictional)."""
 
     kind: str
     vectors: tuple[NDArray[np.float64], ...]
 
 
-def check(problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None) -> bool:
-    """Whether the certificate proves that the problem has no solution (unsupported: no balance without inertia).
+def check(
+    problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None
+) -> bool:
+    """Whether the certificate proves that the problem has no solution (unsupported: no balance without
+    inertia).
 
-    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported ones. Everything is measured
-    relative to the sizes of the terms; `TOLERANCE` of them counts as zero.
+    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported ones. "Proves" is meant up
+    to the bound that the module states.
     """
+    if not certificate.vectors or not all(np.isfinite(vector).all() for vector in certificate.vectors):
+        return False
     match certificate.kind:
         case "kinematic":
             return _check_kinematic(problem, certificate.vectors[0])
@@ -55,30 +67,42 @@ def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np
     return rows, offset, int(rigid.sum())
 
 
+def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float = 1.0) -> bool:
+    """Whether 0 >= sum(gain) + x . (sum of left's rows) is impossible for every |x|_1 <= REACH * least."""
+    rounding = _ROUNDING * (len(gain) + 1)
+    surely = float(gain.sum()) - rounding * float(np.abs(gain).sum())
+    at_most = np.abs(left.sum(axis=0)) + rounding * np.abs(left).sum(axis=0)
+    return surely > REACH * least * float(at_most.max(initial=0.0))
+
+
+def _free_motion(problem: ContactProblem) -> float:
+    """One more than the size of the motion that the loads alone would cause, in natural units."""
+    return 1.0 + float(
+        np.abs(np.linalg.solve(problem.H, problem.c) / natural_units(problem).coordinates).sum()
+    )
+
+
 def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> bool:
     rows, offset, contacts = rigid_rows(problem)
-    if force.shape != offset.shape or not np.isfinite(force).all() or (force[:contacts] < 0.0).any():
+    if force.shape != offset.shape or (force[:contacts] < 0.0).any():
         return False
-    scale = np.abs(rows.T) @ np.abs(force)
-    balanced = (np.abs(rows.T @ force) <= TOLERANCE * scale.max(initial=0.0)).all()
-    return bool(balanced and force @ offset < -TOLERANCE * (np.abs(force) @ np.abs(offset)))
+    units = natural_units(problem)
+    left = force[:, None] * rows * (units.coordinates / units.velocity)
+    return _excludes(-force * offset / units.velocity, left, _free_motion(problem))
 
 
 def _check_frictional(problem: ContactProblem, vectors: tuple[NDArray[np.float64], ...]) -> bool:
     modes = list(all_modes(problem))
-    if len(modes) != len(vectors):
+    if problem.R.shape[1] != 2 or len(modes) != len(vectors):
         return False
+    least = _free_motion(problem)
     for mode, vector in zip(modes, vectors, strict=True):
-        equal, value, least, bound = linear_system(problem, mode)
-        y, z = vector[: len(value)], vector[len(value) :]
-        if len(z) != len(bound) or not np.isfinite(vector).all() or (z < 0.0).any():
+        equal, value, lower, bound = linear_system(problem, mode)
+        if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
             return False
-        size = max(float(np.abs(vector).max(initial=0.0)), 1e-300)
-        gain = float(y @ value + z @ bound)
-        left = np.abs(y @ equal + z @ least).max(initial=0.0)
-        if not (gain > TOLERANCE * size and left <= 1e-3 * gain):
-            return False
-        if left > TOLERANCE * size:
+        if not _excludes(
+            vector * np.concatenate([value, bound]), vector[:, None] * np.vstack([equal, lower]), least
+        ):
             return False
     return True
 
@@ -86,20 +110,22 @@ def _check_frictional(problem: ContactProblem, vectors: tuple[NDArray[np.float64
 def _check_unsupported(
     problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
 ) -> bool:
-    if motion.shape != problem.c.shape or not np.isfinite(motion).all():
+    """The motion's power: loads less drives against what rates, contact forces and joint forces may still
+    do."""
+    if motion.shape != problem.c.shape:
         return False
-    d = problem.R.shape[1]
-    size = float(np.abs(motion).max(initial=0.0))
-    work = float(problem.c @ motion) - float(problem.F @ np.abs(problem.S @ motion)) if len(problem.F) else float(
-        problem.c @ motion
-    )
-    normal, tangential = problem.W[::d] @ motion, [problem.W[i::d] @ motion for i in range(1, d)]
-    slip = np.sqrt(sum(t**2 for t in tangential)) if tangential else np.zeros_like(normal)
-    opens = (normal - problem.mu * slip >= -TOLERANCE * size).all()
-    stiff = np.abs(resisting @ motion).max(initial=0.0)
-    return bool(
-        size > 0.0
-        and work > TOLERANCE * float(np.abs(problem.c) @ np.abs(motion))
-        and opens
-        and stiff <= TOLERANCE * max(float(np.abs(problem.H).max(initial=0.0)) * size, 1e-300)
-    )
+    d, units = problem.R.shape[1], natural_units(problem)
+    power = units.velocity * units.force
+    joints = np.isinf(problem.F)
+    rates = problem.S @ motion
+    slip = np.sqrt(sum((problem.W[i::d] @ motion) ** 2 for i in range(1, d))) if d > 1 else 0.0
+    closing = np.maximum(problem.mu * slip - problem.W[::d] @ motion, 0.0) / units.velocity
+    gain = np.concatenate([problem.c * motion, -problem.F[~joints] * np.abs(rates[~joints])]) / power
+    size = float(np.abs(motion / units.coordinates).max(initial=0.0))
+    per_joint = np.abs(rates[joints]) / units.velocity
+    # A rate counts as one when it takes a force of one: H_0 limits how fast things move that loads drive.
+    stiff = np.abs(np.diag(resisting)) * units.coordinates**2
+    resist = np.abs(resisting @ motion) * units.coordinates / max(float(stiff.max(initial=0.0)), 1e-300)
+    left = np.concatenate([closing, per_joint, resist])
+    slack = np.full_like(left, _ROUNDING * len(left) * size)
+    return _excludes(gain, np.vstack([left, slack]))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.certificate import Certificate, check, rigid_rows
-from rungwise.contact.modes import all_modes, linear_system, mode_count
+from rungwise.contact.modes import all_modes, linear_system, mode_count, natural_units
 from rungwise.contact.problem import ContactProblem
 
 MAX_MODES = 5000
@@ -25,54 +25,75 @@ def certify_infeasible(problem: ContactProblem) -> Certificate | None:
 
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
-    from scipy.optimize import linprog
-
-    n, limited, d = len(problem.c), len(problem.F), problem.R.shape[1]
-    scale = max(float(np.abs(problem.c).max(initial=0.0)), 1e-300)
-    cost = -np.concatenate([problem.c, -problem.F]) / scale
-    normal = problem.W[::d]
-    cone = [normal + sign * problem.mu[:, None] * problem.W[1::d] for sign in (1.0, -1.0)]
-    upper = [np.hstack([-rows, np.zeros((len(rows), limited))]) for rows in cone]
-    upper += [np.hstack([sign * problem.S, -np.eye(limited)]) for sign in (1.0, -1.0)]
-    rows = np.vstack(upper)
-    stiffness = np.hstack([resisting, np.zeros((n, limited))]) / max(float(np.abs(problem.H).max(initial=0.0)), 1e-300)
-    found = linprog(
-        cost, rows, np.zeros(len(rows)), stiffness, np.zeros(n),
-        bounds=[(-1.0, 1.0)] * n + [(0.0, None)] * limited, method="highs",
-    )  # fmt: skip
-    if not found.success:
+    units = natural_units(problem)
+    n, d = len(problem.c), problem.R.shape[1]
+    finite = np.isfinite(problem.F)
+    limited, speed = int(finite.sum()), units.coordinates / units.velocity
+    cost = -np.concatenate([problem.c * speed, -problem.F[finite]]) / units.force
+    normal, tangent, rows = problem.W[::d] * speed, problem.W[1::d] * speed, problem.S * speed
+    upper = [
+        np.hstack([-(normal + s * problem.mu[:, None] * tangent), np.zeros((len(normal), limited))])
+        for s in (1, -1)
+    ]
+    upper += [np.hstack([s * rows[finite], -np.eye(limited)]) for s in (1, -1)]
+    stiffness = resisting * speed * speed[:, None]
+    still = np.vstack([stiffness / max(float(np.abs(stiffness).max(initial=0.0)), 1e-300), rows[~finite]])
+    least = np.vstack(upper)
+    found = _minimise(
+        cost,
+        [(-1.0, 1.0)] * n + [(0.0, 1e6)] * limited,
+        np.hstack([still, np.zeros((len(still), limited))]),
+        least,
+    )
+    if found is None:
         return None
-    certificate = Certificate("unsupported", (found.x[:n],))
+    certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
     return certificate if check(problem, certificate, resisting) else None
 
 
-def _kinematic(problem: ContactProblem) -> Certificate | None:
+def _minimise(
+    cost: NDArray[np.float64],
+    bounds: list[tuple[float, float]],
+    equal: NDArray[np.float64],
+    upper: NDArray[np.float64] | None = None,
+) -> NDArray[np.float64] | None:
+    """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding; None when no cost is below
+    zero."""
     from scipy.optimize import linprog
 
-    rows, offset, contacts = rigid_rows(problem)
-    scale = float(np.abs(offset).max(initial=0.0))
-    if not scale > 0.0:
-        return None
-    bounds = [(0.0, 1.0)] * contacts + [(-1.0, 1.0)] * (len(offset) - contacts)
-    found = linprog(offset / scale, None, None, rows.T, np.zeros(rows.shape[1]), bounds=bounds, method="highs")
+    right = None if upper is None else np.zeros(len(upper))
+    found = linprog(cost, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
     if not found.success or found.fun >= 0.0:
         return None
-    return Certificate("kinematic", (found.x,))
+    x = np.asarray(found.x)
+    inside = np.abs(x) > 1e-9
+    x = np.where(inside, x, 0.0)
+    if upper is None:
+        # The solver stops at its own tolerance; the vertex itself balances to rounding.
+        for _ in range(2):
+            x[inside] -= np.linalg.lstsq(equal[:, inside], equal @ x, rcond=None)[0]
+    return x
+
+
+def _kinematic(problem: ContactProblem) -> Certificate | None:
+    rows, offset, contacts = rigid_rows(problem)
+    if len(rows) == 0:
+        return None
+    units = natural_units(problem)
+    bounds = [(0.0, 1.0)] * contacts + [(-1.0, 1.0)] * (len(offset) - contacts)
+    found = _minimise(offset / units.velocity, bounds, (rows * (units.coordinates / units.velocity)).T)
+    return None if found is None else Certificate("kinematic", (found,))
 
 
 def _frictional(problem: ContactProblem) -> Certificate | None:
-    from scipy.optimize import linprog
-
-    if mode_count(problem) > MAX_MODES:
+    if problem.R.shape[1] != 2 or mode_count(problem) > MAX_MODES:
         return None
     vectors = []
     for mode in all_modes(problem):
         equal, value, least, bound = linear_system(problem, mode)
-        found = linprog(
-            -np.concatenate([value, bound]), None, None, np.vstack([equal, least]).T, np.zeros(equal.shape[1]),
-            bounds=[(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound), method="highs",
-        )  # fmt: skip
-        if not found.success or found.fun >= 0.0:
+        bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
+        found = _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
+        if found is None:
             return None
-        vectors.append(found.x)
+        vectors.append(found)
     return Certificate("frictional", tuple(vectors))

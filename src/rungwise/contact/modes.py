@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,40 +27,75 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 def all_modes(problem: ContactProblem) -> Iterator[tuple[int, ...]]:
     """Every mode of a planar problem: contacts first, then limited rows."""
     contacts = [(OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu]
-    limited = [(STICK,) if np.isinf(bound) else (STICK, FORWARD, BACKWARD) for bound in problem.F]
+    limited = [
+        (STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,) for F in problem.F
+    ]
     return product(*contacts, *limited)
 
 
 def mode_count(problem: ContactProblem) -> float:
     """How many modes there are (a float: it grows fast)."""
     sliding = int(np.sum(problem.mu > 0.0))
-    return float(4.0**sliding * 2.0 ** (len(problem.mu) - sliding) * 3.0 ** int(np.sum(np.isfinite(problem.F))))
+    return float(
+        4.0**sliding
+        * 2.0 ** (len(problem.mu) - sliding)
+        * 3.0 ** int(np.sum(np.isfinite(problem.F) & (problem.F > 0.0)))
+    )
+
+
+class Units(NamedTuple):
+    """Natural units of a problem: what each coordinate's speed, a contact's speed and a contact force count
+    as one."""
+
+    coordinates: NDArray[np.float64]
+    velocity: float
+    force: float
+
+
+def natural_units(problem: ContactProblem) -> Units:
+    """Units from the problem's own rates and loads, whatever units its coordinates have.
+
+    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded
+    (1 when none is). A coordinate that no row feels has the unit that its inertia gives beside the others'.
+    """
+    p = problem
+    inertia = np.sqrt(np.diag(p.H))
+    lever = np.abs(np.vstack([p.W, p.S])).max(axis=0, initial=0.0)
+    longest = float((lever / inertia).max(initial=0.0)) or 1.0
+    lever = np.where(lever > 1e-9 * longest * inertia, lever, longest * inertia)
+    velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0))) or 1.0
+    load = float((np.abs(p.c) / lever).max(initial=0.0))
+    return Units(
+        velocity / lever,
+        velocity,
+        max(load, float((inertia / lever).max(initial=0.0)) ** 2 * velocity) or 1.0,
+    )
 
 
 def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
     """Equations and inequalities that a planar solution in this mode satisfies.
 
-    Unknowns x = (v / U, lambda / L, tau / L) and rows are scaled by the problem's own velocity U and force L, so that the
-    system is free of units.
+    Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
+    units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
+    holds.
     """
     p = problem
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
-    velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)), 1e-300)
-    force = max(float(np.abs(np.diag(p.H)).max(initial=0.0)) * velocity, float(np.abs(p.c).max(initial=0.0)), 1e-300)
+    unit_v, velocity, force = natural_units(p)
     size = n + 2 * contacts + limited
     rates = np.zeros((2 * contacts + limited, size))
-    rates[: 2 * contacts, :n] = p.W
-    rates[2 * contacts :, :n] = p.S
+    rates[:, :n] = np.vstack([p.W, p.S]) * (unit_v / velocity)
     for k in range(contacts):
         rates[2 * k : 2 * k + 2, n + 2 * k : n + 2 * k + 2] = p.R[k] * (force / velocity)
     for r in range(limited):
         rates[2 * contacts + r, n + 2 * contacts + r] = p.R_s[r] * (force / velocity)
     offset = np.concatenate([p.w, p.w_s]) / velocity
-    equal = [np.hstack([p.H * (velocity / force), -p.W.T, -p.S.T])]
-    value = [p.c / force]
+    per_force = unit_v / (velocity * force)
+    equal = [np.hstack([p.H * unit_v * per_force[:, None], -rates[:, :n].T])]
+    value = [p.c * per_force]
     least: list[NDArray[np.float64]] = []
     bound: list[float] = []
-    unit = np.eye(size)[n:]
+    own_force = np.eye(size)[n:]
 
     def add(row: NDArray[np.float64], right: float, inequality: bool = False) -> None:
         if inequality:
@@ -70,7 +106,7 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
             value.append(np.array([right]))
 
     for k in range(contacts):
-        normal, tangent = unit[2 * k], unit[2 * k + 1]
+        normal, tangent = own_force[2 * k], own_force[2 * k + 1]
         if mode[k] == OPEN:
             add(normal, 0.0)
             add(tangent, 0.0)
@@ -78,25 +114,26 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
             continue
         add(rates[2 * k], -offset[2 * k])
         add(normal, 0.0, True)
-        if mode[k] == STICK:
+        if mode[k] == STICK and p.mu[k] > 0.0:
             add(rates[2 * k + 1], -offset[2 * k + 1])
             add(p.mu[k] * normal - tangent, 0.0, True)
             add(p.mu[k] * normal + tangent, 0.0, True)
         else:
-            sign = _FORCE_SIGN[mode[k]]
+            sign = _FORCE_SIGN.get(mode[k], 0.0)
             add(tangent - sign * p.mu[k] * normal, 0.0)
             if p.mu[k] > 0.0:
                 add(-sign * rates[2 * k + 1], sign * offset[2 * k + 1], True)
     for r in range(limited):
-        row, own, limit = rates[2 * contacts + r], unit[2 * contacts + r], p.F[r] / force
+        row, own, limit = rates[2 * contacts + r], own_force[2 * contacts + r], p.F[r] / force
         right = -offset[2 * contacts + r]
-        if mode[contacts + r] == STICK:
+        if mode[contacts + r] == STICK and limit > 0.0:
             add(row, right)
             if np.isfinite(limit):
                 add(own, -limit, True)
                 add(-own, -limit, True)
         else:
-            sign = _FORCE_SIGN[mode[contacts + r]]
+            sign = _FORCE_SIGN.get(mode[contacts + r], 0.0)
             add(own, sign * limit)
-            add(-sign * row, -sign * right, True)
+            if limit > 0.0:
+                add(-sign * row, -sign * right, True)
     return np.vstack(equal), np.concatenate(value), np.array(least).reshape(-1, size), np.array(bound)

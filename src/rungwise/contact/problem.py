@@ -40,7 +40,8 @@ class ContactProblem(Block):
 
 
 class ContactSolution(NamedTuple):
-    """Velocities (n,), contact forces (k d,), forces of limited rows (b,), and the residual computed from them."""
+    """Velocities (n,), contact forces (k d,), forces of limited rows (b,), and the residual computed from
+    them."""
 
     v: NDArray[np.float64]
     force: NDArray[np.float64]

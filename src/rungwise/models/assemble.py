@@ -85,7 +85,9 @@ def _fill_balance(rung, step, eps, terms, free, n, v, speed, problem):  # type: 
                 problem.c[i] -= resist * speed[b]
         for j in range(n):
             b = free[j]
-            problem.H[i, j] = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+            problem.H[i, j] = (
+                inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+            )
 
 
 @kernel
@@ -148,15 +150,27 @@ def _invert(a, d):  # type: ignore[no-untyped-def]
 
 @kernel
 def deform(rung, h, terms, k, force, problem, after):  # type: ignore[no-untyped-def]
-    """Deformation of contact k after the step: delta = R (h lambda + (C - (1 - theta) h K) delta); into `after` (d,)."""
+    """Deformation of contact k after the step into `after` (d,): delta = R (h lambda + (C - (1 - theta) h K) delta).
+
+    Without force it relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta = 1/2 and little
+    damping it would otherwise change sign from step to step for ever.
+    """
     d = after.shape[0]
-    theta = rung[0].theta
+    pushed = False
+    for i in range(d):
+        pushed |= force[k * d + i] != 0.0
+    early = (1.0 - rung[0].theta) * h if pushed else 0.0
+    if not pushed and rung[0].theta < 1.0:
+        for i in range(d):
+            for j in range(d):
+                problem.R[k, i, j] = h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]
+        _invert(problem.R[k], d)
     for i in range(d):
         after[i] = 0.0
         for j in range(d):
             push = h * force[k * d + j]
             for m in range(d):
-                keep = terms.contact_damping[k, j, m] - (1.0 - theta) * h * terms.contact_stiffness[k, j, m]
+                keep = terms.contact_damping[k, j, m] - early * terms.contact_stiffness[k, j, m]
                 push += keep * terms.deformation[k * d + m]
             after[i] += problem.R[k, i, j] * push
 

@@ -53,7 +53,7 @@ class Rung:
         record = np.zeros(1, RUNG)
         for field in RUNG.names or ():
             record[field] = theta if field == "theta" else getattr(self, field)
-        if not self.compliant:
+        if not self.compliant or self.inertia == 0.0:
             record["theta"] = 1.0
         return record
 

@@ -35,7 +35,8 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "drive": drive,
         }
     contacts = [
-        {"between": list(pair)} | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
+        {"between": list(pair)}
+        | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
     world = records.world[0]
@@ -45,7 +46,13 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
         "bodies": bodies,
         "contacts": contacts,
         "parameters": {
-            name: {"value": parameters[name], "default": p.default, "range": p.range, "unit": p.unit, "about": p.about}
+            name: {
+                "value": parameters[name],
+                "default": p.default,
+                "range": p.range,
+                "unit": p.unit,
+                "about": p.about,
+            }
             for name, p in file.parameters.items()
         },
         "goal": file.goal,
@@ -83,5 +90,7 @@ def describe_text(report: Mapping[str, Any]) -> str:
         low, high = p["range"] or ("-inf", "inf")
         lines.append(f"  {name:12s} {p['value']:.6g} {p['unit']}, {low} to {high}  {p['about']}")
     lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
-    lines.append(f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}")
+    lines.append(
+        f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
+    )
     return "\n".join(lines)

@@ -12,7 +12,16 @@ from rungwise.scene.expression import evaluate
 from rungwise.scene.records import BOX, CAPSULE, FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT
 
-BOUND, OUT_OF_RANGE, NOT_CONVEX, NO_NORMAL, NO_AXIS, NO_MASS, NO_INERTIA, OUT_OF_TRAVEL = 0, 1, 2, 3, 4, 5, 6, 7
+BOUND, OUT_OF_RANGE, NOT_CONVEX, NO_NORMAL, NO_AXIS, NO_MASS, NO_INERTIA, OUT_OF_TRAVEL = (
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",

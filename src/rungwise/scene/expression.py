@@ -4,13 +4,15 @@ Grammar: numbers, names, ``+ - * / **``, comparisons, ``and or not``, ``a if con
 functions of `FUNCTIONS`. Nothing is ever evaluated by Python.
 
 A condition compiles to a *signed margin*: ``a <= b`` is ``b - a``, ``and`` the least, ``or`` the greatest,
-``not`` the negative; it holds where the margin is >= 0. A strict comparison has a negative margin at equality.
+``not`` the negative; it holds where the margin is >= 0. A strict comparison has a negative margin at
+equality. A comparison with what is not a number does not hold.
 """
 
 from __future__ import annotations
 
 import ast
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -23,7 +25,18 @@ MAX_NODES = 300
 STACK = 64
 
 CONSTANT, LOAD, SELECT, STRICT = 0, 1, 2, 3
-ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, MINIMUM, MAXIMUM, ATAN2, HYPOT = 10, 11, 12, 13, 14, 15, 16, 17, 18
+ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, MINIMUM, MAXIMUM, ATAN2, HYPOT, MARGIN = (
+    10,
+    11,
+    12,
+    13,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+)
 NEGATE, ABSOLUTE, SQRT, EXP, LOG, SIN, COS, TAN, ASIN, ACOS, ATAN, SIGN, FLOOR = (
     30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41, 42,
 )  # fmt: skip
@@ -56,7 +69,9 @@ class Code:
     reads: set[int] = field(default_factory=set)
 
 
-def compile_expression(text: str, lookup: Lookup, names: Callable[[], str], *, condition: bool = False) -> Code:
+def compile_expression(
+    text: str, lookup: Lookup, names: Callable[[], str], *, condition: bool = False
+) -> Code:
     """Bytecode of `text`.
 
     `lookup` resolves names to slots; `names` lists the valid ones for the error message. Raises
@@ -65,12 +80,16 @@ def compile_expression(text: str, lookup: Lookup, names: Callable[[], str], *, c
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"longer than {MAX_LENGTH} characters")
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter(
+                "error"
+            )  # such as "1if x < 2 else 3": Python's word on it would go to stderr
+            tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ExpressionError(f"{text[:60]!r} is not an expression") from None
     if sum(1 for _ in ast.walk(tree)) > MAX_NODES:
         raise ExpressionError(f"more than {MAX_NODES} terms")
-    compiler = _Compiler(lookup, names)
+    compiler = _Compiler(text.strip(), lookup, names)
     (compiler.condition if condition else compiler.number)(tree)
     if compiler.deepest > STACK:
         raise ExpressionError("nested too deeply")
@@ -78,7 +97,8 @@ def compile_expression(text: str, lookup: Lookup, names: Callable[[], str], *, c
 
 
 class _Compiler:
-    def __init__(self, lookup: Lookup, names: Callable[[], str]) -> None:
+    def __init__(self, text: str, lookup: Lookup, names: Callable[[], str]) -> None:
+        self.text = text
         self.code = Code()
         self.lookup = lookup
         self.names = names
@@ -108,7 +128,9 @@ class _Compiler:
             case ast.Compare() | ast.BoolOp() | ast.UnaryOp(ast.Not(), _):
                 raise ExpressionError("a condition stands where a number is wanted")
             case _:
-                raise ExpressionError(f"{_show(node)} is not allowed; use + - * / **, numbers, names and functions")
+                raise ExpressionError(
+                    f"{self._show(node)} is not allowed; use + - * / **, numbers, names and functions"
+                )
 
     def condition(self, node: ast.expr) -> None:
         match node:
@@ -127,14 +149,16 @@ class _Compiler:
                 self._apply(NEGATE, self.condition, operand)
                 self._emit(STRICT, 0, 0)
             case _:
-                raise ExpressionError(f"{_show(node)} is not a condition; compare with <=, <, >= or >")
+                raise ExpressionError(f"{self._show(node)} is not a condition; compare with <=, <, >= or >")
 
     def _compare(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> None:
         if isinstance(op, ast.LtE | ast.Lt):
             left, right = right, left
         elif not isinstance(op, ast.GtE | ast.Gt):
-            raise ExpressionError("compare with <=, <, >= or > (equality of real numbers never holds for long)")
-        self._apply(SUBTRACT, self.number, left, right)
+            raise ExpressionError(
+                "compare with <=, <, >= or > (equality of real numbers never holds for long)"
+            )
+        self._apply(MARGIN, self.number, left, right)
         if isinstance(op, ast.Lt | ast.Gt):
             self._emit(STRICT, 0, 0)
 
@@ -161,14 +185,14 @@ class _Compiler:
         self._emit(operation, 0, 1 - len(args))
 
     def _name(self, function: str, *nodes: ast.expr) -> None:
-        dotted = tuple(_dotted(node) for node in nodes)
+        dotted = tuple(self._dotted(node) for node in nodes)
         if not function and dotted[0] in CONSTANTS:
             self._constant(CONSTANTS[dotted[0]])
             return
         slot = self.lookup(function, dotted)
         if slot is None:
             name = f"{function}({', '.join(dotted)})" if function else dotted[0]
-            raise ExpressionError(f"unknown name {name}; valid: {self.names()}")
+            raise ExpressionError(f"unknown name {name[:60]}; valid: {self.names()}")
         self.code.reads.add(slot)
         self._emit(LOAD, slot, 1)
 
@@ -184,19 +208,17 @@ class _Compiler:
         self.depth += grows
         self.deepest = max(self.deepest, self.depth)
 
+    def _dotted(self, node: ast.expr) -> str:
+        match node:
+            case ast.Name(name):
+                return name
+            case ast.Attribute(value, attribute):
+                return f"{self._dotted(value)}.{attribute}"
+            case _:
+                raise ExpressionError(f"{self._show(node)} stands where a name is wanted")
 
-def _dotted(node: ast.expr) -> str:
-    match node:
-        case ast.Name(name):
-            return name
-        case ast.Attribute(value, attribute):
-            return f"{_dotted(value)}.{attribute}"
-        case _:
-            raise ExpressionError(f"{_show(node)} stands where a name is wanted")
-
-
-def _show(node: ast.AST) -> str:
-    return repr(ast.unparse(node)[:60])
+    def _show(self, node: ast.expr) -> str:
+        return repr((ast.get_source_segment(self.text, node) or self.text)[:60])
 
 
 class Programs:
@@ -256,14 +278,24 @@ def _binary(operation, a, b):  # type: ignore[no-untyped-def]
     if operation == DIVIDE:
         return a / b
     if operation == MINIMUM:
-        return b if b < a else a
+        return b if b < a or math.isnan(b) else a
     if operation == MAXIMUM:
-        return b if b > a else a
+        return b if b > a or math.isnan(b) else a
+    if operation == MARGIN:
+        return _margin(a, b)
     if operation == POWER:
         return a**b
     if operation == ATAN2:
         return math.atan2(a, b)
     return math.hypot(a, b)
+
+
+@kernel
+def _margin(a, b):  # type: ignore[no-untyped-def]
+    """a - b, also at infinity; -inf where one of them is not a number."""
+    if a == b:
+        return 0.0
+    return -math.inf if math.isnan(a) or math.isnan(b) else a - b
 
 
 @kernel
@@ -291,5 +323,5 @@ def _unary(operation, a):  # type: ignore[no-untyped-def]
     if operation == ATAN:
         return math.atan(a)
     if operation == SIGN:
-        return (1.0 if a > 0.0 else 0.0) - (1.0 if a < 0.0 else 0.0)
+        return np.sign(a)
     return np.floor(a)

@@ -6,28 +6,58 @@ Every `Number` is a number or an expression of the scene's parameters (see `expr
 
 from __future__ import annotations
 
+import keyword
 import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)  # fmt: skip
 from pydantic_core import PydanticCustomError
 
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
-Name = Annotated[str, Field(pattern=NAME, max_length=60)]
-_UNIT = re.compile(r"^(1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*)$")
+ONE, MANY = "<one>", "<many>"
+"""Tags of a field that takes one thing or a list; pydantic puts them into the place of an error."""
+
+_UNIT = re.compile(r"1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*")
 _BASE_UNITS = {"m", "g", "s", "N", "J", "W", "Pa", "Hz", "rad", "deg"}
 _PREFIXES = ("", "k", "M", "G", "c", "m", "u", "µ", "n")
 
 
+def _no_keyword(name: str) -> str:
+    if keyword.iskeyword(name):
+        raise PydanticCustomError("keyword", "the name is taken by the expression language")
+    return name
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise PydanticCustomError("text", "must be a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise PydanticCustomError("text", "must be a text of valid characters") from None
+    return value
+
+
 def _number(value: object) -> object:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | str)
+        or value == ""
+        or str(value).isspace()
+    ):
         raise PydanticCustomError("number", "must be a number or an expression of the parameters")
-    if isinstance(value, str):
-        if not value.strip():
-            raise PydanticCustomError("number", "must be a number or an expression, not an empty text")
-        return value
-    return _finite(value)
+    return value if isinstance(value, str) else _finite(value)
 
 
 def _finite(value: object) -> float:
@@ -48,7 +78,7 @@ def _finite(value: object) -> float:
 
 
 def _unit(value: object) -> object:
-    if not isinstance(value, str) or not _UNIT.match(value):
+    if not isinstance(value, str) or not _UNIT.fullmatch(value):
         raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
     for symbol in re.findall(r"[A-Za-zµ]+", value):
         if not any(symbol == prefix + base for prefix in _PREFIXES for base in _BASE_UNITS):
@@ -56,7 +86,7 @@ def _unit(value: object) -> object:
                 "unit",
                 "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}",
                 {
-                    "symbol": repr(symbol),
+                    "symbol": repr(symbol[:60]),
                     "bases": " ".join(sorted(_BASE_UNITS)),
                     "prefixes": " ".join(_PREFIXES[1:]),
                 },
@@ -64,12 +94,63 @@ def _unit(value: object) -> object:
     return value
 
 
+Text = Annotated[str, BeforeValidator(_text)]
+Name = Annotated[str, Field(pattern=NAME, max_length=60), AfterValidator(_no_keyword), BeforeValidator(_text)]
+Pattern = Annotated[str, Field(min_length=1, max_length=200), BeforeValidator(_text)]
 Number = Annotated[
     float | str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
 ]
 Finite = Annotated[float, BeforeValidator(_finite)]
 Unit = Annotated[str, BeforeValidator(_unit)]
 Pair = tuple[Number, Number]
+
+
+def _kinds(*models: type[BaseModel]) -> BeforeValidator:
+    """Requires a mapping whose field `kind` is that of one of `models`."""
+    kinds = [get_args(model.model_fields["kind"].annotation)[0] for model in models]
+    valid = ", ".join(kinds)
+
+    def known(value: object) -> object:
+        if isinstance(value, models):
+            return value
+        if not isinstance(value, dict):
+            raise PydanticCustomError(
+                "mapping", "must be a mapping with a kind, not {given}; valid: {valid}",
+                {"given": shown(value), "valid": valid},
+            )  # fmt: skip
+        if "kind" not in value:
+            raise PydanticCustomError("kind", "is required; valid: {valid}", {"valid": valid})
+        if value["kind"] not in kinds:
+            raise PydanticCustomError(
+                "kind",
+                "unknown kind {given}; valid: {valid}",
+                {"given": shown(value["kind"]), "valid": valid},
+            )
+        return value
+
+    return BeforeValidator(known)
+
+
+def shown(value: object) -> str:
+    """A wrong value as a message shows it: short, on one line, in the words of a scene file."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case int() if value.bit_length() > 200:
+            return "so large an integer"
+        case int() | float():
+            return str(value)
+        case str() if len(value) > 60:
+            return f"{value[:57]!r}..."
+        case str():
+            return repr(value)
+        case list() | tuple():
+            return "a list"
+        case dict():
+            return "a mapping"
+    return f"an object of type {type(value).__name__}"
 
 
 class Strict(BaseModel):
@@ -80,14 +161,21 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_fields(cls, data: Any) -> Any:
-        if isinstance(data, dict):
-            for key in data:
-                if key not in cls.model_fields:
-                    raise PydanticCustomError(
-                        "unknown_field",
-                        "unknown field {key}; valid: {valid}",
-                        {"key": repr(key)[:80], "valid": ", ".join(cls.model_fields)},
-                    )
+        if isinstance(data, cls):
+            return data
+        valid = ", ".join(cls.model_fields)
+        if not isinstance(data, dict):
+            raise PydanticCustomError(
+                "mapping", "must be a mapping of fields, not {given}; valid: {valid}",
+                {"given": shown(data), "valid": valid},
+            )  # fmt: skip
+        for key in data:
+            if key not in cls.model_fields:
+                raise PydanticCustomError(
+                    "unknown_field",
+                    "unknown field {key}; valid: {valid}",
+                    {"key": shown(key), "valid": valid},
+                )
         return data
 
 
@@ -97,7 +185,7 @@ class Parameter(Strict):
     default: Finite
     range: tuple[Finite, Finite] | None = None
     unit: Unit = "1"
-    about: str = ""
+    about: Text = ""
 
     @model_validator(mode="after")
     def _ordered(self) -> Parameter:
@@ -154,7 +242,15 @@ class HalfPlane(Strict):
     at: Pair = (0.0, 0.0)
 
 
-Shape = Annotated[Point | Disc | Capsule | Box | Polygon | HalfPlane, Field(discriminator="kind")]
+Shape = Annotated[
+    Point | Disc | Capsule | Box | Polygon | HalfPlane,
+    Field(discriminator="kind"),
+    _kinds(Point, Disc, Capsule, Box, Polygon, HalfPlane),
+]
+Shapes = Annotated[
+    Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
+    Discriminator(lambda value: MANY if isinstance(value, list | tuple) else ONE),
+]
 
 
 class Speed(Strict):
@@ -167,7 +263,8 @@ class Speed(Strict):
 class Servo(Strict):
     """Force ``stiffness (target - q) + damping (target_speed - v)``, at most `limit` (timed targets).
 
-    Without `target` the servo follows ``start + target_speed t`` (a `target_speed` that uses t needs a target).
+    Without `target` the servo follows ``start + target_speed t`` (a `target_speed` that uses t needs a
+    target).
     """
 
     kind: Literal["servo"]
@@ -185,7 +282,7 @@ class Force(Strict):
     force: Number
 
 
-Drive = Annotated[Speed | Servo | Force, Field(discriminator="kind")]
+Drive = Annotated[Speed | Servo | Force, Field(discriminator="kind"), _kinds(Speed, Servo, Force)]
 
 
 class Fixed(Strict):
@@ -214,7 +311,9 @@ class Free(Strict):
     kind: Literal["free"]
 
 
-Motion = Annotated[Fixed | Slide | Hinge | Free, Field(discriminator="kind")]
+Motion = Annotated[
+    Fixed | Slide | Hinge | Free, Field(discriminator="kind"), _kinds(Fixed, Slide, Hinge, Free)
+]
 
 
 class Coordinate(Strict):
@@ -236,10 +335,10 @@ class Pose(Strict):
 
 
 class Body(Strict):
-    """A rigid body. Mass, centre and inertia (about the centre) follow from outline and density if not given."""
+    """A rigid body. Mass, centre and inertia (about it) follow from outline and density if not given."""
 
     role: Literal["robot", "object", "obstacle"]
-    shape: Shape | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32)]
+    shape: Shapes
     pose: Pose = Pose()
     motion: Motion = Fixed()
     coordinates: dict[Name, Coordinate] = {}
@@ -267,7 +366,7 @@ class Body(Strict):
 class Contact(Strict):
     """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
 
-    between: tuple[str, str]
+    between: tuple[Pattern, Pattern]
     friction: Number = 0.0
     restitution: Number = 0.0
     stiffness: Number = 1e6
@@ -283,24 +382,24 @@ class Potential(Strict):
     """
 
     stiffness: Number
-    terms: Annotated[dict[str, Number], Field(min_length=1)]
+    terms: Annotated[dict[Text, Number], Field(min_length=1)]
     target: Number = 0.0
-    on: tuple[str, ...] | None = None
+    on: tuple[Text, ...] | None = None
 
 
 class SceneFile(Strict):
     """A whole scene as written: see `Scene` for one that has been read and checked."""
 
     name: Name
-    about: str = ""
+    about: Text = ""
     parameters: dict[Name, Parameter] = {}
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
     contacts: tuple[Contact, ...] = ()
     potentials: tuple[Potential, ...] = ()
-    goal: str | None = None
-    unsafe: str | None = None
-    doomed: str | None = None
+    goal: Text | None = None
+    unsafe: Text | None = None
+    doomed: Text | None = None
     tolerance: Number = 1e-6
     duration: Number = 10.0
     step: Number = 1e-3

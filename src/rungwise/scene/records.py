@@ -13,7 +13,7 @@ from rungwise.block import Block
 
 def _record(integers: str, reals: str) -> np.dtype[np.void]:
     fields = [(name, np.int64) for name in integers.split()] + [(name, np.float64) for name in reals.split()]
-    return np.dtype(fields)
+    return np.dtype((np.record, fields))
 
 
 FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3

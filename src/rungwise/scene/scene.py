@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
@@ -18,8 +18,8 @@ from pydantic import ValidationError
 from rungwise.scene import bind as binding
 from rungwise.scene import records as rec
 from rungwise.scene.expression import STACK
-from rungwise.scene.fields import SceneFile
-from rungwise.scene.template import SceneError, Template, build
+from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile, shown
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template, build
 
 MAX_FILE = 2_000_000
 LIBRARY = files("rungwise.scene") / "library"
@@ -59,17 +59,12 @@ class Scene:
         """
         known = self.file.parameters
         values = {name: parameter.default for name, parameter in known.items()}
+        if not isinstance(given, Mapping | None):
+            raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(given)}")
         for name, value in (given or {}).items():
             if name not in known:
-                raise SceneError(f"parameters: unknown {name[:60]!r}; valid: {', '.join(known) or 'none'}")
-            if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-                raise SceneError(f"parameters.{name}: must be a number, not {str(value)[:40]!r}")
-            limits = known[name].range
-            if not math.isfinite(value):
-                raise SceneError(f"parameters.{name}: must be finite")
-            if limits is not None and not limits[0] <= value <= limits[1]:
-                raise SceneError(f"parameters.{name}: {value:g} is outside {limits[0]:g} to {limits[1]:g}")
-            values[name] = float(value)
+                raise SceneError(f"parameters: unknown {shown(name)}; valid: {', '.join(known) or 'none'}")
+            values[name] = _parameter(f"parameters.{name}", value, known[name])
         return values
 
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
@@ -96,9 +91,11 @@ class Scene:
     def _out_of_range(self, index: int, value: float) -> str:
         checks = self.template.checks
         low, high, path = checks.low[index], checks.high[index], checks.paths[index]
-        if not math.isfinite(value) and not checks.kinds[index] & 2:
+        if math.isnan(value):
+            return f"{path}: must be a number, not nan"
+        if math.isinf(value) and not checks.kinds[index] & MAY_BE_INFINITE:
             return f"{path}: must be finite, not {value:g}"
-        sign = ">" if checks.kinds[index] & 1 else ">="
+        sign = ">" if checks.kinds[index] & STRICT else ">="
         bounds = f"{sign} {low:g}" + (f" and <= {high:g}" if math.isfinite(high) else "")
         return f"{path}: {value:g} must be {bounds}"
 
@@ -117,13 +114,13 @@ def load(source: str | Path | Mapping[str, Any]) -> Scene:
 
     Raises SceneError: one line that names the field and what is valid.
     """
-    data = source if isinstance(source, Mapping) else _read(source)
-    if not isinstance(data, Mapping):
-        raise SceneError("scene: must be a mapping of fields such as name, bodies, contacts, goal")
+    if not isinstance(source, str | Path | Mapping):
+        raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
+    data = dict(source) if isinstance(source, Mapping) else _read(source)
     try:
         file = SceneFile.model_validate(data)
     except ValidationError as error:
-        raise SceneError(explain(error)) from None
+        raise SceneError(explain(error, data)) from None
     except RecursionError:
         raise SceneError("scene: nested too deeply") from None
     return Scene(file, build(file))
@@ -139,22 +136,78 @@ def schema() -> dict[str, Any]:
     return SceneFile.model_json_schema()
 
 
-def explain(error: ValidationError) -> str:
+WORDING = {
+    "missing": "is required",
+    "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length} characters",
+    "string_pattern_mismatch": "must be a name (a letter, then letters, digits and _)",
+    "literal_error": "must be {expected}",
+    "dict_type": "must be a mapping",
+    "tuple_type": "must be a list",
+    "too_short": "must have at least {min_length}, not {actual_length}",
+    "too_long": "must have at most {max_length}",
+}
+"""Type of a pydantic error -> what a scene's author reads."""
+
+_COMPLETE = {"missing", "too_short", "too_long", "unknown_field", "kind", "mapping", "keyword", "range"}
+"""Errors whose text does not go on with the value that was given."""
+
+
+def explain(error: ValidationError, data: object) -> str:
     """The first error as one line: field, what is wrong, what is valid; and how many more there are."""
-    errors = error.errors(include_url=False, include_context=True)
+    errors = error.errors(include_url=False)
+    errors = [
+        e for e in errors if e["type"] != "too_short"
+    ] or errors  # a list with a wrong entry counts as too short
     first = errors[0]
-    path = ".".join(str(part) for part in first["loc"] if not str(part).startswith("function-")) or "scene"
-    message = first["msg"].replace("Input should be", "must be").replace("\n", " ")
-    if first["type"] in ("union_tag_invalid", "union_tag_not_found"):
-        tags = first.get("ctx", {}).get("expected_tags") or "one of its kinds"
-        message = f"needs a field kind; valid: {tags}"
+    wording = WORDING.get(first["type"])
+    message = first["msg"] if wording is None else wording.format_map(first.get("ctx", {}))
+    if first["type"] not in _COMPLETE:
+        message += f", not {shown(first['input'])}"
+    path = _path(first["loc"], data)
+    if first["type"] == "kind":
         path += ".kind"
-    elif first["type"] == "missing":
-        message = "is required"
-    elif isinstance(first["input"], str | int | float | bool):
-        message += f", not {json.dumps(first['input'], ensure_ascii=False)[:60]}"
     more = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
     return f"{path}: {message}{more}"
+
+
+def _path(loc: tuple[str | int, ...], data: object) -> str:
+    """Place of an error as its author wrote it: without the tags that pydantic adds on entering a union."""
+    parts: list[str] = []
+    kind = None
+    for part in loc:
+        if part in (ONE, MANY, "[key]"):
+            continue
+        if part == kind:
+            kind = None
+            continue
+        parts.append(part if isinstance(part, str) and re.fullmatch(r"[\w.]{1,60}", part) else shown(part))
+        data = _inside(data, part)
+        kind = data.get("kind") if isinstance(data, Mapping) else None
+    return ".".join(parts) or "scene"
+
+
+def _inside(data: object, part: str | int) -> object:
+    if isinstance(data, Mapping):
+        return data.get(part)
+    if isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
+        return data[part]
+    return None
+
+
+def _parameter(path: str, value: object, declared: Parameter) -> float:
+    """A parameter's value as float, in its range. Raises SceneError."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise SceneError(f"{path}: must be a number, not {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise SceneError(f"{path}: must be finite, not {shown(value)}")
+    if declared.range is not None and not declared.range[0] <= number <= declared.range[1]:
+        raise SceneError(f"{path}: {number:g} is outside {declared.range[0]:g} to {declared.range[1]:g}")
+    return number
 
 
 def _read(source: str | Path) -> object:
@@ -164,8 +217,12 @@ def _read(source: str | Path) -> object:
     else:
         path = Path(source)
         try:
+            if text and path.is_dir():
+                raise SceneError(f"scene: {text[:200]!r} is a folder, not a YAML file")
             if not path.is_file():
-                raise SceneError(f"scene: {text[:200]!r} is no file and no scene that ships; valid: {', '.join(shipped())}")
+                raise SceneError(
+                    f"scene: {text[:200]!r} is no file and no scene that ships; valid: {', '.join(shipped())}"
+                )
             if path.stat().st_size > MAX_FILE:
                 raise SceneError(f"scene: {text[:200]!r} is larger than {MAX_FILE} bytes")
             content = path.read_text("utf-8")
@@ -178,26 +235,30 @@ def _read(source: str | Path) -> object:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or "not YAML"
+        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not YAML"
         raise SceneError(f"scene: {text[:200]!r}{where}: {problem}") from None
     except (RecursionError, ValueError, OverflowError):
         raise SceneError(f"scene: {text[:200]!r} is not a YAML mapping of plain values") from None
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe YAML without aliases (which can grow without bound) and without repeated keys."""
+    """Safe YAML without aliases (which can grow without bound), tags and repeated keys."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:
+        event: Any = self.peek_event()
         if self.check_event(yaml.AliasEvent):
-            event = self.peek_event()
             raise yaml.composer.ComposerError(None, None, "aliases are not allowed", event.start_mark)
+        if event.tag is not None:
+            raise yaml.composer.ComposerError(None, None, "tags are not allowed", event.start_mark)
         return super().compose_node(parent, index)
 
     def construct_mapping(self, node: Any, deep: bool = False) -> Any:
         seen = set()
         for key, _ in node.value:
-            if key.value in seen and isinstance(key.value, str):
-                raise yaml.constructor.ConstructorError(None, None, f"{key.value!r} is given twice", key.start_mark)
-            if isinstance(key.value, str):
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.constructor.ConstructorError(
+                        None, None, f"{shown(key.value)} is given twice", key.start_mark
+                    )
                 seen.add(key.value)
         return super().construct_mapping(node, deep)

@@ -2,21 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.scene import records as rec
-from rungwise.scene.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, Programs, compile_expression
+from rungwise.scene.expression import (
+    CONSTANTS,
+    FUNCTIONS,
+    Code,
+    ExpressionError,
+    Programs,
+    compile_expression,
+)
 from rungwise.scene.fields import (
-    Box, Capsule, Contact, Coordinate, Disc, Force, HalfPlane, Hinge, Number, Polygon, SceneFile, Servo, Shape, Slide, Speed,
+    Box,
+    Capsule,
+    Contact,
+    Coordinate,
+    Disc,
+    Force,
+    HalfPlane,
+    Hinge,
+    Number,
+    Polygon,
+    SceneFile,
+    Servo,
+    Shape,
+    Slide,
+    Speed,
+    shown,
 )  # fmt: skip
 
 INF = float("inf")
+MAX_PAIRS = 100_000
+"""Most pairs of shapes that may touch: beyond it, a small file would need all memory."""
+
 STRICT, MAY_BE_INFINITE = 1, 2
 
 
@@ -79,7 +104,11 @@ class _Builder:
         )
         self.matched = list(self._match_contacts())
         self.contacts = tuple(pair for pair, _, _ in self.matched)
-        self.pairs = list(self._shape_pairs())
+        self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
+        if len(self.pairs) > MAX_PAIRS:
+            raise SceneError(
+                f"contacts: more than {MAX_PAIRS} pairs of shapes may touch; name fewer bodies in between"
+            )
         self.static: list[tuple[Code, int]] = []
         self.timed: list[tuple[Code, int]] = []
         self.checks: list[tuple[int, float, float, int, str]] = []
@@ -101,14 +130,15 @@ class _Builder:
     def build(self) -> Template:
         for field in ("tolerance", "duration", "step"):
             self.put("world", 0, field, getattr(self.scene, field), field, above=0.0)
-        for field, value in zip(("gravity_x", "gravity_y"), self.scene.gravity, strict=True):
-            self.put("world", 0, field, value, "gravity")
+        for k, value in enumerate(self.scene.gravity):
+            self.put("world", 0, ("gravity_x", "gravity_y")[k], value, f"gravity.{k}")
         for index in range(len(self.bodies)):
             self._body(index)
         for index, (pair, entry, contact) in enumerate(self.matched):
             self._contact(index, pair, f"contacts.{entry}", contact)
         for index, (contact_index, a, b) in enumerate(self.pairs):
             self.records.pairs[index] = (contact_index, a, b)
+        self._unused_contacts()
         for index in range(len(self.scene.potentials)):
             self._potential(index)
         conditions = Programs([self._condition(name) for name in ("goal", "unsafe", "doomed")])
@@ -149,12 +179,7 @@ class _Builder:
         """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
         target = rec.slot(self.counts, kind, index, field)
         if isinstance(value, str):
-            try:
-                code = compile_expression(
-                    value, self._number_lookup(timed), lambda: ", ".join(self._names(timed)) or "none"
-                )
-            except ExpressionError as error:
-                raise SceneError(f"{path}: {error}") from None
+            code = self._program(value, path, timed)
             self.static.append((code, target))
             if len(self.parameters) in code.reads:
                 self.timed.append((code, target))
@@ -163,6 +188,12 @@ class _Builder:
         low = at_least if above is None else above
         kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
         self.checks.append((target, low, at_most, kinds, path))
+
+    def _program(self, text: str, path: str, timed: bool = False) -> Code:
+        try:
+            return compile_expression(text, self._number_lookup(timed), lambda: _listed(self._names(timed)))
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
 
     def _names(self, timed: bool) -> tuple[str, ...]:
         return (*self.parameters, "t") if timed else self.parameters
@@ -187,7 +218,7 @@ class _Builder:
     def _state_names(self) -> str:
         names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
         names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
-        return ", ".join(names[:40]) + (", ..." if len(names) > 40 else "")
+        return _listed(names)
 
     def _state_lookup(self, function: str, dotted: tuple[str, ...]) -> int | None:
         time = len(self.parameters)
@@ -218,20 +249,20 @@ class _Builder:
         direction = body.motion.axis if isinstance(body.motion, Slide) else (1.0, 0.0)
         pivot = body.motion.pivot if isinstance(body.motion, Hinge) else (0.0, 0.0)
         for field, value, source in (
-            ("axis_x", direction[0], "motion.axis"), ("axis_y", direction[1], "motion.axis"),
-            ("pivot_x", pivot[0], "motion.pivot"), ("pivot_y", pivot[1], "motion.pivot"),
-            ("force_x", body.force[0], "force"), ("force_y", body.force[1], "force"),
+            ("axis_x", direction[0], "motion.axis.0"), ("axis_y", direction[1], "motion.axis.1"),
+            ("pivot_x", pivot[0], "motion.pivot.0"), ("pivot_y", pivot[1], "motion.pivot.1"),
+            ("force_x", body.force[0], "force.0"), ("force_y", body.force[1], "force.1"),
             ("torque", body.torque, "torque"),
         ):  # fmt: skip
-            self.put("bodies", index, field, value, f"{path}.{source}", timed=source in ("force", "torque"))
+            self.put("bodies", index, field, value, f"{path}.{source}", timed=not source.startswith("motion"))
         self.put("bodies", index, "density", body.density, f"{path}.density", at_least=0.0)
         for field in ("mass", "inertia"):
             value = getattr(body, field)
             record[f"{field}_given"] = value is not None
             self.put("bodies", index, field, 0.0 if value is None else value, f"{path}.{field}", at_least=0.0)
         record["centre_given"] = body.centre is not None
-        for field, value in zip(("centre_x", "centre_y"), body.centre or (0.0, 0.0), strict=True):
-            self.put("bodies", index, field, value, f"{path}.centre")
+        for k, value in enumerate(body.centre or (0.0, 0.0)):
+            self.put("bodies", index, ("centre_x", "centre_y")[k], value, f"{path}.centre.{k}")
         self._shapes(index, body.shapes, path)
         self._coordinates(index, path)
 
@@ -241,9 +272,8 @@ class _Builder:
         names = body.coordinate_names
         for given in body.coordinates:
             if given not in names:
-                raise SceneError(
-                    f"{path}.coordinates: unknown coordinate {given!r}; valid: {', '.join(names) or 'none (fixed)'}"
-                )
+                valid = ", ".join(names) or "none (fixed)"
+                raise SceneError(f"{path}.coordinates: unknown coordinate {given!r}; valid: {valid}")
         first = self.coordinates.index(f"{name}.{names[0]}") if names else 0
         self.records.bodies[index]["coordinate"] = first
         for offset, coordinate_name in enumerate(names):
@@ -258,7 +288,9 @@ class _Builder:
         self.put("coordinates", index, "lower", given.lower, f"{path}.lower", infinite=True)
         self.put("coordinates", index, "upper", given.upper, f"{path}.upper", infinite=True)
         self.put("coordinates", index, "damping", given.damping, f"{path}.damping", at_least=0.0)
-        self.put("coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0)
+        self.put(
+            "coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0
+        )
         drive = given.drive
         path += ".drive"
 
@@ -289,11 +321,12 @@ class _Builder:
         earlier = [self.scene.bodies[name].shapes for name in self.bodies[:body]]
         first = sum(len(many) for many in earlier)
         vertex = sum(_vertex_count(shape) for many in earlier for shape in many)
+        listed = self.scene.bodies[self.bodies[body]].shape
         self.records.bodies[body]["first_shape"] = first
         self.records.bodies[body]["end_shape"] = first + len(shapes)
         for offset, shape in enumerate(shapes):
             index = first + offset
-            where = f"{path}.shape" + (f".{offset}" if len(shapes) > 1 else "")
+            where = f"{path}.shape" + (f".{offset}" if isinstance(listed, tuple) else "")
             outline = _vertices(shape)
             record = self.records.shapes[index]
             record["body"] = body
@@ -304,13 +337,13 @@ class _Builder:
                 "shapes", index, "radius", getattr(shape, "radius", 0.0), f"{where}.radius",
                 above=0.0 if positive else None, at_least=0.0,
             )  # fmt: skip
-            self.put("shapes", index, "at_x", shape.at[0], f"{where}.at")
-            self.put("shapes", index, "at_y", shape.at[1], f"{where}.at")
+            self.put("shapes", index, "at_x", shape.at[0], f"{where}.at.0")
+            self.put("shapes", index, "at_y", shape.at[1], f"{where}.at.1")
             self.put("shapes", index, "angle", getattr(shape, "angle", 0.0), f"{where}.angle")
-            for x, y in outline:
-                outline_field = f"{where}.{'normal' if isinstance(shape, HalfPlane) else 'vertices'}"
-                self.put("vertices", vertex, "x", x, outline_field)
-                self.put("vertices", vertex, "y", y, outline_field)
+            for k, (x, y) in enumerate(outline):
+                source = f"{where}.{'normal' if isinstance(shape, HalfPlane) else f'vertices.{k}'}"
+                self.put("vertices", vertex, "x", x, f"{source}.0")
+                self.put("vertices", vertex, "y", y, f"{source}.1")
                 vertex += 1
             for field, size in zip(("size_x", "size_y"), _SIZES.get(shape.kind, ()), strict=False):
                 self.put("shapes", index, field, getattr(shape, size), f"{where}.{size}", above=0.0)
@@ -318,10 +351,11 @@ class _Builder:
     def _match_contacts(self) -> Iterator[tuple[tuple[str, str], int, Contact]]:
         bodies = self.scene.bodies
         for entry, contact in enumerate(self.scene.contacts):
-            for pattern in contact.between:
+            for k, pattern in enumerate(contact.between):
                 if not any(fnmatchcase(name, pattern) for name in bodies):
+                    path = f"contacts.{entry}.between.{k}"
                     raise SceneError(
-                        f"contacts.{entry}.between: {pattern[:60]!r} names no body; valid: {', '.join(bodies)}, or *"
+                        f"{path}: {shown(pattern)} names no body; valid: {_listed(bodies)}, or *"
                     )
         for pair in combinations(bodies, 2):
             if all(not bodies[name].coordinate_names for name in pair):
@@ -360,23 +394,37 @@ class _Builder:
         tangential = contact.tangential_damping
         put("tangential_damping", contact.damping if tangential is None else tangential)
 
+    def _unused_contacts(self) -> None:
+        """Expressions of entries that hold for no pair must be right, too."""
+        used = {entry for _, entry, _ in self.matched}
+        for entry, contact in enumerate(self.scene.contacts):
+            for field, value in contact:
+                if entry not in used and isinstance(value, str):
+                    self._program(value, f"contacts.{entry}.{field}")
+
     def _potential(self, index: int) -> None:
         potential = self.scene.potentials[index]
         path = f"potentials.{index}"
         self.put("potentials", index, "stiffness", potential.stiffness, f"{path}.stiffness", at_least=0.0)
         self.put("potentials", index, "target", potential.target, f"{path}.target")
-        for field, names in (("terms", tuple(potential.terms)), ("on", potential.on or ())):
-            for name in names:
-                if name not in self.coordinates:
-                    raise SceneError(
-                        f"{path}.{field}: unknown coordinate {name[:60]!r}; valid: {', '.join(self.coordinates)}"
-                    )
+        named = [("terms", name) for name in potential.terms]
+        named += [(f"on.{k}", name) for k, name in enumerate(potential.on or ())]
+        for field, name in named:
+            if name not in self.coordinates:
+                raise SceneError(
+                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {_listed(self.coordinates)}"
+                )
         for place, name in enumerate(self.coordinates):
             row = index * len(self.coordinates) + place
             robot = self.scene.bodies[name.split(".")[0]].role == "robot"
             acts = robot if potential.on is None else name in potential.on
             self.put("terms", row, "factor", potential.terms.get(name, 0.0), f"{path}.terms.{name}")
             self.records.terms[row]["acts"] = acts
+
+
+def _listed(names: Iterable[str]) -> str:
+    many = list(names)
+    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"
 
 
 _SIZES = {"box": ("width", "height"), "capsule": ("length",)}

@@ -16,7 +16,12 @@ from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count, place, start
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
-JAMMED, NO_SUPPORT, MISSED, TIMEOUT = int(Code.JAMMED), int(Code.UNSUPPORTED), int(Code.MISSED), int(Code.TIMEOUT)
+JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
+    int(Code.JAMMED),
+    int(Code.UNSUPPORTED),
+    int(Code.MISSED),
+    int(Code.TIMEOUT),
+)
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
@@ -26,6 +31,8 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 NEAR = 1e-4
 """Gaps below this fraction of the longest lever always count as contacts."""
+ONSET = 0.05
+"""First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SINKING = 0.1
 """Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
 DRIFT = 1e-2
@@ -143,7 +150,8 @@ def _take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[
     parts, following = 1, 2.0 * h
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed)
+        following = h if begins else following
         _keep(workspace)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
@@ -156,14 +164,15 @@ def _take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[
                 _restore(records, workspace)
             return status, h, h
         if parts > 1 and part == 0:
-            copy(state.q, workspace.scratch.whole)
+            copy(state.q, workspace.whole.q)
+            copy(state.v, workspace.whole.v)
             _restore(records, workspace)
         else:
             clock.time += length
             clock.worst_residual = max(clock.worst_residual, clock.residual)
     if allowed == 0.0:
         return TAKEN, h, following
-    error = _disagreement(records, workspace)
+    error = _disagreement(records, rung, control, workspace)
     factor = min(max(0.9 * math.sqrt(allowed / max(error, 1e-300)), 0.1), 4.0)
     if error > allowed and h > 1e-12 * control[0].duration:
         _restore(records, workspace)
@@ -172,31 +181,45 @@ def _take(records, timed, buffer, rung, control, workspace, h):  # type: ignore[
 
 
 @kernel
-def _disagreement(records, workspace):  # type: ignore[no-untyped-def]
-    """Greatest distance between where two half steps and one whole step put any coordinate."""
-    state, worst = workspace.state, 0.0
+def _disagreement(records, rung, control, workspace):  # type: ignore[no-untyped-def]
+    """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
+    velocities are continuous (compliant contact), a longest step later."""
+    state, whole, worst = workspace.state, workspace.whole, 0.0
+    later = control[0].longest if rung[0].compliant and rung[0].inertia > 0.0 else 0.0
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]
         for j in range(coordinate_count(body)):
             i = body.coordinate + j
             turns = body.motion == HINGE or j == 2
             lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
-            worst = max(worst, lever * abs(state.q[i] - workspace.scratch.whole[i]))
+            worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
+            worst = max(worst, lever * later * abs(state.v[i] - whole.v[i]))
     return worst
 
 
 @kernel
 def _until_contact(records, rung, workspace, h, closed):  # type: ignore[no-untyped-def]
-    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate."""
+    """The step, no longer than the time in which the first open gap (beyond `closed`) closes at its present rate.
+
+    A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and so do
+    two halves. Returns the step, and whether such an impact begins.
+    """
     state, terms = workspace.state, workspace.terms
+    sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False
     _widen(records, workspace, 4.0 * h * _fastest(records, rung, terms, state, state.v, 0.0))
     for k in range(_gather(records, workspace)):
-        rate = 0.0
+        rate, ease = 0.0, 0.0
         for i in range(state.v.shape[0]):
-            rate += terms.rows[2 * k, i] * (state.speed[i] if state.prescribed[i] else state.v[i])
-        if terms.gap[k] > closed and rate * h < -terms.gap[k]:
-            h = terms.gap[k] / -rate
-    return h
+            row = terms.rows[2 * k, i]
+            rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
+            if sprung and not state.prescribed[i]:
+                ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
+        if terms.gap[k] > closed:
+            if rate * h < -terms.gap[k]:
+                h = terms.gap[k] / -rate
+        elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
+            h, begins = min(h, ONSET / math.sqrt(ease)), True
+    return h, begins
 
 
 @kernel
@@ -235,7 +258,9 @@ def _drive(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyp
     n = state.q.shape[0]
     if timed[3].shape[0] > 0:
         state.values[_time_slot(state)] = clock.time + h
-        evaluate_numbers(timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer)
+        evaluate_numbers(
+            timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
+        )
     moving = 0.0
     shortest = h
     for i in range(n):
@@ -246,8 +271,9 @@ def _drive(records, timed, buffer, rung, workspace, h):  # type: ignore[no-untyp
         speed = c.drive_speed
         if c.drive == SERVO:
             speed = (planar.target(c, state.start[i], clock.time + h) - state.q[i]) / h
-        room = c.upper - state.q[i] if speed > 0.0 else state.q[i] - c.lower
-        if room <= 1e-12 * (abs(c.upper) if speed > 0.0 else abs(c.lower)) + 1e-12 * abs(speed) * h:
+        stop = c.upper if speed > 0.0 else c.lower
+        room = abs(stop - state.q[i])
+        if math.isfinite(stop) and room <= 1e-12 * (abs(stop) + abs(speed) * h):
             continue
         state.speed[i] = speed
         moving = max(moving, abs(speed))

@@ -122,7 +122,8 @@ class Simulation:
         step: length of a step; the scene's own if not given.
         tol: error allowed per step in each coordinate, for steps of controlled length; fixed steps if not given.
         duration: end of the run; the scene's own if not given.
-        theta: of the theta rule on compliant rungs, in 1/2..1.
+        theta: of the theta rule where compliant contact carries momentum, in 1/2..1; if not given, 1 (which damps)
+            for fixed steps and 1/2 (second order) under error control.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first.
     """
@@ -136,7 +137,7 @@ class Simulation:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
-        theta: float = 1.0,
+        theta: float | None = None,
         frames: int = 2000,
         stride: int = 1,
     ) -> None:
@@ -146,10 +147,14 @@ class Simulation:
         except ValueError as error:
             raise ModelError(str(error)) from None
         if not self.model.moves:
-            raise ModelError("model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung")
+            raise ModelError(
+                "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
+            )
         for name, value in (("step", step), ("tol", tol), ("time", duration)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
+        if theta is None:
+            theta = 1.0 if tol is None else 0.5
         if not 0.5 <= theta <= 1.0:
             raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
         if frames < 3 or stride < 1:
@@ -172,7 +177,9 @@ class Simulation:
         self._control["step"] = world["step"] if step is None else step
         self._control["duration"] = world["duration"] if duration is None else duration
         self._control["tolerance"] = world["tolerance"]
-        self._control["longest"] = self._control["step"] if tol is None else self._control["duration"] / LONGEST
+        self._control["longest"] = (
+            self._control["step"] if tol is None else self._control["duration"] / LONGEST
+        )
         self._control["error"] = 0.0 if tol is None else tol
         self._rung = self.model.record(theta)
         self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
@@ -204,8 +211,14 @@ class Simulation:
         began = time.perf_counter()
         self.outcome = Code(
             loop.advance(
-                self._bound.records, self._timed, self._conditions, self._bound.buffer, self._rung, self._control,
-                self.workspace, self._turn,
+                self._bound.records,
+                self._timed,
+                self._conditions,
+                self._bound.buffer,
+                self._rung,
+                self._control,
+                self.workspace,
+                self._turn,
             )  # fmt: skip
         )
         took = time.perf_counter() - began
@@ -255,11 +268,15 @@ class Simulation:
         else:
             self.certificate = certify_unsupported(self.problem, self._resisting())
         if self.certificate is not None:
-            self.reason = f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
+            self.reason = (
+                f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
+            )
         else:
             self.outcome = Code.NOT_CONVERGED
             residual = float(clock["residual"])
-            self.reason = f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
+            self.reason = (
+                f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
+            )
 
     def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """H of the last problem without its inertia."""
@@ -267,7 +284,8 @@ class Simulation:
         state, terms = self.workspace.state, self.workspace.terms
         free = state.free[: int(state.clock[0]["free"])]
         grid = np.ix_(free, free)
-        return np.asarray(float(state.clock[0]["tried"]) * terms.stiffness[grid] + terms.damping[grid])
+        step = float(self._rung["theta"][0]) * float(state.clock[0]["tried"])
+        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 
 def simulate(

@@ -23,9 +23,7 @@ CLOCK = np.dtype(
 )  # fmt: skip
 """Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next; `reach` is the longest lever arm."""
 
-CONTROL = np.dtype(
-    [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")]
-)
+CONTROL = np.dtype([(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")])
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed per step,
 0 for steps of fixed length."""
 
@@ -61,7 +59,7 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, and where one whole step led (`whole`)."""
+    """Workspace of one step: the solution, the solver's matrix."""
 
     x: NDArray[np.float64]
     v_new: NDArray[np.float64]
@@ -75,7 +73,13 @@ class Scratch(Block):
     fresh: NDArray[np.int64]
     after: NDArray[np.float64]
     stack: NDArray[np.float64]
-    whole: NDArray[np.float64]
+
+
+class Whole(Block):
+    """Where one whole step led, to compare two halves with."""
+
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
 
 
 class Snapshot(Block):
@@ -121,6 +125,7 @@ class Workspace(Block):
     scratch: Scratch
     before: Snapshot
     kept: Snapshot
+    whole: Whole
     frames: Frames
 
 
@@ -167,7 +172,6 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         fresh=np.zeros(2, np.int64),
         after=np.zeros(d),
         stack=np.zeros(STACK),
-        whole=np.zeros(n),
     )
     before, kept = (
         Snapshot(
@@ -201,5 +205,6 @@ def allocate(records: Records, values: NDArray[np.float64], parameters: int, fra
         scratch=scratch,
         before=before,
         kept=kept,
+        whole=Whole(q=np.zeros(n), v=np.zeros(n)),
         frames=recorded,
     )

@@ -23,7 +23,18 @@ def solve_step(rung, h, terms, contacts, state, scratch, problem):  # type: igno
     status = NO_SOLUTION
     for _ in range(2):
         bounced = assemble(
-            rung, h, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed, bounced, problem
+            rung,
+            h,
+            clock.eps,
+            terms,
+            contacts,
+            limited,
+            state.free,
+            n,
+            state.v,
+            state.speed,
+            bounced,
+            problem,
         )
         status = _solve(contacts, limited, n, state, scratch, problem)
         if status == SOLVED or not bounced:

@@ -1,14 +1,16 @@
 """Exhaustive search over contact modes, the judge for few contacts.
 
-Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes; sliding has
-two senses in the plane, so 4^n here).
+Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes;
+sliding has two senses in the plane, so 4^n here).
 Accepts: planar problems with at most `MAX_MODES` modes.
 Promises: a solution whenever some mode's system is regular and solves the problem.
 """
 
 from __future__ import annotations
 
-from rungwise.contact.modes import OPEN
+import math
+
+from rungwise.contact.modes import FORWARD, OPEN, STICK
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.mode_newton import solve_mode
 from rungwise.kernel import kernel
@@ -24,7 +26,8 @@ def mode_count(contacts, limited):  # type: ignore[no-untyped-def]
 
 @kernel
 def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, matrix, order, tolerance):  # type: ignore[no-untyped-def]
-    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least met."""
+    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least
+    met."""
     best = 1e300
     for index in range(int(mode_count(contacts, limited))):
         rest = index
@@ -32,11 +35,25 @@ def solve_by_enumeration(problem, n, contacts, limited, mode, v, force, tau, mat
             mode[k] = OPEN + rest % 4
             rest //= 4
         for r in range(limited):
-            mode[contacts + r] = 1 + rest % 3
+            mode[contacts + r] = STICK + rest % 3
             rest //= 3
+        if _repeats(problem, contacts, limited, mode):
+            continue
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         found = residual(problem, n, contacts, limited, v, force, tau)
         best = min(best, found)
         if found <= tolerance:
             return found
     return best
+
+
+@kernel
+def _repeats(p, contacts, limited, mode):  # type: ignore[no-untyped-def]
+    """Whether another mode says the same: without friction every closed one does, and joints only hold."""
+    for k in range(contacts):
+        if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
+            return True
+    repeated = False
+    for r in range(limited):
+        repeated |= math.isinf(p.F[r]) and mode[contacts + r] != STICK
+    return repeated

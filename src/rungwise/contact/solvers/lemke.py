@@ -1,12 +1,13 @@
 """Lemke's pivoting method for planar problems with exact Coulomb friction.
 
-Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-, gamma), with
-lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the plane the polyhedral
-cone is the exact one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J. Numer.
-Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992), section 4.9.
-Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive (symmetric positive
-semidefinite Delassus blocks do).
-Promises: a solution or a ray in finitely many pivots; a ray is a hint that there is no solution, not a proof.
+Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-,
+gamma), with lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the
+plane the polyhedral cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have
+diagonals of about one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J.
+Numer. Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992),
+section 4.9. Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive
+(symmetric positive semidefinite Delassus blocks do). Promises: a solution or a ray in finitely many pivots; a
+ray is a hint that there is no solution, not a proof.
 """
 
 from __future__ import annotations
@@ -25,112 +26,148 @@ _PIVOT = 1e-11
 
 @allocating_kernel
 def solve_lemke(problem, n, contacts, limited, mode, v, force, tau):  # type: ignore[no-untyped-def]
-    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the rule."""
-    rows = 2 * contacts + limited
-    delassus, offset, response = _reduce(problem, n, contacts, limited)
-    size = 4 * contacts + 3 * limited
-    scale = 0.0
-    for i in range(rows):
-        scale += abs(delassus[i, i]) / rows
+    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the
+    rule."""
+    rows, size = 2 * contacts + limited, 4 * contacts + 3 * limited
+    x, y = _units(problem, n, contacts, limited)
+    delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
     unit = 0.0
     for i in range(rows):
         unit = max(unit, abs(offset[i]))
-    if not (scale > 0.0 and unit > 0.0):
-        scale, unit = max(scale, 1e-300), max(unit, 1e-300)
+    if not unit > 0.0:
+        unit = 1.0
     z = np.zeros(size)
-    status = _pivot(_tableau(problem, contacts, limited, delassus, offset, scale, unit, size), z, size)
+    status = _pivot(_tableau(problem, contacts, limited, delassus, offset, y, unit, size), z, size)
     if status != SOLVED:
         return status
-    _unpack(problem, contacts, limited, z, unit / scale, mode, force, tau)
+    _unpack(contacts, limited, z, unit, mode, force, tau)
     for i in range(n):
-        v[i] = response[i, rows]
-        for r in range(rows):
-            v[i] += response[i, r] * (force[r] if r < 2 * contacts else tau[r - 2 * contacts])
+        v[i] = x[i] * _respond(response, i, contacts, limited, force, tau)
     for r in range(limited):
         if math.isinf(problem.F[r]):
-            tau[r] = response[n + r, rows]
-            for j in range(rows):
-                tau[r] += response[n + r, j] * (force[j] if j < 2 * contacts else 0.0)
+            tau[r] = _respond(response, n + r, contacts, limited, force, tau)
             mode[contacts + r] = STICK
+    for r in range(2 * contacts):
+        force[r] *= y[r]
+    for r in range(limited):
+        tau[r] *= y[2 * contacts + r]
     return SOLVED
 
 
 @allocating_kernel
-def _reduce(p, n, contacts, limited):  # type: ignore[no-untyped-def]
-    """Delassus matrix and offset of contact and limited rows, and the response of (v, bilateral tau) to their forces.
+def _units(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Units x of the velocities and y of the forces in which H has a unit diagonal and rows are about one.
 
-    Rows with infinite limit are joints: they are eliminated with v, and their own rows come out zero.
+    Both directions of a contact share one unit, so that friction coefficients stay what they are.
+    """
+    x, y = np.ones(n), np.ones(2 * contacts + limited)
+    for i in range(n):
+        x[i] = 1.0 / math.sqrt(p.H[i, i])
+    for k in range(contacts):
+        yields = 0.0
+        for r in range(2 * k, 2 * k + 2):
+            own = p.R[k, r - 2 * k, r - 2 * k]
+            for i in range(n):
+                own += (p.W[r, i] * x[i]) ** 2
+            yields = max(yields, own)
+        if yields > 0.0:
+            y[2 * k] = y[2 * k + 1] = 1.0 / math.sqrt(yields)
+    for r in range(limited):
+        yields = p.R_s[r]
+        for i in range(n):
+            yields += (p.S[r, i] * x[i]) ** 2
+        if yields > 0.0:
+            y[2 * contacts + r] = 1.0 / math.sqrt(yields)
+    return x, y
+
+
+@kernel
+def _respond(response, i, contacts, limited, force, tau):  # type: ignore[no-untyped-def]
+    """Unknown i of (v, joint forces) under the loads and these forces, all in their units."""
+    total = response[i, 2 * contacts + limited]
+    for r in range(2 * contacts):
+        total += response[i, r] * force[r]
+    for r in range(limited):
+        total += response[i, 2 * contacts + r] * tau[r]
+    return total
+
+
+@allocating_kernel
+def _reduce(p, n, contacts, limited, x, y):  # type: ignore[no-untyped-def]
+    """Delassus matrix and offset of contact and limited rows, and the response of (v, joint forces) to their
+    forces.
+
+    Everything is in the units x and y. Rows with infinite limit are joints: they are eliminated with v, and
+    their own rows and columns come out zero.
     """
     rows, size = 2 * contacts + limited, n + limited
+    scaled = np.empty((rows, n))
+    for r in range(rows):
+        for i in range(n):
+            scaled[r, i] = y[r] * x[i] * (p.W[r, i] if r < 2 * contacts else p.S[r - 2 * contacts, i])
     a = np.zeros((size, size + rows + 1))
     for i in range(n):
         for j in range(n):
-            a[i, j] = p.H[i, j]
+            a[i, j] = p.H[i, j] * x[i] * x[j]
         for r in range(2 * contacts):
-            a[i, size + r] = p.W[r, i]
-        a[i, size + rows] = p.c[i]
+            a[i, size + r] = scaled[r, i]
+        a[i, size + rows] = p.c[i] * x[i]
     for r in range(limited):
+        own = 2 * contacts + r
         if math.isinf(p.F[r]):
             for i in range(n):
-                a[i, n + r] = -p.S[r, i]
-                a[n + r, i] = p.S[r, i]
-            a[n + r, n + r] = p.R_s[r]
-            a[n + r, size + rows] = -p.w_s[r]
+                a[i, n + r] = -scaled[own, i]
+                a[n + r, i] = scaled[own, i]
+            a[n + r, n + r] = p.R_s[r] * y[own] ** 2
+            a[n + r, size + rows] = -p.w_s[r] * y[own]
         else:
             a[n + r, n + r] = 1.0
             for i in range(n):
-                a[i, size + 2 * contacts + r] = p.S[r, i]
+                a[i, size + own] = scaled[own, i]
     solve_in_place(a, size, rows + 1, np.empty(size, np.int64))
     response = a[:, size:].copy()
     delassus = np.zeros((rows, rows))
     offset = np.zeros(rows)
     for r in range(rows):
-        joint = r >= 2 * contacts and math.isinf(p.F[r - 2 * contacts])
-        if joint:
+        if r >= 2 * contacts and math.isinf(p.F[r - 2 * contacts]):
             continue
         for i in range(n):
-            x = p.W[r, i] if r < 2 * contacts else p.S[r - 2 * contacts, i]
             for j in range(rows):
-                delassus[r, j] += x * response[i, j]
-            offset[r] += x * response[i, rows]
-        offset[r] += p.w[r] if r < 2 * contacts else p.w_s[r - 2 * contacts]
+                delassus[r, j] += scaled[r, i] * response[i, j]
+            offset[r] += scaled[r, i] * response[i, rows]
+        offset[r] += y[r] * (p.w[r] if r < 2 * contacts else p.w_s[r - 2 * contacts])
     for k in range(contacts):
         for i in range(2):
             for j in range(2):
-                delassus[2 * k + i, 2 * k + j] += p.R[k, i, j]
+                delassus[2 * k + i, 2 * k + j] += p.R[k, i, j] * y[2 * k] ** 2
     for r in range(limited):
         if not math.isinf(p.F[r]):
-            delassus[2 * contacts + r, 2 * contacts + r] += p.R_s[r]
+            delassus[2 * contacts + r, 2 * contacts + r] += p.R_s[r] * y[2 * contacts + r] ** 2
     return delassus, offset, response
 
 
 @allocating_kernel
-def _tableau(p, contacts, limited, delassus, offset, scale, unit, size):  # type: ignore[no-untyped-def]
-    """Rows of w - M z - d z0 = q, columns [w, z, z0, q], in units in which the Delassus matrix is about one."""
-    rows = 2 * contacts + limited
-    sign = np.zeros((size, 2))
-    source = np.zeros((size, 2), np.int64)
-    source[:, :] = -1
+def _tableau(p, contacts, limited, delassus, offset, y, unit, size):  # type: ignore[no-untyped-def]
+    """Rows of w - M z - d z0 = q, columns [w, z, z0, q]; forces z are in units of y and `unit`."""
+    sign = np.zeros(size)
+    source = np.full(size, -1)
     for k in range(contacts):
-        source[4 * k, 0] = 2 * k
+        source[4 * k], sign[4 * k] = 2 * k, 1.0
         for s in range(2):
-            source[4 * k + 1 + s, 0] = 2 * k + 1
-            sign[4 * k + 1 + s, 0] = 1.0 - 2.0 * s
-        sign[4 * k, 0] = 1.0
+            source[4 * k + 1 + s], sign[4 * k + 1 + s] = 2 * k + 1, 1.0 - 2.0 * s
     for r in range(limited):
-        first = 4 * contacts + 3 * r
         for s in range(2):
-            source[first + s, 0] = 2 * contacts + r
-            sign[first + s, 0] = 1.0 - 2.0 * s
+            i = 4 * contacts + 3 * r + s
+            source[i], sign[i] = 2 * contacts + r, 1.0 - 2.0 * s
     a = np.zeros((size, 2 * size + 2))
     for i in range(size):
         a[i, i] = 1.0
         a[i, 2 * size] = -1.0
-        if source[i, 0] >= 0:
-            a[i, 2 * size + 1] = sign[i, 0] * offset[source[i, 0]] / unit
+        if source[i] >= 0:
+            a[i, 2 * size + 1] = sign[i] * offset[source[i]] / unit
             for j in range(size):
-                if source[j, 0] >= 0:
-                    a[i, size + j] -= sign[i, 0] * sign[j, 0] * delassus[source[i, 0], source[j, 0]] / scale
+                if source[j] >= 0:
+                    a[i, size + j] -= sign[i] * sign[j] * delassus[source[i], source[j]]
     for k in range(contacts):
         gamma = 4 * k + 3
         a[gamma, size + 4 * k] -= p.mu[k]
@@ -139,7 +176,7 @@ def _tableau(p, contacts, limited, delassus, offset, scale, unit, size):  # type
             a[4 * k + s, size + gamma] -= 1.0
     for r in range(limited):
         first = 4 * contacts + 3 * r
-        bound = 0.0 if math.isinf(p.F[r]) else p.F[r] * scale / unit
+        bound = 0.0 if math.isinf(p.F[r]) else p.F[r] / (y[2 * contacts + r] * unit)
         a[first + 2, 2 * size + 1] = bound
         for s in range(2):
             a[first + 2, size + first + s] += 1.0
@@ -192,7 +229,8 @@ def _eliminate(a, row, column, size):  # type: ignore[no-untyped-def]
 
 @kernel
 def _ratio_test(a, entering, basis, size):  # type: ignore[no-untyped-def]
-    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among equals."""
+    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
+    equals."""
     last, best = 2 * size + 1, -1
     for i in range(size):
         if a[i, entering] > _PIVOT and (best < 0 or _less(a, i, best, entering, last, size)):
@@ -219,10 +257,12 @@ def _less(a, i, j, entering, last, size):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _unpack(p, contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-untyped-def]
+def _unpack(contacts, limited, z, unit, mode, force, tau):  # type: ignore[no-untyped-def]
     for k in range(contacts):
         normal, plus, minus, gamma = z[4 * k], z[4 * k + 1], z[4 * k + 2], z[4 * k + 3]
-        force[2 * k], force[2 * k + 1] = normal * unit, (plus - minus) * unit
+        # Rounding may leave friction where nothing presses.
+        friction = plus - minus if normal > 0.0 else 0.0
+        force[2 * k], force[2 * k + 1] = normal * unit, friction * unit
         mode[k] = _mode(normal > 0.0, plus, minus, gamma)
     for r in range(limited):
         first = 4 * contacts + 3 * r

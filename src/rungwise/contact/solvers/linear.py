@@ -21,24 +21,29 @@ def solve_in_place(a, size, columns, order):  # type: ignore[no-untyped-def]
     for i in range(size):
         order[i] = i
     rank, largest = size, 0.0
+    row, column, pivot = 0, 0, 0.0
+    for i in range(size):
+        for j in range(size):
+            x = abs(a[i, j])
+            if x > pivot:
+                row, column, pivot = i, j, x
     for k in range(size):
-        row, column, pivot = k, k, 0.0
-        for i in range(k, size):
-            for j in range(k, size):
-                x = abs(a[i, j])
-                if x > pivot:
-                    row, column, pivot = i, j, x
         largest = max(largest, pivot)
         if not pivot > _RANK * largest:
             rank = k
             break
         _exchange(a, k, row, column, size, width, order)
         inverse = 1.0 / a[k, k]
+        pivot = 0.0
         for i in range(k + 1, size):
             factor = a[i, k] * inverse
-            if factor != 0.0:
-                for j in range(k + 1, width):
-                    a[i, j] -= factor * a[k, j]
+            for j in range(k + 1, size):
+                a[i, j] -= factor * a[k, j]
+                x = abs(a[i, j])
+                if x > pivot:
+                    row, column, pivot = i, j, x
+            for j in range(size, width):
+                a[i, j] -= factor * a[k, j]
     _substitute_back(a, size, columns, rank)
     _restore_order(a, size, columns, order)
     return rank

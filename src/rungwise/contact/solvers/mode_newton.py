@@ -3,8 +3,8 @@
 Algorithm: semismooth Newton (active set) on the mixed problem, whose pieces are the contact modes.
 Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
 Accepts: planar problems (d = 2), singular H included as long as the mode's saddle system determines v.
-Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it may cycle,
-so its answer counts only if the residual says so.
+Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it
+may cycle, so its answer counts only if the residual says so.
 """
 
 from __future__ import annotations
@@ -25,10 +25,12 @@ _TOLERANCE = 1e-12
 
 @kernel
 def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, flips):  # type: ignore[no-untyped-def]
-    """Improve `mode` (contacts, then limited rows) at most `flips` times; returns the residual of what it found."""
-    for _ in range(flips):
+    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
+    found."""
+    for i in range(flips):
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
-        if not _flip(problem, n, contacts, limited, mode, v, force, tau):
+        # The last solution keeps the mode that it belongs to.
+        if i + 1 == flips or not _flip(problem, n, contacts, limited, mode, v, force, tau):
             break
     return residual(problem, n, contacts, limited, v, force, tau)
 
@@ -37,56 +39,43 @@ def solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, o
 def solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order):  # type: ignore[no-untyped-def]
     """The one solution of the linear equations of `mode`, inequalities aside."""
     p = problem
-    scale = _scale(p, n, contacts, limited)
-    size = _assemble(p, n, contacts, limited, mode, scale, 0.0, force, tau, matrix)
-    if solve_in_place(matrix, size, 1, order) < size:
-        force[:] = 0.0
-        tau[:] = 0.0
+    size = _assemble(p, n, contacts, limited, mode, 0.0, v, force, tau, matrix)
+    regular = solve_in_place(matrix, size, 1, order) == size
+    _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau)
+    if not regular:
+        for r in range(2 * contacts):
+            force[r] = 0.0
+        for r in range(limited):
+            tau[r] = 0.0
         for _ in range(PROXIMAL_STEPS):
-            size = _assemble(p, n, contacts, limited, mode, scale, PROXIMAL, force, tau, matrix)
+            _assemble(p, n, contacts, limited, mode, PROXIMAL, v, force, tau, matrix)
             solve_in_place(matrix, size, 1, order)
-            _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau)
-    _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau)
+            _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau)
 
 
 @kernel
-def _unpack(p, n, contacts, limited, mode, scale, size, matrix, v, force, tau):  # type: ignore[no-untyped-def]
-    """Velocities and forces from the solved system."""
+def _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau):  # type: ignore[no-untyped-def]
+    """From the solved system, in the units that `_assemble` left in v, force and tau."""
     for i in range(n):
-        v[i] = matrix[i, size]
+        v[i] *= matrix[i, size]
     at = n
     for k in range(contacts):
-        force[2 * k] = force[2 * k + 1] = 0.0
-        if mode[k] != OPEN:
-            force[2 * k] = scale * matrix[at, size]
+        if mode[k] == OPEN:
+            force[2 * k] = force[2 * k + 1] = 0.0
+            continue
+        force[2 * k] *= matrix[at, size]
+        at += 1
+        if mode[k] == STICK and p.mu[k] > 0.0:
+            force[2 * k + 1] *= matrix[at, size]
             at += 1
-            if mode[k] == STICK and p.mu[k] > 0.0:
-                force[2 * k + 1] = scale * matrix[at, size]
-                at += 1
-            else:
-                force[2 * k + 1] = _sign(mode[k]) * p.mu[k] * force[2 * k]
+        else:
+            force[2 * k + 1] = _sign(mode[k]) * p.mu[k] * force[2 * k]
     for r in range(limited):
         if mode[contacts + r] == STICK:
-            tau[r] = scale * matrix[at, size]
+            tau[r] *= matrix[at, size]
             at += 1
         else:
             tau[r] = _sign(mode[contacts + r]) * p.F[r]
-
-
-@kernel
-def _scale(p, n, contacts, limited):  # type: ignore[no-untyped-def]
-    """Force per velocity by which forces are scaled: midway between inertia and the stiffest contact, so that neither
-    is lost beside the other."""
-    inertia, contact = 0.0, 0.0
-    for i in range(n):
-        inertia = max(inertia, p.H[i, i])
-    for k in range(contacts):
-        if p.R[k, 0, 0] > 0.0:
-            contact = max(contact, 1.0 / p.R[k, 0, 0])
-    for r in range(limited):
-        if p.R_s[r] > 0.0:
-            contact = max(contact, 1.0 / p.R_s[r])
-    return math.sqrt(inertia * max(inertia, contact))
 
 
 @kernel
@@ -98,12 +87,13 @@ def _sign(mode):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _assemble(p, n, contacts, limited, mode, scale, proximal, force, tau, a):  # type: ignore[no-untyped-def]
+def _assemble(p, n, contacts, limited, mode, proximal, v, force, tau, a):  # type: ignore[no-untyped-def]
     """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
 
-    Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then the
-    forces of the limited rows that hold. Balance rows are divided by `scale`, forces too. A `proximal` > 0 lets each
-    force yield by so much about its present value.
+    Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
+    the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
+    row is lost beside another; the units are left in v, force and tau. A `proximal` > 0 lets each force yield by
+    so much, in its own unit, about its present value.
     """
     size = n
     for k in range(contacts):
@@ -111,69 +101,86 @@ def _assemble(p, n, contacts, limited, mode, scale, proximal, force, tau, a):  #
             size += 2 if mode[k] == STICK and p.mu[k] > 0.0 else 1
     for r in range(limited):
         size += 1 if mode[contacts + r] == STICK else 0
+    ease = _ease(p, n, contacts, limited)
+    for i in range(n):
+        v[i] = ease / math.sqrt(p.H[i, i])
     for i in range(n):
         for j in range(n):
-            a[i, j] = p.H[i, j] / scale
-        for j in range(n, size):
-            a[i, j] = 0.0
-        a[i, size] = p.c[i] / scale
+            a[i, j] = p.H[i, j] * v[i] * v[j]
+        a[i, size] = p.c[i] * v[i]
     for i in range(n, size):
-        for j in range(n, size + 1):
+        for j in range(n, size):
             a[i, j] = 0.0
     at = n
     for k in range(contacts):
         if mode[k] == OPEN:
             continue
-        row = 2 * k
-        if mode[k] == STICK and p.mu[k] > 0.0:
-            _unknown(p.W, row, n, 0.0, row, at, a)
-            _unknown(p.W, row + 1, n, 0.0, row, at + 1, a)
-            a[at, at], a[at, at + 1] = p.R[k, 0, 0] * scale, p.R[k, 0, 1] * scale
-            a[at + 1, at], a[at + 1, at + 1] = p.R[k, 1, 0] * scale, p.R[k, 1, 1] * scale
-            a[at, size], a[at + 1, size] = -p.w[row], -p.w[row + 1]
-            at += 2
-        else:
-            slope = _sign(mode[k]) * p.mu[k]
-            _unknown(p.W, row, n, slope, row + 1, at, a)
-            a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * scale
-            a[at, size] = -p.w[row]
+        row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
+        slope = 0.0 if sticks else _sign(mode[k]) * p.mu[k]
+        unit = _unit(p.W, row, n, p.R[k, 0, 0], v)
+        _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
+        a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit + proximal
+        a[at, size] = -p.w[row] * unit + proximal * force[row] / unit
+        force[row] = unit
+        if sticks:
+            other = _unit(p.W, row + 1, n, p.R[k, 1, 1], v)
+            _unknown(p.W, row + 1, n, 0.0, row, other, v, at + 1, a)
+            a[at, at + 1], a[at + 1, at] = p.R[k, 0, 1] * unit * other, p.R[k, 1, 0] * unit * other
+            a[at + 1, at + 1] = p.R[k, 1, 1] * other * other + proximal
+            a[at + 1, size] = -p.w[row + 1] * other + proximal * force[row + 1] / other
+            force[row + 1] = other
             at += 1
+        at += 1
     for r in range(limited):
         if mode[contacts + r] == STICK:
-            _unknown(p.S, r, n, 0.0, r, at, a)
-            a[at, at] = p.R_s[r] * scale
-            a[at, size] = -p.w_s[r]
+            unit = _unit(p.S, r, n, p.R_s[r], v)
+            _unknown(p.S, r, n, 0.0, r, unit, v, at, a)
+            a[at, at] = p.R_s[r] * unit * unit + proximal
+            a[at, size] = -p.w_s[r] * unit + proximal * tau[r] / unit
+            tau[r] = unit
             at += 1
         else:
             for i in range(n):
-                a[i, size] += p.S[r, i] * _sign(mode[contacts + r]) * p.F[r] / scale
-    if proximal > 0.0:
-        _make_proximal(n, contacts, limited, mode, scale, proximal, p, force, tau, a, size)
+                a[i, size] += p.S[r, i] * v[i] * _sign(mode[contacts + r]) * p.F[r]
     return size
 
 
 @kernel
-def _make_proximal(n, contacts, limited, mode, scale, proximal, p, force, tau, a, size):  # type: ignore[no-untyped-def]
-    at = n
+def _ease(p, n, contacts, limited):  # type: ignore[no-untyped-def]
+    """Factor of the units of velocities: 1, or less where inertia is far below the stiffness of contacts (the
+    quasistatic limit), so that neither is lost beside the other."""
+    least = 1.0
     for k in range(contacts):
-        if mode[k] != OPEN:
-            for i in range(2 if mode[k] == STICK and p.mu[k] > 0.0 else 1):
-                a[at, at] += proximal
-                a[at, size] += proximal * force[2 * k + i] / scale
-                at += 1
+        least = min(least, _share(p.W, 2 * k, n, p.R[k, 0, 0], p.H))
     for r in range(limited):
-        if mode[contacts + r] == STICK:
-            a[at, at] += proximal
-            a[at, size] += proximal * tau[r] / scale
-            at += 1
+        least = min(least, _share(p.S, r, n, p.R_s[r], p.H))
+    return math.sqrt(math.sqrt(least))
 
 
 @kernel
-def _unknown(rows, row, n, slope, other, at, a):  # type: ignore[no-untyped-def]
+def _share(rows, row, n, yields, inertia):  # type: ignore[no-untyped-def]
+    """Part of a row's yielding that is its own and not the bodies'; 1 for a rigid row."""
+    total = yields
+    for i in range(n):
+        total += rows[row, i] * rows[row, i] / inertia[i, i]
+    return yields / total if yields > 0.0 else 1.0
+
+
+@kernel
+def _unit(rows, row, n, yields, v):  # type: ignore[no-untyped-def]
+    """Unit of a row's force: the row then has a length of about one, in units v of the velocities."""
+    for i in range(n):
+        yields += (rows[row, i] * v[i]) ** 2
+    return 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
+
+
+@kernel
+def _unknown(rows, row, n, slope, other, unit, v, at, a):  # type: ignore[no-untyped-def]
     """Equation of `row` in line `at`; in column `at` its force, with `slope` times that of row `other`."""
     for i in range(n):
-        a[at, i] = rows[row, i]
-        a[i, at] = -rows[row, i] - slope * rows[other, i]
+        x = unit * v[i]
+        a[at, i] = rows[row, i] * x
+        a[i, at] = -(rows[row, i] + slope * rows[other, i]) * x
 
 
 @kernel

@@ -1,7 +1,7 @@
 """The chain that a planar step runs: warm mode guess, then Lemke, then, for few contacts, every mode.
 
-Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is a hint
-for the caller to shorten the step and, in the end, to look for a certificate.
+Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is
+a hint for the caller to shorten the step and, in the end, to look for a certificate.
 """
 
 from __future__ import annotations

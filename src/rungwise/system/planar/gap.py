@@ -1,7 +1,7 @@
 """Which pairs of shapes are near, and the contact points between them, with memory of their features.
 
-Each pair owns two slots. A slot's deformation and mode belong to its feature: they follow it from step to step and
-are dropped when the feature changes.
+Each pair owns two slots. A slot's deformation and mode belong to its feature: they follow it from step to
+step and are dropped when the feature changes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import math
 
 from rungwise.kernel import kernel
 from rungwise.scene.records import HALFPLANE
-from rungwise.system.planar.manifold import ABSENT, GAP, manifold
+from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
 
 
@@ -20,8 +20,9 @@ def find_contacts(  # type: ignore[no-untyped-def]
 ):
     """Update every pair's slots; returns the least gap found.
 
-    `points` (2 pairs, 5), `features`, `modes` (2 pairs,) and `deformation` (2 pairs, d) are per slot, `gaps` per
-    contact: exact below `margin` and for watched contacts, otherwise a lower bound. `fresh` (2,) is scratch.
+    `points` (2 pairs, 5), `features`, `modes` (2 pairs,) and `deformation` (2 pairs, d) are per slot, `gaps`
+    per contact: exact below `margin` and for watched contacts, otherwise a lower bound. `fresh` (2,) is
+    scratch.
     """
     least = math.inf
     gaps[:] = math.inf
@@ -38,7 +39,7 @@ def find_contacts(  # type: ignore[no-untyped-def]
             gap = points[slot, GAP]
             if count == 2:
                 gap = min(gap, points[slot + 1, GAP])
-            _follow(slot, fresh, points, features, deformation, modes)
+            _follow(slot, fresh, a, b, outline, features, deformation, modes)
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)
     return least
@@ -71,12 +72,11 @@ def _forget(slot, features, deformation, modes):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _follow(slot, fresh, points, features, deformation, modes):  # type: ignore[no-untyped-def]
+def _follow(slot, fresh, a, b, outline, features, deformation, modes):  # type: ignore[no-untyped-def]
     """Give slots `slot` and `slot + 1` the fresh features, keeping what belongs to those that stay."""
     if fresh[0] == features[slot] and fresh[1] == features[slot + 1]:
         return
-    crossed = fresh[0] == features[slot + 1] or (fresh[1] != ABSENT and fresh[1] == features[slot])
-    if crossed:
+    if _stays(features[slot + 1], fresh[0], a, b, outline) or _stays(features[slot], fresh[1], a, b, outline):
         features[slot], features[slot + 1] = features[slot + 1], features[slot]
         modes[slot], modes[slot + 1] = modes[slot + 1], modes[slot]
         for d in range(deformation.shape[1]):
@@ -84,6 +84,32 @@ def _follow(slot, fresh, points, features, deformation, modes):  # type: ignore[
             deformation[slot, d] = deformation[slot + 1, d]
             deformation[slot + 1, d] = x
     for k in range(2):
-        if features[slot + k] != fresh[k]:
+        if not _stays(features[slot + k], fresh[k], a, b, outline):
             _forget(slot + k, features, deformation, modes)
-            features[slot + k] = fresh[k]
+        features[slot + k] = fresh[k]
+
+
+@kernel
+def _stays(old, new, a, b, outline):  # type: ignore[no-untyped-def]
+    """Whether two features are one contact: equal, or the same end of the stretch where two faces meet.
+
+    Where the faces end together, rounding decides whose vertex is over the other's edge.
+    """
+    if old == ABSENT or new == ABSENT:
+        return False
+    if old == new:
+        return True
+    edge, vertex, facing, corner = old // VERTICES, old % VERTICES, new // VERTICES, new % VERTICES
+    if edge >= VERTICES or facing >= VERTICES or not are_parallel(edge, facing, outline):
+        return False
+    if a.first <= edge < a.end:
+        return _end_together(a, edge, vertex, b, facing, corner)
+    return _end_together(b, edge, vertex, a, facing, corner)
+
+
+@kernel
+def _end_together(shape, edge, vertex, other, facing, corner):  # type: ignore[no-untyped-def]
+    """Whether `vertex`, of the facing edge, and `corner`, of the edge, are on the same side of both edges."""
+    if vertex == facing:
+        return corner == next_vertex(shape, edge)
+    return corner == edge and vertex == next_vertex(other, facing)

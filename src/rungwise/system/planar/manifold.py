@@ -1,9 +1,10 @@
 """Gap between two rounded convex polygons, as at most two points with the features that carry them.
 
-The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of the
-other lies over that edge, the gap is their distance; a second point is the other end of the stretch along which
-the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of the two
-is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices are closest.
+The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of
+the other lies over that edge, the gap is their distance; a second point is the other end of the stretch along
+which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of
+the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two
+vertices are closest.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
 
 ABSENT = -1
-_VERTICES = 1 << 20
+VERTICES = 1 << 20
+"""Feature of a vertex over an edge: edge VERTICES + vertex; those of two vertices are VERTICES^2 and more."""
 _TIE = 1e-9
+_OPPOSED = -0.995
+"""Cosine between the normals of faces that count as parallel: within 0.1 rad."""
 
 
 @kernel
@@ -36,7 +40,7 @@ def manifold(a, b, outline, points, features):  # type: ignore[no-untyped-def]
 
 @kernel
 def _best_edge(shape, other, outline):  # type: ignore[no-untyped-def]
-    """Edge of `shape` that separates best: distance to the deepest vertex of `other`, the edge, that vertex."""
+    """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, that vertex."""
     best, best_edge, best_vertex = -math.inf, -1, -1
     if other.kind == HALFPLANE:
         return best, best_edge, best_vertex
@@ -63,30 +67,32 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
     `sign` is +1 where the normal of `shape` points from b to a.
     """
+    apart = gap > 0.0 or not (_has_area(shape) or _has_area(other))
     if other.end - other.first == 1:
-        if gap > 0.0 and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
+        if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
             return _closest_vertices(shape, other, sign, outline, points, features)
         features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     facing = _facing_edge(other, edge, vertex, outline)
+    ends = 4 if shape.kind != HALFPLANE and are_parallel(edge, facing, outline) else 2
     first, least = -1, math.inf
-    for k in range(4):
+    for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
         if over:
             distance = _distance(e, j, outline)
             if distance < least:
                 first, least = k, distance
     if first < 0 or (gap > 0.0 and least > gap + _TIE * _span(edge, vertex, outline)):
-        if gap > 0.0:
+        if apart:
             return _closest_vertices(shape, other, sign, outline, points, features)
         features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
     second, farthest = -1, 0.0
-    for k in range(4):
+    _, _, j0 = _end(first, shape, other, edge, facing, outline)
+    for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
         if over and k != first:
-            _, _, j0 = _end(first, shape, other, edge, facing, outline)
             away = abs(_along(edge, j, outline) - _along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
@@ -97,6 +103,21 @@ def _from_edge(shape, other, edge, vertex, gap, sign, outline, points, features)
 
 
 @kernel
+def _has_area(shape):  # type: ignore[no-untyped-def]
+    """Whether the core has an inside. If neither has, edges alone do not separate what lies on one line."""
+    return shape.kind == HALFPLANE or shape.end - shape.first > 2
+
+
+@kernel
+def are_parallel(edge, facing, outline):  # type: ignore[no-untyped-def]
+    """Whether the edges may come to lie flat on each other.
+
+    Were the end of one held outside the other at any angle, a vertex that slides off it would be kicked.
+    """
+    return outline[edge, 2] * outline[facing, 2] + outline[edge, 3] * outline[facing, 3] < _OPPOSED
+
+
+@kernel
 def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
     """A length to measure ties by: that of the vertex from the edge's start."""
     return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
@@ -104,13 +125,11 @@ def _span(edge, vertex, outline):  # type: ignore[no-untyped-def]
 
 @kernel
 def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def]
-    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then those of the best edge."""
+    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then of the best edge."""
     if k < 2:
-        j = facing if k == 0 else _next(other, facing)
+        j = facing if k == 0 else next_vertex(other, facing)
         return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
-    if shape.kind == HALFPLANE:
-        return False, facing, edge
-    j = edge if k == 2 else _next(shape, edge)
+    j = edge if k == 2 else next_vertex(shape, edge)
     return _is_over(other, facing, j, outline), facing, j
 
 
@@ -118,11 +137,12 @@ def _end(k, shape, other, edge, facing, outline):  # type: ignore[no-untyped-def
 def _is_over(shape, edge, vertex, outline):  # type: ignore[no-untyped-def]
     """Whether the vertex projects onto the edge."""
     place = _along(edge, vertex, outline)
-    return place >= 0.0 and place <= _along(edge, _next(shape, edge), outline)
+    return place >= 0.0 and place <= _along(edge, next_vertex(shape, edge), outline)
 
 
 @kernel
-def _next(shape, vertex):  # type: ignore[no-untyped-def]
+def next_vertex(shape, vertex):  # type: ignore[no-untyped-def]
+    """The vertex after this one; edges begin at the vertex whose number they bear."""
     return vertex + 1 if vertex + 1 < shape.end else shape.first
 
 
@@ -167,7 +187,7 @@ def _put(edge, vertex, edge_radius, vertex_radius, sign, outline, point):  # typ
     point[GAP] = gap
     point[NORMAL_X], point[NORMAL_Y] = sign * nx, sign * ny
     point[POINT_X], point[POINT_Y] = outline[vertex, 0] - back * nx, outline[vertex, 1] - back * ny
-    return edge * _VERTICES + vertex
+    return edge * VERTICES + vertex
 
 
 @kernel
@@ -183,13 +203,16 @@ def _closest_vertices(shape, other, sign, outline, points, features):  # type: i
     least = math.sqrt(least)
     nx, ny = 0.0, 1.0
     if least > 0.0:
-        nx, ny = (outline[second, 0] - outline[first, 0]) / least, (outline[second, 1] - outline[first, 1]) / least
+        nx, ny = (
+            (outline[second, 0] - outline[first, 0]) / least,
+            (outline[second, 1] - outline[first, 1]) / least,
+        )
     gap = least - shape.radius - other.radius
     back = other.radius + 0.5 * gap
     points[0, GAP] = gap
     points[0, NORMAL_X], points[0, NORMAL_Y] = sign * nx, sign * ny
     points[0, POINT_X], points[0, POINT_Y] = outline[second, 0] - back * nx, outline[second, 1] - back * ny
-    features[0] = (_VERTICES + first) * _VERTICES + second
+    features[0] = (VERTICES + first) * VERTICES + second
     if sign < 0.0:
-        features[0] = (_VERTICES + second) * _VERTICES + first
+        features[0] = (VERTICES + second) * VERTICES + first
     return 1

@@ -107,7 +107,19 @@ def potential_energy(world, bodies, pose):  # type: ignore[no-untyped-def]
 
 @kernel
 def gather(  # type: ignore[no-untyped-def]
-    bodies, coordinates, contacts, pairs, pose, points, features, deformation, q, prescribed, margin, terms, slots
+    bodies,
+    coordinates,
+    contacts,
+    pairs,
+    pose,
+    points,
+    features,
+    deformation,
+    q,
+    prescribed,
+    margin,
+    terms,
+    slots,
 ):
     """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many, with
     their `slots`."""

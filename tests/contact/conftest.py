@@ -1,0 +1,116 @@
+"""Problems by hand and at random, and the solvers without their bookkeeping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rungwise.contact.problem import ContactProblem, ContactSolution, allocate_problem
+from rungwise.contact.residual import residual
+from rungwise.contact.solvers.enumerate_modes import solve_by_enumeration
+from rungwise.contact.solvers.lemke import solve_lemke
+from rungwise.contact.solvers.mode_newton import solve_by_modes
+from rungwise.contact.solvers.planar import TOLERANCE, matrix_size, solve_planar
+
+Array = NDArray[np.float64]
+Solver = Callable[..., tuple[int, ContactSolution]]
+
+
+def _body(n: int, contacts: int, limited: int = 0, directions: int = 2) -> ContactProblem:
+    problem = allocate_problem(n, contacts, limited, directions)
+    problem.H[:] = 10.0 * np.eye(n)
+    return problem
+
+
+@pytest.fixture
+def body() -> Callable[..., ContactProblem]:
+    """A problem with H = 10 and nothing else: body(n, contacts, limited, directions)."""
+    return _body
+
+
+def _spd(rng: np.random.Generator, n: int, least: float) -> Array:
+    a = rng.normal(size=(n, n))
+    return a @ a.T + least * np.eye(n)
+
+
+def _random_problem(rng: np.random.Generator, most: int = 4) -> ContactProblem:
+    n, contacts, limited = int(rng.integers(1, 7)), int(rng.integers(1, most + 1)), int(rng.integers(0, 3))
+    p = allocate_problem(n, contacts, limited)
+    p.H[:] = _spd(rng, n, 0.1)
+    p.c[:] = rng.normal(size=n) * rng.integers(0, 2)
+    p.W[:] = rng.normal(size=p.W.shape)
+    p.w[:] = rng.normal(size=p.w.shape) * rng.integers(0, 2, size=p.w.shape)
+    p.mu[:] = rng.choice([0.0, 0.2, 0.7, 1.5], contacts)
+    for k in range(contacts):
+        if rng.random() < 0.3:
+            p.R[k] = _spd(rng, 2, 0.01) * 10.0 ** rng.uniform(-4, 0)
+        if k and rng.random() < 0.2:
+            p.W[2 * k : 2 * k + 2], p.w[2 * k : 2 * k + 2], p.mu[k] = p.W[:2], p.w[:2], p.mu[0]
+    p.S[:], p.w_s[:] = rng.normal(size=p.S.shape), rng.normal(size=limited)
+    p.R_s[:], p.F[:] = rng.choice([0.0, 0.1], limited), rng.choice([0.0, 0.5, 5.0, np.inf], limited)
+    return p
+
+
+@pytest.fixture
+def random_problem() -> Callable[..., ContactProblem]:
+    """random_problem(rng, most contacts): rigid and compliant contacts, equal rows, drives, joints."""
+    return _random_problem
+
+
+def _in_units(p: ContactProblem, coordinates: Array, force: float, speed: float) -> ContactProblem:
+    """The same problem when v counts in units of speed / coordinates, and forces in `force`."""
+    s, x = coordinates, p.R.shape[1]
+    q = allocate_problem(len(p.c), len(p.mu), len(p.F), x)
+    q.H[:], q.c[:] = p.H * np.outer(s, s) * (force / speed), p.c * s * force
+    q.W[:], q.S[:], q.mu[:] = p.W * s, p.S * s, p.mu
+    q.w[:], q.w_s[:], q.F[:] = p.w * speed, p.w_s * speed, p.F * force
+    q.R[:], q.R_s[:] = p.R * (speed / force), p.R_s * (speed / force)
+    return q
+
+
+@pytest.fixture
+def in_units() -> Callable[..., ContactProblem]:
+    return _in_units
+
+
+def _measure(
+    problem: ContactProblem, v: Sequence[float], force: Sequence[float], tau: Sequence[float] = ()
+) -> float:
+    arrays = [np.array(x, float) for x in (v, force, tau)]
+    return float(residual(problem, len(problem.c), len(problem.mu), len(problem.F), *arrays))
+
+
+@pytest.fixture
+def measure() -> Callable[..., float]:
+    """measure(problem, v, force, tau): the residual."""
+    return _measure
+
+
+def _run(
+    solver: str, p: ContactProblem, mode: Sequence[int] | None = None, solves: int = 1
+) -> tuple[int, ContactSolution]:
+    n, contacts, limited = len(p.c), len(p.mu), len(p.F)
+    size = matrix_size(n, contacts, limited)
+    modes = np.ones(contacts + limited, np.int64) if mode is None else np.array(mode, np.int64)
+    out = (modes, np.zeros(n), np.zeros(2 * contacts), np.zeros(limited))
+    scratch = (np.zeros((size, size + 1)), np.zeros(size, np.int64))
+    status = 0
+    if solver == "planar":
+        status, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
+    elif solver == "lemke":
+        status = solve_lemke(p, n, contacts, limited, *out)
+    elif solver == "modes":
+        solve_by_modes(p, n, contacts, limited, *out, *scratch, solves)
+    else:
+        status = int(solve_by_enumeration(p, n, contacts, limited, *out, *scratch, TOLERANCE) > TOLERANCE)
+    found = residual(p, n, contacts, limited, *out[1:])
+    return int(status), ContactSolution(out[1], out[2], out[3], float(found), modes)
+
+
+@pytest.fixture
+def run() -> Solver:
+    """run("planar" | "lemke" | "modes" | "enumeration", problem, mode): (0 if solved, solution)."""
+    return _run

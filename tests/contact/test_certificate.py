@@ -1,0 +1,144 @@
+"""Certificates: found where there is no solution, and worth nothing once tampered with."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+
+import numpy as np
+import pytest
+
+from rungwise.contact import certificate as module
+from rungwise.contact.certificate import Certificate, check
+from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
+
+
+def walls(body, speed=-1.0):
+    """A body between two walls that close in on it."""
+    p = body(2, 2)
+    p.W[0], p.W[2], p.W[1], p.W[3] = (1, 0), (-1, 0), (0, 1), (0, 1)
+    p.w[:], p.mu[:] = (speed, 0, speed, 0), 0.3
+    return p
+
+
+def wedge(body, mu):
+    """A finger pushes down on a 45 degree slope of a block on a palm; a second finger is still far."""
+    p = body(1, 2)
+    root = np.sqrt(0.5)
+    p.W[:, 0] = -root, root, root, root
+    p.w[:], p.mu[:] = (-root, -root, 5.0, 0.0), mu
+    return p
+
+
+def falling(body):
+    """A body pulled down a frictional wall that a joint ties to it, and nothing below."""
+    p = body(2, 1, 1)
+    p.c[:], p.mu[:] = (0.0, -10.0), 0.0
+    p.W[:] = [[1, 0], [0, 1]]
+    p.S[:], p.F[:] = [[1, 0]], np.inf
+    return p
+
+
+def case(body, kind):
+    if kind == "unsupported":
+        p = falling(body)
+        return p, certify_unsupported(p, np.zeros((2, 2)))
+    p = walls(body) if kind == "kinematic" else wedge(body, 1.3)
+    return p, certify_infeasible(p)
+
+
+KINDS = ("kinematic", "frictional", "unsupported")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_found_and_accepted(body, kind):
+    p, found = case(body, kind)
+    assert found is not None
+    assert found.kind == kind
+    assert check(p, found)
+
+
+def changed(found, row, vector):
+    vectors = list(found.vectors)
+    vectors[row] = vector
+    return Certificate(found.kind, tuple(vectors))
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "frictional"])
+def test_any_entry_matters(body, kind):
+    p, found = case(body, kind)
+    for row in range(0, len(found.vectors), 7):
+        for i in range(len(found.vectors[row])):
+            for wrong in (1e-2 * np.abs(found.vectors[row]).max(), np.nan, np.inf):
+                vector = found.vectors[row].copy()
+                vector[i] += wrong
+                assert not check(p, changed(found, row, vector)), (row, i, wrong)
+
+
+def test_an_unsupported_motion_must_not_move_joints_or_close_contacts(body):
+    p, found = case(body, "unsupported")
+    for x in (1e-2, -1e-2, np.nan):
+        assert not check(p, changed(found, 0, found.vectors[0] + [x, 0.0]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sign_length_and_kind_matter(body, kind):
+    p, found = case(body, kind)
+    first = found.vectors[0]
+    assert not check(p, changed(found, 0, -first))
+    assert not check(p, changed(found, 0, first[:-1]))
+    assert not check(p, changed(found, 0, np.append(first, 0.0)))
+    assert not check(p, changed(found, 0, 0.0 * first))
+    assert not check(p, Certificate(found.kind, ()))
+    assert not check(p, Certificate("rumour", found.vectors))
+
+
+def test_worthless_for_a_problem_that_has_a_solution(body):
+    _, kinematic = case(body, "kinematic")
+    assert not check(walls(body, speed=1.0), kinematic)
+    assert not check(walls(body, speed=0.0), kinematic)
+    _, frictional = case(body, "frictional")
+    assert not check(wedge(body, 0.5), frictional)
+    _, unsupported = case(body, "unsupported")
+    held = falling(body)
+    held.W[0] = 0.0, 1.0
+    assert not check(held, unsupported)
+    assert not check(falling(body), unsupported, np.eye(2))
+
+
+def test_none_for_solvable_problems(random_problem, run, body):
+    rng = np.random.default_rng(11)
+    for _ in range(40):
+        p = random_problem(rng, 1)
+        if run("planar", p)[0] == 0:
+            assert certify_infeasible(p) is None
+    assert certify_infeasible(wedge(body, 0.5)) is None
+    assert certify_unsupported(falling(body), np.eye(2)) is None
+
+
+def test_a_rate_of_rounding_size_does_not_prove_a_jam(body):
+    """A block that a load pushes off the floor, with a gap of rounding size."""
+    p = body(2, 1)
+    p.c[:], p.mu[:], p.w[:] = (0.0, 10.0), 0.5, (1e-17, 0.0)
+    p.W[:] = [[0, 1], [1, 0]]
+    assert certify_infeasible(p) is None
+
+
+def test_unsupported_needs_more_than_the_drives_give(body):
+    p = body(1, 0, 1)
+    p.c[:], p.S[:], p.F[:] = 10.0, 1.0, 9.0
+    found = certify_unsupported(p, np.zeros((1, 1)))
+    assert found is not None
+    p.F[:] = 11.0
+    assert certify_unsupported(p, np.zeros((1, 1))) is None
+    assert not check(p, found)
+
+
+def test_the_checker_imports_no_solver():
+    tree = ast.parse(inspect.getsource(module))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    names = {
+        node.module if isinstance(node, ast.ImportFrom) else a.name for node in nodes for a in node.names
+    }
+    ours = {"rungwise.contact.modes", "rungwise.contact.problem"}
+    assert names == {"__future__", "dataclasses", "numpy", "numpy.typing"} | ours

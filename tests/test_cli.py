@@ -1,0 +1,356 @@
+"""The command line: JSON, exit codes, and one line for whatever is wrong."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import yaml
+
+import rungwise as rw
+from rungwise import cli
+
+
+class Answer(NamedTuple):
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Standard output as one JSON object, by a reader that knows no NaN or Infinity."""
+        assert self.err == ""
+        return json.loads(self.out, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+Command = Callable[..., Answer]
+
+
+@pytest.fixture
+def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """The command, run in this process."""
+
+    def run(*arguments: object) -> Answer:
+        monkeypatch.setattr(sys, "argv", ["rungwise", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        captured = capsys.readouterr()
+        return Answer(int(ended.value.code or 0), captured.out, captured.err)
+
+    monkeypatch.setattr(cli, "_announce_compilation", lambda: None)
+    return run
+
+
+def refused(answer: Answer, *words: str) -> None:
+    assert answer.code == 2
+    assert answer.out == ""
+    assert answer.err.startswith("rungwise: ") and answer.err.endswith("\n")
+    assert answer.err.count("\n") == 1 and len(answer.err) < 600
+    assert "Traceback" not in answer.err
+    for word in words:
+        assert word.lower() in answer.err.lower()
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Callable[..., Path]:
+    """Writes a variant of a small scene: a finger that pushes a block along a floor."""
+
+    def write(**changes: object) -> Path:
+        scene: dict[str, Any] = {
+            "name": "push",
+            "parameters": {"v": {"default": 1.0, "range": [0.1, 2.0]}, "gap0": {"default": 0.5}},
+            "bodies": {
+                "finger": {
+                    "role": "robot",
+                    "shape": {"kind": "point"},
+                    "motion": {"kind": "slide", "axis": [1, 0]},
+                    "coordinates": {"s": {"upper": 5, "drive": {"kind": "speed", "speed": "v"}}},
+                },
+                "block": {
+                    "role": "object",
+                    "shape": {"kind": "box", "width": 1, "height": 1},
+                    "pose": {"x": "0.5 + gap0"},
+                    "motion": {"kind": "slide", "axis": [1, 0], "name": "x"},
+                },
+            },
+            "contacts": [{"between": ["finger", "block"]}],
+            "goal": "block.x >= 0.25",
+            "duration": 2,
+            "step": 0.01,
+        }
+        path = tmp_path / "push.yaml"
+        path.write_text(yaml.safe_dump(scene | changes, sort_keys=False))
+        return path
+
+    return write
+
+
+def test_models(rungwise: Command) -> None:
+    answer = rungwise("models", "--json")
+    assert answer.code == 0
+    assert [model["name"] for model in answer.json["models"]] == [rung.name for rung in rw.LADDER]
+    text = rungwise("models")
+    assert text.code == 0 and text.err == ""
+    assert all(rung.name in text.out for rung in rw.LADDER)
+
+
+def test_scenes(rungwise: Command) -> None:
+    answer = rungwise("scenes", "--json")
+    assert answer.code == 0
+    assert set(answer.json["scenes"]) == set(rw.shipped())
+    text = rungwise("scenes")
+    assert text.code == 0 and "two_finger" in text.out
+
+
+def test_schema(rungwise: Command) -> None:
+    for answer in (rungwise("scenes", "--schema"), rungwise("scenes", "--schema", "--json")):
+        assert answer.code == 0
+        assert answer.json == json.loads(json.dumps(rw.schema()))
+    assert {"name", "bodies", "goal"} <= set(rw.schema()["properties"])
+
+
+@pytest.mark.parametrize("name", rw.shipped())
+def test_check(rungwise: Command, name: str) -> None:
+    answer = rungwise("check", name, "--json")
+    assert answer.code == 0
+    assert {"scene", "bodies", "contacts", "parameters", "goal"} <= set(answer.json)
+    text = rungwise("check", name)
+    assert text.code == 0 and text.err == "" and name in text.out
+
+
+def test_check_reports_given_values_and_no_bound_as_null(rungwise: Command) -> None:
+    report = rungwise("check", "two_finger", "--set", "v2=0.5", "--set", "mass=3", "--json").json
+    assert report["parameters"]["v2"]["value"] == 0.5
+    assert report["bodies"]["part"]["mass"] == 3.0
+    assert report["bodies"]["part"]["coordinates"]["x3"]["upper"] is None
+
+
+def test_sim(rungwise: Command) -> None:
+    answer = rungwise("sim", "two_finger", "--model", "kinematic", "--set", "v2=0.9", "--json")
+    report = answer.json
+    fields = [
+        "scene",
+        "model",
+        "parameters",
+        "outcome",
+        "reason",
+        "time",
+        "steps",
+        "final",
+        "worst_residual",
+        "wall_s",
+    ]
+    assert set(fields) <= set(report)
+    assert answer.code == 0
+    assert (report["scene"], report["model"], report["outcome"]) == ("two_finger", "kinematic", "goal")
+    assert report["parameters"]["v2"] == 0.9 and report["steps"] > 0 and report["time"] > 0
+    assert set(report["final"]) == {"finger1", "finger2", "part"} and set(report["final"]["part"]) == {"x3"}
+    text = rungwise("sim", "two_finger", "--model", "kinematic")
+    assert text.code == 0 and text.err == "" and "two_finger on kinematic: goal" in text.out
+
+
+def test_sim_answers_no(rungwise: Command) -> None:
+    answer = rungwise("sim", "two_finger", "--model", "kinematic", "--set", "v2=0.1", "--json")
+    assert answer.code == 1
+    assert answer.json["outcome"] in ("doomed", "missed")
+    short = rungwise("sim", "two_finger", "--model", "kinematic", "--time", "0.01", "--json")
+    assert short.code == 1 and short.json["outcome"] in ("timeout", "missed")
+
+
+SIM = ("sim", "two_finger", "--model", "kinematic")
+WRONG: list[tuple[tuple[object, ...], tuple[str, ...]]] = [
+    (("zzz",), ("zzz",)),
+    (("--zzz",), ("--zzz",)),
+    (("models", "zzz"), ("zzz",)),
+    (("scenes", "--zzz"), ("--zzz",)),
+    (("check",), ("SCENE",)),
+    (("sim",), ("SCENE",)),
+    (("sim", "two_finger"), ("--model",)),
+    (("check", "zzz"), ("scene: 'zzz'", "two_finger")),
+    (("check", "no/such.yaml"), ("scene: 'no/such.yaml'",)),
+    (("check", ""), ("scene: ''", "two_finger")),
+    (("check", "a\nb"), ("scene: 'a\\nb'",)),
+    (("check", "/"), ("is a folder",)),
+    (("check", "x" * 5000), ("scene: ",)),
+    (("sim", "zzz", "--model", "kinematic"), ("scene: 'zzz'", "two_finger")),
+    (("sim", "two_finger", "--model", "zzz"), ("model: ", "'zzz'", *(rung.name for rung in rw.LADDER))),
+    (("sim", "two_finger", "--model", ""), ("model: ", "kinematic")),
+    (("sim", "two_finger", "--model", "a\nb"), ("model: ", "kinematic")),
+    (("sim", "two_finger", "--model", "geometric"), ("model: ", "geometric", "plan")),
+    ((*SIM, "--set"), ("--set",)),
+    ((*SIM, "extra"), ("extra",)),
+]
+for command in (("check", "two_finger"), SIM):
+    for text in (
+        "v1",
+        "v1=",
+        "v1=abc",
+        "=1",
+        "",
+        "v1 1",
+        "v1=1=2",
+        "v1=nan",
+        "v1==1",
+        "v1=0x10",
+        "v1=1,2",
+        "a\nb",
+        "v1=\n",
+    ):
+        WRONG.append(((*command, "--set", text), ("--set", "must be name=number; names: v1, v2")))
+    WRONG += [
+        ((*command, "--set", "zzz=1"), ("parameters: unknown 'zzz'", "v1, v2, mu")),
+        ((*command, "--set", "v1=inf"), ("parameters.v1: must be finite",)),
+        ((*command, "--set", "v1=1e999"), ("parameters.v1: must be finite",)),
+        ((*command, "--set", "v1=-1"), ("parameters.v1: -1 is outside 1e-06 to 1e+06",)),
+        ((*command, "--set", "v1=1", "--set", "mu=-1"), ("parameters.mu: -1 is outside",)),
+    ]
+for option in ("--step", "--tol", "--time"):
+    for text in ("0", "-1", "nan", "inf", "-inf", "1e999", "-0"):
+        WRONG.append(((*SIM, option, text), (option[2:], "must be a finite number greater than 0")))
+    for text in ("abc", "", "1e", "1,5", "None"):
+        WRONG.append(((*SIM, option, text), (f"'{option}'", "must be a number, not")))
+for text in ("0", "0.49", "1.01", "nan", "inf", "-1"):
+    WRONG.append(((*SIM, "--theta", text), ("theta", "0.5..1")))
+for text in ("-0.1", "1.1", "nan", "inf"):
+    WRONG.append((("sim", "two_finger", "--model", "dynamic-rigid", "--inertia", text), ("inertia", "0..1")))
+WRONG += [
+    ((*SIM, "--inertia", "0.5"), ("inertia",)),
+    ((*SIM, "--theta", "abc"), ("--theta",)),
+    ((*SIM, "--step", "0.1", "--tol", "0.1"), ("step and tol",)),
+]
+
+
+@pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])
+@pytest.mark.parametrize(("arguments", "words"), WRONG, ids=lambda x: ascii(" ".join(map(str, x))[:60]))
+def test_wrong_use(
+    rungwise: Command, arguments: tuple[object, ...], words: tuple[str, ...], as_json: tuple[str, ...]
+) -> None:
+    refused(rungwise(*arguments, *as_json), *words)
+
+
+def test_help_is_no_error(rungwise: Command) -> None:
+    for arguments in ((), ("--help",), ("sim", "--help")):
+        answer = rungwise(*arguments)
+        assert answer.code == 0 and answer.err == "" and "Usage" in answer.out
+
+
+def test_wrong_files(rungwise: Command, tmp_path: Path, scene_file: Callable[..., Path]) -> None:
+    for content, words in (
+        (b"\x00\xff", "cannot be read"),
+        (b"", "must be a mapping"),
+        (b"a: [", "line 1"),
+        (b"a: 1\na: 2", "given twice"),
+        (b"a: &x 1\nb: *x", "aliases"),
+    ):
+        path = tmp_path / "wrong.yaml"
+        path.write_bytes(content)
+        refused(rungwise("check", path), words)
+        refused(rungwise("sim", path, "--model", "kinematic", "--json"), words)
+    refused(rungwise("check", scene_file(goal="block.z > 1")), "goal: unknown name block.z", "block.x")
+    refused(rungwise("check", scene_file(name="no name")), "name: must be a name")
+    refused(rungwise("check", scene_file(zzz=1)), "scene: unknown field 'zzz'; valid: name, about")
+
+
+def test_impossible_values(rungwise: Command, scene_file: Callable[..., Path]) -> None:
+    path = scene_file(step="1e-2 * (v - 1)")
+    for command in (("check", path), ("sim", path, "--model", "kinematic")):
+        refused(rungwise(*command, "--set", "v=0.5"), "step: -0.005 must be > 0")
+
+
+@pytest.mark.parametrize("model", [rung.name for rung in rw.LADDER[1:]])
+def test_overlap_at_the_start(
+    rungwise: Command, scene_file: Callable[..., Path], tmp_path: Path, model: str
+) -> None:
+    answer = rungwise("sim", scene_file(), "--model", model, "--set", "gap0=-0.25", "--out", tmp_path / "run")
+    refused(answer, "bodies.finger: overlaps block by 0.25 at the start")
+
+
+def test_a_scene_from_a_file(rungwise: Command, scene_file: Callable[..., Path]) -> None:
+    report = rungwise("sim", scene_file(), "--model", "kinematic", "--json").json
+    assert report["outcome"] == "goal"
+    assert report["final"]["block"]["x"] == pytest.approx(0.25, abs=0.02)
+
+
+def test_out_is_read_back_and_replaced_whole(rungwise: Command, tmp_path: Path) -> None:
+    folder = tmp_path / "deep" / "run"
+    first = rungwise(*SIM, "--out", folder, "--json").json
+    dataset, summary = rw.load_run(folder)
+    assert summary["outcome"] == first["outcome"] == "goal"
+    assert summary["parameters"] == first["parameters"]
+    assert dataset.attrs["scene"] == "two_finger" and dataset.attrs["model"] == "kinematic"
+    assert float(dataset.position.sel(coordinate="part.x3")[-1]) == first["final"]["part"]["x3"]
+    long = dataset.sizes["time"]
+    (folder / "notes.txt").write_text("kept")
+    second = rungwise(*SIM, "--out", folder, "--time", "0.001", "--json").json
+    dataset, summary = rw.load_run(folder)
+    assert summary["outcome"] == second["outcome"] != "goal"
+    assert dataset.sizes["time"] < long and float(dataset.time[-1]) == pytest.approx(0.001)
+    assert np.isfinite(dataset.position).all()
+    assert sorted(p.name for p in folder.iterdir()) == ["notes.txt", "run.json", "trajectory.zarr"]
+
+
+def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("kept")
+    refused(rungwise(*SIM, "--out"), "--out")
+    for folder in (
+        blocked,
+        blocked / "run",
+        blocked / "deep" / "run",
+        "/dev/null/run",
+        tmp_path / ("x" * 300),
+    ):
+        refused(rungwise(*SIM, "--out", folder), "out: ", "cannot be written")
+    assert blocked.read_text() == "kept"
+
+
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the superuser may write anywhere"
+)
+def test_out_without_permission(rungwise: Command, tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    refused(rungwise(*SIM, "--out", tmp_path / "run"), "out: ", "cannot be written")
+
+
+MAIN = [sys.executable, "-c", "from rungwise.cli import main; main()"]
+
+
+def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    command = [*MAIN, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        deadline = time.monotonic() + 300.0
+        while not folder.exists() and process.poll() is None and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        began = time.monotonic()
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert time.monotonic() - began < 10.0  # a second on an idle machine, most of it to import the storage
+    report = json.loads(out)
+    assert report["outcome"] == "running" and "Traceback" not in err
+    assert rw.load_run(folder)[1]["time"] == report["time"]
+
+
+def test_output_that_cannot_be_written() -> None:
+    with subprocess.Popen([*MAIN, "models"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 1
+    if Path("/dev/full").exists():
+        with open("/dev/full", "w") as full:
+            done = subprocess.run(
+                [*MAIN, "models"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+            )
+        refused(Answer(done.returncode, "", done.stderr), "output: cannot be written")
