@@ -40,7 +40,7 @@ SHORT_OF = 1.0 - 1e-9
 SOON = 0.01
 """Part of a fixed step within which an impact counts as being at its beginning; a later one ends the step."""
 SINKING = 0.1
-"""Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model no longer holds."""
+"""Deformation, as a fraction of the smallest shape's reach, beyond which the compliant model no longer holds."""
 DRIFT = 1e-2
 """New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
 
