@@ -1,6 +1,6 @@
 # Needs make and a Python of at least 3.11 (with venv); everything else goes into .venv, in this folder.
 #
-#   make demo     run the two-finger example on the ladder of models
+#   make demo     run the two-finger example on the ladder of models; table, runs and figure in out/
 #   make test     lint, compile the kernels, run the tests
 #   make bench    run the benchmarks
 #   make lint     formatting, style, types, layers; changes nothing
@@ -12,8 +12,9 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-# Present after `pip install -e .` and `pip install -e .[dev]`; out of date when pyproject.toml changes.
+# Present after `pip install -e .`, `.[view]` and `.[dev]`; out of date when pyproject.toml changes.
 INSTALLED := $(VENV)/.installed
+INSTALLED_VIEW := $(VENV)/.installed-view
 INSTALLED_DEV := $(VENV)/.installed-dev
 
 # Run, not just looked up: a name on the PATH may be a shim with nothing behind it.
@@ -25,7 +26,7 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: demo test bench clean lint format
 
-demo: $(INSTALLED)
+demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
 
 # The kernels are compiled and cached once, before the tests need them in parallel.
@@ -60,6 +61,10 @@ $(INSTALLED): pyproject.toml
 		echo "$$python -m venv $(VENV)"; \
 		"$$python" -m venv --clear $(VENV); }
 	$(PIP_INSTALL) -e .
+	@touch $@
+
+$(INSTALLED_VIEW): $(INSTALLED)
+	$(PIP_INSTALL) -e '.[view]'
 	@touch $@
 
 $(INSTALLED_DEV): $(INSTALLED)

@@ -77,8 +77,8 @@ def cache_folder() -> Path:
 
 
 def is_compiled() -> bool:
-    """Whether some kernel of exactly these sources has been compiled and kept before."""
-    return any(cache_folder().rglob("*.nbi"))
+    """Whether the main loop of exactly these sources has been compiled and kept before."""
+    return any(cache_folder().rglob("*advance*.nbi"))
 
 
 def _private_temporary() -> Path:

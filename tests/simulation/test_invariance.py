@@ -33,8 +33,8 @@ def test_units(two_finger: rw.Scene, model: rw.Rung, length: float, mass: float,
         "mu": 0.3,
     }
     unit = {
-        "v1": length / time, "v2": length / time, "mass": mass, "half_base": length, "height": length, "offset": length,
-        "travel": length, "x3": length, "stiffness": mass / time**2, "damping": mass / time,
+        "v1": length / time, "v2": length / time, "mass": mass, "half_base": length, "height": length,
+        "offset": length, "travel": length, "x3": length, "stiffness": mass / time**2, "damping": mass / time,
     }  # fmt: skip
     scaled = {name: value * unit.get(name, 1.0) for name, value in base.items()}
     data = two_finger.file.model_dump(mode="json")
@@ -62,7 +62,7 @@ def test_order_of_bodies(two_finger: rw.Scene, model: rw.Rung) -> None:
 
 def turned(data: dict[str, Any], angle: float, shift: tuple[float, float]) -> dict[str, Any]:
     """The blocks scene in a frame that is turned and shifted."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = float(np.cos(angle)), float(np.sin(angle))
     data["gravity"] = [f"gravity * {s!r}", f"-gravity * {c!r}"]
     for body in data["bodies"].values():
         pose = body["pose"]
@@ -88,7 +88,7 @@ def test_frame(model: rw.Rung) -> None:
         ),
     )
     one, two = (rw.simulate(scene, model, parameters=parameters, duration=0.5) for scene in scenes)
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = float(np.cos(angle)), float(np.sin(angle))
     assert one.outcome == two.outcome
     for body, place in one.final.items():
         there = two.final[body]

@@ -88,7 +88,7 @@ def test_compliant_block_keeps_its_elastic_offset() -> None:
     weight = 1.0 * G
     tilt = slip - weight * math.sin(slope) / (2.0 * stiffness)
     turned = float((end - start).sel(coordinate="lone.angle"))
-    assert tilt == pytest.approx(-0.5 * turned, rel=2e-2)
+    assert tilt == pytest.approx(0.5 * turned, rel=2e-2)
     assert np.abs(run.trajectory.velocity[-1]).max() < 1e-9
 
 
@@ -113,7 +113,7 @@ def test_rocking_block_overturns_iff_its_energy_lifts_it_over_the_corner() -> No
     arm = 0.5 * math.hypot(width, height)
     about_corner = (width**2 + height**2) / 3.0
     lift = arm - 0.5 * height
-    # The impulse that starts rocking about a corner keeps the angular momentum about it: omega = I_c spin / I_o.
+    # The impulse that starts rocking about a corner keeps angular momentum about it: omega = I_c spin / I_o.
     about_centre = (width**2 + height**2) / 12.0
     needed = math.sqrt(2.0 * G * lift / about_corner) * about_corner / about_centre
     for factor, expected in ((0.97, "goal"), (1.03, "unsafe")):

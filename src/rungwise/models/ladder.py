@@ -58,7 +58,10 @@ class Rung:
         return record
 
 
-GEOMETRIC = Rung("geometric", 9, "no overlap; every body may be placed anywhere", moves=False)
+GEOMETRIC = Rung(
+    "geometric", 9, "no overlap; every body may be placed anywhere",
+    moves=False, loads=False, friction=False,
+)  # fmt: skip
 KINEMATIC = Rung(
     "kinematic", 8, "driven coordinates move; the rest take the slowest motion that avoids overlap",
     metric=True, loads=False, friction=False,

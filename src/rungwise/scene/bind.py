@@ -98,11 +98,22 @@ def _derive(
             return fault, b
         _centre_frame(bodies[b], shapes, vertices)
     for i in range(coordinates.shape[0]):
-        if not coordinates[i].lower <= coordinates[i].start <= coordinates[i].upper:
+        value = coordinates[i].start + _origin(bodies[coordinates[i].body], i)
+        if not coordinates[i].lower <= value <= coordinates[i].upper:
             return OUT_OF_TRAVEL, i
         if coordinates[i].drive == SERVO:
             coordinates[i].limited = math.isfinite(coordinates[i].limit)
     return BOUND, 0
+
+
+@kernel
+def _origin(body: Record, i: int) -> float:
+    """Value of the body's coordinate i at its pose: 0 but for free bodies."""
+    if body.motion != FREE:
+        return 0.0
+    if i == body.coordinate:
+        return body.x
+    return body.y if i == body.coordinate + 1 else body.angle
 
 
 @kernel

@@ -317,7 +317,8 @@ Motion = Annotated[
 
 
 class Coordinate(Strict):
-    """One coordinate of a body: start (as a displacement from the pose), travel, support and drive."""
+    """One coordinate of a body: start (as a displacement from the pose), travel (lower and upper bound the
+    coordinate itself), support and drive."""
 
     start: Number = 0.0
     speed: Number = 0.0

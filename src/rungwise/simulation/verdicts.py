@@ -17,7 +17,7 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 )
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 SINKING = 0.1
-"""Deformation, as a fraction of the smaller shape's reach, beyond which the compliant model fails."""
+"""Deformation, as a fraction of the smallest shape's reach, beyond which the compliant model fails."""
 
 
 @kernel

@@ -147,9 +147,9 @@ def _end(
 
 @kernel
 def _is_over(shape: Record, edge: int, vertex: int, outline: Reals) -> bool:
-    """Whether the vertex projects onto the edge."""
-    place = _along(edge, vertex, outline)
-    return place >= 0.0 and place <= _along(edge, next_vertex(shape, edge), outline)
+    """Whether the vertex projects onto the edge; ends of aligned edges, which rounding moves, are over it."""
+    place, length = _along(edge, vertex, outline), _along(edge, next_vertex(shape, edge), outline)
+    return place >= -_TIE * length and place <= length + _TIE * length
 
 
 @kernel

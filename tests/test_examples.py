@@ -1,0 +1,91 @@
+"""What the documentation shows runs: examples, benchmark and the Python of the README, in small."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import rungwise as rw
+
+ROOT = Path(__file__).parent.parent
+
+
+def script(path: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """The script as a module, with its own folder on the path as when it is run."""
+    file = ROOT / path
+    monkeypatch.syspath_prepend(str(file.parent))
+    spec = importlib.util.spec_from_file_location(f"script_{file.stem}", file)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, spec.name, module)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_demo_prints_a_table_saves_runs_and_draws(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    demo = script("examples/two_finger_ladder.py", monkeypatch)
+    monkeypatch.setattr(demo, "FAN", (0.45, 0.9))
+    assert demo.main(["--out", str(tmp_path)], ratios=(0.45, 0.9)) == 0
+    printed = capsys.readouterr().out
+    moving = [rung.name for rung in rw.LADDER if rung.moves]
+    assert all(name in printed for name in moving)
+    assert "frictional certificate" in printed
+    for name in moving:
+        trajectory, summary = rw.load_run(tmp_path / "two_finger" / name)
+        assert summary["outcome"] == "goal" and trajectory.sizes["time"] > 2
+    assert (tmp_path / "two_finger.png").stat().st_size > 10_000
+
+
+def test_bands_agree_with_their_closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
+    bands = script("examples/bands.py", monkeypatch)
+    scene = rw.load("two_finger")
+    for case in bands.cases():
+        measured = bands.band(scene, case, bisections=10)
+        slack = 2.0 * case.step + measured.bracket
+        low, high = case.expected
+        assert low - slack <= measured.lower <= high + slack, case
+        assert low - slack <= 1.0 / measured.upper <= high + slack, case
+
+
+def test_bands_prints_every_case(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    bands = script("examples/bands.py", monkeypatch)
+    assert bands.main(["--json"], bisections=1) == 0
+    assert len(json.loads(capsys.readouterr().out)["bands"]) == len(bands.cases())
+
+
+def test_benchmark_measures_every_rung(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/run.py", monkeypatch)
+    assert benchmark.main(["--json"], ratios=(0.6, 1.4), repeats=1, with_command=False) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert {rung.name for rung in rw.LADDER if rung.moves} <= {row["model"] for row in rows}
+    assert all(row["steps_per_s"] > 0.0 for row in rows)
+
+
+def test_python_of_the_readme_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    assert blocks
+    monkeypatch.chdir(tmp_path)
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert "dynamic-compliant goal" in capsys.readouterr().out
+
+
+def test_every_scene_file_of_the_documentation_loads() -> None:
+    for name in ("README.md", "docs/scene.md"):
+        for block in re.findall(r"```yaml\n(name:.*?)```", (ROOT / name).read_text("utf-8"), re.DOTALL):
+            import yaml
+
+            scene = rw.load(yaml.safe_load(block))
+            scene.bind()
