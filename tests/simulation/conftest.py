@@ -22,8 +22,8 @@ GEOMETRIES = (
 def lowest_ratio(geometry: dict[str, float], restitution: float = 0.0) -> float:
     """Least v2/v1 that captures: closure before the part has gone `offset`, after the first impact.
 
-    Finger 1 meets its face at depth d and pushes the part at v1/k (k the slope of the face), (1 + e) times that
-    after an impact; finger 2 meets its face at x2 = d - k x3.
+    Finger 1 meets its face at depth d and pushes the part at v1/k (k the slope of the face), (1 + e) times
+    that after an impact; finger 2 meets its face at x2 = d - k x3.
     """
     half_base, height = geometry.get("half_base", 1.0), geometry.get("height", 1.0)
     offset, travel = geometry.get("offset", 0.5), geometry.get("travel", 2.0)
