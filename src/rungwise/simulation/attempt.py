@@ -122,3 +122,7 @@ def _finish(records: Records, rung: RecordArray, h: float, contacts: int, worksp
         state.pushes[c] = 0.0
     for p in range(records.pairs.shape[0]):
         state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    for k in range(contacts):
+        slot = scratch.slots[k]
+        for i in range(state.impulse.shape[1]):
+            state.impulse[slot, i] += h * state.force[slot, i]

@@ -41,11 +41,11 @@ def take(
     parts, following = 1, 2.0 * h
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h, begins = _until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0)
+        h, begins = until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0)
         following = h if begins else following
         keep(workspace)
     elif clock.bounces:
-        h, _ = _until_contact(records, rung, workspace, h, 0.0, SOON)
+        h, _ = until_contact(records, rung, workspace, h, 0.0, SOON)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
         if part > 0 or allowed > 0.0 or clock.bounces:
@@ -91,7 +91,7 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
 
 
 @kernel
-def _until_contact(
+def until_contact(
     records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float, soon: float
 ) -> tuple[float, bool]:
     """The step, but no longer than the first open gap (beyond `closed`, and beyond what closes within the

@@ -7,7 +7,7 @@ import math
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import SERVO, SPEED, Records
 from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, TOO_COARSE
-from rungwise.simulation.controlled import take
+from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.nearby import look
@@ -135,5 +135,14 @@ def _step(
             return NO_SUPPORT
         if status == REFUSED and h * moving < 0.25 * control[0].tolerance and moving > 0.0:
             return JAMMED
-        h = following if status == TOO_COARSE else 0.5 * h
+        h = following if status == TOO_COARSE else _shorter(records, rung, control, workspace, h)
     return NOT_CONVERGED
+
+
+@kernel
+def _shorter(
+    records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
+) -> float:
+    """The next step to try after a refusal: up to the first contact to close, or else half of it."""
+    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0)
+    return landing if landing < 0.999 * h else 0.5 * h

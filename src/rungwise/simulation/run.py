@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -125,7 +126,8 @@ class Simulation:
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1; if not given, 1 (which
             damps) for fixed steps and 1/2 (second order) under error control.
         frames: how many states are kept at most (the stride doubles when they are full).
-        stride: steps between frames at first.
+        stride: steps between frames at first; if not given, so many that the whole duration fits into
+            `frames` with fixed steps, and 1 under error control.
     """
 
     def __init__(
@@ -139,7 +141,7 @@ class Simulation:
         duration: float | None = None,
         theta: float | None = None,
         frames: int = 2000,
-        stride: int = 1,
+        stride: int | None = None,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load(scene)
         try:
@@ -157,7 +159,7 @@ class Simulation:
             theta = 1.0 if tol is None else 0.5
         if not 0.5 <= theta <= 1.0:
             raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
-        if frames < 3 or stride < 1:
+        if frames < 3 or (stride is not None and stride < 1):
             raise ModelError("frames: at least 3, and stride: at least 1")
         self.parameters = self.scene.parameters(parameters)
         self.reason = ""
@@ -183,7 +185,8 @@ class Simulation:
         self._control["error"] = 0.0 if tol is None else tol
         self._rung = self.model.record(theta)
         self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
-        self.workspace.state.clock["stride"] = stride
+        expected = float(self._control[0]["duration"] / self._control[0]["step"]) if tol is None else 1.0
+        self.workspace.state.clock["stride"] = math.ceil(expected / frames) if stride is None else stride
         template = self.scene.template
         timed, conditions = template.timed, template.conditions
         self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)

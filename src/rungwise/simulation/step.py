@@ -125,7 +125,6 @@ def accept_forces(
         state.modes[slot] = scratch.mode[k]
         for i in range(d):
             state.force[slot, i] = force[k * d + i]
-            state.impulse[slot, i] += h * force[k * d + i]
     for r in range(state.clock[0].limited):
         scratch.limited_mode[r] = scratch.mode[contacts + r]
 
