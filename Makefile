@@ -31,7 +31,7 @@ demo: $(INSTALLED_VIEW)
 
 # The kernels are compiled and cached once, before the tests need them in parallel.
 test: lint
-	$(BIN)/python -m rungwise.kernel
+	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.kernel
 	$(BIN)/python -m pytest -n 2
 
 bench: $(INSTALLED)

@@ -173,14 +173,14 @@ def sim(
         ),
     ] = None,
     theta: Annotated[
-        float | None,
+        float,
         typer.Option(
             "--theta",
             parser=_number,
             metavar="NUMBER",
             help="Theta rule on the dynamic-compliant rung, 0.5 to 1.",
         ),
-    ] = None,
+    ] = 1.0,
     inertia: Annotated[
         float | None,
         typer.Option(

@@ -66,7 +66,7 @@ def test_tolerance_controls_the_error_of_a_contact() -> None:
     scene, reference = pressed(1e5, 5.0), height(1e5, 5.0, 0.3)
     errors, steps = [], []
     for tol in (1e-5, 1e-7, 1e-9):
-        run = rw.simulate(scene, rw.DYNAMIC_COMPLIANT, tol=tol, duration=0.3, frames=3)
+        run = rw.simulate(scene, rw.DYNAMIC_COMPLIANT, tol=tol, theta=0.5, duration=0.3, frames=3)
         errors.append(abs(run.final["disc"]["y"] - reference))
         steps.append(run.steps)
     assert errors[0] > 5.0 * errors[1] > 25.0 * errors[2]

@@ -99,7 +99,7 @@ def test_impacts_as_the_step_vanishes(
         # Along the palm stiffness and damping are K / 2 and C / 2, the mass is 1.
         damping = {"none": 0.0, "proportional": 1e-2 * k, "ratio": 2.0 * ratio * math.sqrt(2.0 * k)}[law]
         parameters = {"mu": 0.0, "stiffness": k, "damping": damping}
-        x3 = place(pushed, rw.DYNAMIC_COMPLIANT, parameters, tol=1e-9)
+        x3 = place(pushed, rw.DYNAMIC_COMPLIANT, parameters, tol=1e-9, theta=0.5)
         errors.append(abs(x3 - limit * (ENDS - STARTS)))
     assert order(stiffnesses, errors) == pytest.approx(exponent, abs=band)
 
@@ -112,6 +112,7 @@ def test_speed_after_an_undamped_impact_is_elastic(pushed: rw.Scene) -> None:
             parameters={"v2": 0.6, "mu": 0.0, "stiffness": stiffness, "damping": 0.0},
             duration=ENDS,
             tol=1e-9,
+            theta=0.5,
         )
         speed = float(run.trajectory.velocity.sel(coordinate="part.x3")[-1])
         assert speed == pytest.approx(2.0, abs=1e-3)

@@ -104,7 +104,7 @@ def test_controlled_compliant_threshold(two_finger: rw.Scene, damping: float) ->
         two_finger, rw.DYNAMIC_COMPLIANT, 0.45, 0.65, step=1e-5, theta=0.5, parameters=parameters
     )
     assert threshold(
-        two_finger, rw.DYNAMIC_COMPLIANT, 0.45, 0.65, tol=1e-5, parameters=parameters
+        two_finger, rw.DYNAMIC_COMPLIANT, 0.45, 0.65, tol=1e-5, theta=0.5, parameters=parameters
     ) == pytest.approx(fine, rel=1e-3)
 
 
@@ -149,3 +149,18 @@ def test_sticking_compliant_finger_moves_the_part_by_the_difference_of_stiffness
 def test_equal_stiffness_sticks_in_place(two_finger: rw.Scene) -> None:
     run = rw.simulate(two_finger, rw.QUASISTATIC_COMPLIANT, parameters={"mu": 3.0, "v2": 0.01}, duration=1.52)
     assert run.final["part"]["x3"] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("model", [rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT], ids=str)
+@pytest.mark.parametrize("options", [{}, {"tol": 1e-5}])
+def test_travel_limit_stops_a_sliding_body(model: rw.Rung, options: dict[str, float]) -> None:
+    slider = {
+        "role": "object", "mass": 1, "shape": {"kind": "disc", "radius": 0.1},
+        "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"speed": 1, "upper": 0.3}},
+    }  # fmt: skip
+    run = rw.simulate(
+        {"name": "stop", "duration": 1, "step": 1e-3, "bodies": {"b": slider}}, model, **options
+    )
+    assert run.outcome.name == "timeout"
+    assert run.final["b"]["s"] == pytest.approx(0.3, abs=1e-9)

@@ -108,7 +108,7 @@ def until_contact(
         for i in range(state.v.shape[0]):
             row = terms.rows[2 * k, i]
             rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
-            if sprung and not state.prescribed[i]:
+            if sprung and not state.prescribed[i] and math.isfinite(terms.contact_stiffness[k, 0, 0]):
                 ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
         if terms.gap[k] > closed:
             if rate * h < -terms.gap[k] < soon * rate * h:

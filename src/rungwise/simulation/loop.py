@@ -120,6 +120,8 @@ def _step(
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
+        if not clock.time + h > clock.time:
+            return NOT_CONVERGED
         status, h, following = take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
             clock.steps += 1

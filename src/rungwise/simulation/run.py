@@ -123,8 +123,8 @@ class Simulation:
         step: length of a step; the scene's own if not given.
         tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
         duration: end of the run; the scene's own if not given.
-        theta: of the theta rule where compliant contact carries momentum, in 1/2..1; if not given, 1 (which
-            damps) for fixed steps and 1/2 (second order) under error control.
+        theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
+            on contacts, but makes rigid stops bounce and is explicit in loads that depend on place.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -139,7 +139,7 @@ class Simulation:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
-        theta: float | None = None,
+        theta: float = 1.0,
         frames: int = 2000,
         stride: int | None = None,
     ) -> None:
@@ -155,8 +155,6 @@ class Simulation:
         for name, value in (("step", step), ("tol", tol), ("time", duration)):
             if value is not None and not 0.0 < value < float("inf"):
                 raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
-        if theta is None:
-            theta = 1.0 if tol is None else 0.5
         if not 0.5 <= theta <= 1.0:
             raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
         if frames < 3 or (stride is not None and stride < 1):

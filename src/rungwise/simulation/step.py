@@ -86,7 +86,7 @@ def _solve(
 @kernel
 def _is_free_of_load(rung: RecordArray, n: int, limited: int, eps: float, problem: ContactProblem) -> bool:
     """Whether contact forces vanish in the limit eps -> 0+, where those found belong to eps = 1."""
-    loaded = rung[0].inertia > 0.0 or not rung[0].loads or eps < 1.0 or limited > 0
+    loaded = rung[0].inertia > 0.0 or not rung[0].loads or rung[0].compliant or eps < 1.0 or limited > 0
     for i in range(n):
         loaded |= problem.c[i] != 0.0
     return not loaded
