@@ -326,7 +326,9 @@ MAIN = [sys.executable, "-c", "from rungwise.cli import main; main()"]
 
 def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    command = [*MAIN, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
+    # A shell that starts the tests in the background has them ignore the signal; so would the child.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);" + MAIN[-1]
+    command = [*MAIN[:-1], listening, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 300.0
         while not folder.exists() and process.poll() is None and time.monotonic() < deadline:
@@ -334,7 +336,10 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
         began = time.monotonic()
-        out, err = process.communicate(timeout=60)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
     assert process.returncode == 130, err
     assert time.monotonic() - began < 10.0  # a second on an idle machine, most of it to import the storage
     report = json.loads(out)

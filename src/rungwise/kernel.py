@@ -1,9 +1,6 @@
 """The one compile decorator.
 
-Every hot function of the package is a *kernel*: arrays in, arrays out, compiled by numba, and still an
-ordinary Python function when ``NUMBA_DISABLE_JIT=1``. Compiled code is kept in a folder named after a hash
-of all the package's sources, because numba itself does not notice an edit in a function that a cached one
-calls. ``RUNGWISE_CACHE`` moves that folder.
+Every hot function of the package is a *kernel*: arrays in, arrays out, compiled by numba, and still X
 """
 
 from __future__ import annotations
@@ -11,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import os
+import re
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -50,19 +48,19 @@ def allocating_kernel(function: F) -> F:
 def _compile(function: F, allocates: bool) -> F:
     compiled = numba.njit(nogil=True, error_model="numpy", _nrt=allocates)(function)
     if hasattr(compiled, "enable_caching"):
-        with _numba_cache(cache_folder()):
+        with _numba_cache(cache_folder(function.__module__)):
             compiled.enable_caching()
     return compiled  # type: ignore[no-any-return]
 
 
 @cache
-def cache_folder() -> Path:
-    """Folder of the compiled code of exactly these sources; made when missing.
+def cache_folder(module: str) -> Path:
+    """Folder of the compiled code of exactly these sources of `module`; made when missing.
 
     Falls back to the temporary folder where the user's cache cannot be written.
     """
     digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(Path(__file__).parent.rglob("*.py")):
+    for source in sorted(_sources(module)):
         digest.update(source.read_bytes())
     chosen = os.environ.get("RUNGWISE_CACHE")
     for root in (Path(chosen) if chosen else platformdirs.user_cache_path("rungwise"), _private_temporary()):
@@ -76,9 +74,33 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="rungwise-"))
 
 
+_IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+
+
+def _sources(module: str) -> set[Path]:
+    """Files of `module` and of all that it imports from the package; every file for a module outside it."""
+    found: set[Path] = set()
+    waiting = [module]
+    while waiting:
+        source = _file(waiting.pop())
+        if source is None or source in found:
+            continue
+        found.add(source)
+        for origin, names in _IMPORT.findall(source.read_text("utf-8")):
+            waiting += [origin, *(f"{origin}.{name}" for name in re.findall(r"\w+", names))]
+    return found or set(Path(__file__).parent.rglob("*.py"))
+
+
+def _file(module: str) -> Path | None:
+    package, *path = module.split(".")
+    place = Path(__file__).parent.joinpath(*path)
+    known = (place.with_suffix(".py"), place / "__init__.py") if package == "rungwise" else ()
+    return next((file for file in known if file.is_file()), None)
+
+
 def is_compiled() -> bool:
     """Whether the main loop of exactly these sources has been compiled and kept before."""
-    return any(cache_folder().rglob("*advance*.nbi"))
+    return any(cache_folder("rungwise.simulation.loop").rglob("*advance*.nbi"))
 
 
 def _private_temporary() -> Path:
@@ -116,7 +138,8 @@ def main() -> None:
             for tol in (None, 1e-2):
                 package.Simulation(scene, model, tol=tol).advance()
     took = time.perf_counter() - began
-    print(f"rungwise: kernels of {len(models)} rungs are ready in {cached.cache_folder()} ({took:.0f} s)")
+    root = cached.cache_folder("rungwise.simulation.loop").parent
+    print(f"rungwise: kernels of {len(models)} rungs are ready in {root} ({took:.0f} s)")
 
 
 if __name__ == "__main__":
