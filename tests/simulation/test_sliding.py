@@ -146,3 +146,19 @@ def test_bouncing_disc(restitution: float) -> None:
     speed = run.trajectory.velocity.sel(coordinate="disc.y").values
     impact = math.sqrt(2.0 * G * 0.5)
     assert speed.max() == pytest.approx(restitution * impact, abs=2e-3 * impact)
+
+
+@pytest.mark.parametrize(
+    ("slope", "mu", "spin"), [(0.3, 0.4, 0.5), (0.3, 0.2, 0.5), (0.2, 0.5, 1.0), (0.0, 0.5, 1.0)]
+)
+def test_a_block_that_rattles_to_rest_takes_hardly_more_steps_than_it_is_given(
+    slope: float, mu: float, spin: float
+) -> None:
+    data = rw.load("blocks").file.model_dump(mode="json")
+    for contact in data["contacts"]:
+        contact["restitution"] = 0.2
+    data["goal"] = "t > 1e3"
+    run = rw.simulate(data, rw.DYNAMIC_RIGID, parameters=block(slope, mu, spin=spin))
+    assert run.outcome.name == "timeout" and run.worst_residual <= 1e-8
+    assert run.attempts < 5000 * 1.05
+    assert run.final["lone"]["angle"] == pytest.approx(slope, abs=1e-9)

@@ -61,7 +61,7 @@ def assemble(
         else:
             problem.R[k, :, :] = 0.0
             problem.w[k * d : k * d + d] = 0.0
-            g = _approach(k * d, h, terms, v, speed, free, n, eps)
+            g = approach(k * d, terms, v, speed, free, n, eps)
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
                 bounced = True
@@ -129,18 +129,16 @@ def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
 
 
 @kernel
-def _approach(
-    r: int, h: float, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float
-) -> float:
-    """Rate of the gap at the start of the step, or 0 when it is no faster than two steps of load explain."""
+def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
+    """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause."""
     g = _carried(terms.rows, r, free, n, speed)
     loaded = 0.0
     for i in range(n):
         a = free[i]
         g += terms.rows[r, a] * v[a]
         if eps > 0.0:
-            loaded += terms.rows[r, a] * terms.load[a] * h / (eps * terms.inertia[a, a])
-    return 0.0 if g >= -2.0 * abs(loaded) else g
+            loaded += terms.rows[r, a] * terms.load[a] * terms.pause[0] / (eps * terms.inertia[a, a])
+    return 0.0 if g >= -abs(loaded) else g
 
 
 @kernel

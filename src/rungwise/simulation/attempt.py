@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from rungwise.kernel import RecordArray, kernel
+from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
-from rungwise.simulation.state import Scratch, Workspace
+from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -52,7 +53,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             continue
         if status == UNSUPPORTED:
             break
-        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, scratch):
+        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
@@ -74,14 +75,21 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
 
 
 @kernel
-def _absorbs(terms: Terms, contacts: int, h: float, scratch: Scratch) -> bool:
-    """Whether a contact with restitution, open at the start, is met during the step: it would not bounce."""
+def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scratch) -> bool:
+    """Whether a contact with restitution, open at the start, is met at speed during the step: it would not
+    bounce."""
+    clock = state.clock[0]
     for k in range(contacts):
-        if terms.restitution[k] > 0.0 and scratch.contact_force[2 * k] > 0.0:
+        if (
+            terms.restitution[k] > 0.0
+            and terms.gap[k] > terms.rounding[0]
+            and scratch.contact_force[2 * k] > 0.0
+        ):
             rate = 0.0
             for i in range(scratch.v_new.shape[0]):
                 rate += terms.rows[2 * k, i] * scratch.v_new[i]
-            if terms.gap[k] > 0.0 and abs(terms.gap[k] + h * rate) <= 1e-6 * terms.gap[k]:
+            met = abs(terms.gap[k] + h * rate) <= 1e-6 * terms.gap[k]
+            if met and approach(2 * k, terms, state.v, state.speed, state.free, clock.free, clock.eps) < 0.0:
                 return True
     return False
 

@@ -110,7 +110,7 @@ def until_contact(
             rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
             if sprung and not state.prescribed[i] and math.isfinite(terms.contact_stiffness[k, 0, 0]):
                 ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
-        if terms.gap[k] > closed:
+        if terms.gap[k] > max(closed, terms.rounding[0]):
             if rate * h < -terms.gap[k] < soon * rate * h:
                 h = SHORT_OF * terms.gap[k] / -rate
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:

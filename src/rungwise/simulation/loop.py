@@ -29,6 +29,8 @@ from rungwise.system.planar.place import place, start
 MAX_HALVINGS = 60
 ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
+PAUSE = 2.0
+"""An approach no faster than what loads cause in so many nominal steps does not bounce."""
 
 
 @kernel
@@ -68,6 +70,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for b in range(records.bodies.shape[0]):
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
     terms.rounding[0] = ROUNDING * extent
+    terms.pause[0] = PAUSE * control[0].step
     clock.margin = control[0].tolerance
     look(records, workspace)
     clock.next = control[0].step

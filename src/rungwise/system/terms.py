@@ -33,6 +33,7 @@ class Terms(Block):
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
     rounding   (1,)      length below which positions are rounding
+    pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     """
 
     inertia: NDArray[np.float64]
@@ -52,6 +53,7 @@ class Terms(Block):
     gains: NDArray[np.float64]
     error: NDArray[np.float64]
     rounding: NDArray[np.float64]
+    pause: NDArray[np.float64]
 
 
 def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
@@ -75,4 +77,5 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         gains=np.zeros((b, 2)),
         error=np.zeros((b, 2)),
         rounding=np.zeros(1),
+        pause=np.zeros(1),
     )
