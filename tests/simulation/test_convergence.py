@@ -86,20 +86,39 @@ def pendulum(speed: float = 0.7) -> rw.Scene:
     return rw.load({"name": "pendulum", "gravity": [0, -9.81], "bodies": {"rod": rod}, "duration": 1.3})
 
 
-@pytest.mark.parametrize("model", DYNAMIC, ids=str)
-def test_order_on_a_pendulum(model: rw.Rung) -> None:
-    """Semi-implicit: order 1, and no drift of energy."""
+def swung(time: float) -> float:
+    """Angle of the pendulum."""
     about_pivot = 0.3 + 2.0 * 0.5**2
-    reference = exact(lambda t, y: [y[1], -2.0 * 9.81 * 0.5 * math.cos(y[0]) / about_pivot], [0.0, 0.7], 1.3)
-    scene = pendulum()
+    return exact(lambda t, y: [y[1], -2.0 * 9.81 * 0.5 * math.cos(y[0]) / about_pivot], [0.0, 0.7], time)
+
+
+@pytest.mark.parametrize(
+    ("model", "theta", "expected"),
+    [(rw.DYNAMIC_RIGID, 1.0, 1.0), (rw.DYNAMIC_COMPLIANT, 1.0, 1.0), (rw.DYNAMIC_COMPLIANT, 0.5, 2.0)],
+    ids=str,
+)
+def test_order_on_a_pendulum(model: rw.Rung, theta: float, expected: float) -> None:
+    scene, reference = pendulum(), swung(1.3)
     errors = [
-        abs(rw.simulate(scene, model, step=h, frames=3).final["rod"]["angle"] - reference) for h in STEPS
+        abs(rw.simulate(scene, model, step=h, theta=theta, frames=3).final["rod"]["angle"] - reference)
+        for h in STEPS
     ]
-    assert order(errors) == pytest.approx(1.0, abs=0.02)
+    assert order(errors) == pytest.approx(expected, abs=0.02)
 
 
-def test_a_pendulum_keeps_its_energy() -> None:
-    data = rw.simulate(pendulum(), rw.DYNAMIC_RIGID, step=1e-3, duration=40.0).trajectory
+@pytest.mark.parametrize("model", DYNAMIC, ids=str)
+def test_tolerance_controls_the_error_of_a_pendulum(model: rw.Rung) -> None:
+    """Free flight is of second order under error control: a hundredth of the tolerance, of the error."""
+    runs = [rw.simulate(pendulum(), model, tol=tol, duration=20.0, frames=3) for tol in (1e-4, 1e-6, 1e-8)]
+    errors = [abs(run.final["rod"]["angle"] - swung(20.0)) for run in runs]
+    assert errors[0] > 50.0 * errors[1] > 2500.0 * errors[2] and errors[2] < 1e-5
+    fixed = rw.simulate(pendulum(), model, step=20.0 / runs[1].attempts, duration=20.0, frames=3)
+    assert errors[1] < abs(fixed.final["rod"]["angle"] - swung(20.0))
+
+
+@pytest.mark.parametrize(("model", "theta"), [(rw.DYNAMIC_RIGID, 1.0), (rw.DYNAMIC_COMPLIANT, 0.5)], ids=str)
+def test_a_pendulum_keeps_its_energy(model: rw.Rung, theta: float) -> None:
+    data = rw.simulate(pendulum(), model, theta=theta, step=1e-3, duration=40.0).trajectory
     energy = (data.kinetic_energy + data.potential_energy).values
     late, early = energy[len(energy) // 2 :], energy[: len(energy) // 2]
     assert np.ptp(energy) < 0.02 * float(data.kinetic_energy.max())
@@ -181,12 +200,13 @@ def test_energy_accounts(model: rw.Rung, options: dict[str, float], seed: int) -
     assert imbalance(run) < 1e-11
 
 
+@pytest.mark.parametrize("theta", [1.0, 0.5])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
-def test_energy_accounts_of_prescribed_speeds(model: rw.Rung) -> None:
+def test_energy_accounts_of_prescribed_speeds(model: rw.Rung, theta: float) -> None:
     data = rw.load("two_finger").file.model_dump(mode="json") | {"goal": None, "doomed": None}
     data["bodies"]["finger1"] |= {"mass": 0.7}
     data["bodies"]["finger1"]["coordinates"]["x1"]["drive"]["speed"] = "v1 * (1 + 0.5 * sin(3 * t))"
-    run = rw.simulate(rw.load(data), model, parameters={"v2": 0.3, "mu": 0.4}, duration=1.6)
+    run = rw.simulate(rw.load(data), model, parameters={"v2": 0.3, "mu": 0.4}, theta=theta, duration=1.6)
     assert run.outcome.name == "timeout", run.reason
     assert float(run.trajectory.contact_work[-1]) != 0.0
     assert imbalance(run) < 1e-11

@@ -132,6 +132,16 @@ def test_travel_limit_ends_a_motion_exactly(model: rw.Rung, options: dict[str, f
     assert position == pytest.approx(np.minimum(time, 0.5), abs=1e-12)
 
 
+@pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
+def test_what_is_rigid_stops_without_a_bounce(theta: float) -> None:
+    """A travel limit, and dry friction that brings a block to rest, whatever the theta of the step."""
+    for coordinate in ({"speed": 1.0, "upper": 0.2003}, {"speed": 1.0, "dry_friction": 5.0}):
+        run = rw.simulate(slider(coordinate), rw.DYNAMIC_COMPLIANT, theta=theta)
+        velocity = run.trajectory.velocity.values[:, 0]
+        assert velocity.min() >= -1e-12 and velocity[-1] == pytest.approx(0.0, abs=1e-12)
+        assert run.final["block"]["s"] == pytest.approx(0.2003 if "upper" in coordinate else 0.2, abs=1e-3)
+
+
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_finger_at_its_limit_does_not_jam_the_part(model: rw.Rung) -> None:
     scene = changed("two_finger", goal=None, doomed=None)

@@ -28,6 +28,7 @@ LIMIT = 1e-8
 def assemble(
     rung: RecordArray,
     h: float,
+    theta: float,
     eps: float,
     terms: Terms,
     contacts: int,
@@ -43,7 +44,6 @@ def assemble(
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
-    theta = rung[0].theta
     problem.quantum[0] = terms.rounding[0] / h
     if rung[0].metric:
         _fill_metric(terms, free, n, problem)
@@ -179,7 +179,7 @@ def _invert(a: Reals, d: int) -> None:
 
 @kernel
 def deform(
-    rung: RecordArray, h: float, terms: Terms, k: int, force: Reals, problem: ContactProblem, after: Reals
+    h: float, theta: float, terms: Terms, k: int, force: Reals, problem: ContactProblem, after: Reals
 ) -> None:
     """Deformation of contact k after the step into `after` (d,).
 
@@ -192,8 +192,8 @@ def deform(
     pushed = False
     for i in range(d):
         pushed |= force[k * d + i] != 0.0
-    early = (1.0 - rung[0].theta) * h if pushed else 0.0
-    if not pushed and rung[0].theta < 1.0:
+    early = (1.0 - theta) * h if pushed else 0.0
+    if not pushed and theta < 1.0:
         for i in range(d):
             for j in range(d):
                 problem.R[k, i, j] = h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]

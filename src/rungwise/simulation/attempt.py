@@ -8,7 +8,7 @@ from rungwise.scene.records import Records
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Scratch, State, Workspace
-from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, solve_step
+from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity, solve_step
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
@@ -32,7 +32,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     if rung[0].loads:
         planar.loads(
             records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
-            state.q, state.start, clock.time + h, state.passive, terms,
+            state.q, state.v, state.start, clock.time, h, rung[0].theta, state.passive, terms,
         )  # fmt: skip
     remember(state, workspace.before)
     gap_before = clock.least_gap
@@ -120,12 +120,8 @@ def _finish(records: Records, rung: RecordArray, h: float, contacts: int, worksp
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     account(rung, h, terms, contacts, state, scratch, state.v)
-    theta = rung[0].theta
     for i in range(state.v.shape[0]):
-        if state.prescribed[i]:
-            state.v[i] = state.speed[i]
-        else:
-            state.v[i] = (scratch.v_new[i] - (1.0 - theta) * state.v[i]) / theta
+        state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
     for c in range(state.pushes.shape[0]):
         state.pushes[c] = 0.0
     for p in range(records.pairs.shape[0]):

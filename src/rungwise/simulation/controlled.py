@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.modes import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.attempt import TAKEN, TOO_COARSE, attempt
 from rungwise.simulation.drives import set_speeds
-from rungwise.simulation.memory import keep, restore
-from rungwise.simulation.nearby import fastest_pair, gather, widen
+from rungwise.simulation.memory import bring_back, keep, remember, restore
+from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Timed, Workspace
-from rungwise.system.planar.place import coordinate_count
+from rungwise.system.planar.place import coordinate_count, place
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
@@ -59,6 +60,7 @@ def take(
         if parts > 1 and part == 0:
             copy(state.q, workspace.whole.q)
             copy(state.v, workspace.whole.v)
+            workspace.whole.clock[0] = clock
             restore(records, workspace)
         else:
             clock.time += length
@@ -70,15 +72,18 @@ def take(
     if error > allowed and h > 1e-12 * control[0].duration:
         restore(records, workspace)
         return TOO_COARSE, h, min(factor, 0.5) * h
+    if rung[0].inertia > 0.0 and _flies(workspace):
+        _extrapolate(records, workspace)
     return TAKEN, h, max(following, factor * h) if factor > 1.0 else factor * h
 
 
 @kernel
 def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
     """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
-    velocities are continuous (compliant contact), a longest step later."""
+    velocities are continuous, a longest step later."""
     state, whole, worst = workspace.state, workspace.whole, 0.0
-    later = control[0].longest if rung[0].compliant and rung[0].inertia > 0.0 else 0.0
+    continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
+    later = control[0].longest if continuous else 0.0
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]
         for j in range(coordinate_count(body)):
@@ -88,6 +93,50 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
             worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
             worst = max(worst, lever * later * abs(state.v[i] - whole.v[i]))
     return worst
+
+
+@kernel
+def _closes(workspace: Workspace) -> bool:
+    """Whether a contact closed since the state that was kept: a rigid one makes velocities jump."""
+    modes, before, closes = workspace.state.modes, workspace.kept.modes, False
+    for slot in range(modes.shape[0]):
+        closes |= modes[slot] != OPEN and before[slot] == OPEN
+    return closes
+
+
+@kernel
+def _flies(workspace: Workspace) -> bool:
+    """Whether nothing touched anything since the state that was kept."""
+    state, flies = workspace.state, True
+    for slot in range(state.modes.shape[0]):
+        flies &= state.modes[slot] == OPEN and workspace.kept.modes[slot] == OPEN
+        flies &= state.deformation[slot, 0] == 0.0 and workspace.kept.deformation[slot, 0] == 0.0
+    return flies
+
+
+@kernel
+def _extrapolate(records: Records, workspace: Workspace) -> None:
+    """Two half steps and what they gained over the whole one (Richardson): of second order in free flight.
+
+    The halves stay as they are where the sum would overlap something.
+    """
+    state, whole, halves = workspace.state, workspace.whole, workspace.before
+    remember(state, halves)
+    clock, far = state.clock[0], workspace.whole.clock[0]
+    for i in range(state.q.shape[0]):
+        if not state.prescribed[i]:
+            state.q[i] += state.q[i] - whole.q[i]
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    look(records, workspace)
+    if clock.least_gap < 0.0:
+        bring_back(records, workspace, halves)
+        return
+    for i in range(state.q.shape[0]):
+        if not state.prescribed[i]:
+            state.v[i] += state.v[i] - whole.v[i]
+    clock.drive_work += clock.drive_work - far.drive_work
+    clock.load_work += clock.load_work - far.load_work
+    clock.support_work += clock.support_work - far.support_work
 
 
 @kernel

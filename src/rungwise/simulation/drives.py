@@ -22,7 +22,7 @@ def set_speeds(
     clock = state.clock[0]
     n = state.q.shape[0]
     if timed[3].shape[0] > 0:
-        state.values[time_slot(state)] = clock.time + h
+        state.values[time_slot(state)] = clock.time + rung[0].theta * h
         evaluate_numbers(
             timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
         )

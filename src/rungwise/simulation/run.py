@@ -124,7 +124,7 @@ class Simulation:
         tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
         duration: end of the run; the scene's own if not given.
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
-            on contacts, but makes rigid stops bounce and is explicit in loads that depend on place.
+            where contacts do not change their mode.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -285,7 +285,7 @@ class Simulation:
         state, terms = self.workspace.state, self.workspace.terms
         free = state.free[: int(state.clock[0]["free"])]
         grid = np.ix_(free, free)
-        step = float(self._rung["theta"][0]) * float(state.clock[0]["tried"])
+        step = float(state.clock[0]["theta"]) * float(state.clock[0]["tried"])
         return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 

@@ -24,8 +24,8 @@ CLOCK = np.dtype(
         "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
     )]
     + [(name, np.float64) for name in (
-        "time", "taken", "tried", "next", "eps", "margin", "near", "least_gap", "residual", "worst_residual",
-        "reach", "size", "drive_work", "load_work", "contact_work", "support_work",
+        "time", "taken", "tried", "next", "eps", "theta", "margin", "near", "least_gap", "residual",
+        "worst_residual", "reach", "size", "drive_work", "load_work", "contact_work", "support_work",
     )]
 )  # fmt: skip
 """Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
@@ -84,10 +84,11 @@ class Scratch(Block):
 
 
 class Whole(Block):
-    """Where one whole step led, to compare two halves with."""
+    """Where one whole step led, and the work it took, to compare two halves with."""
 
     q: Reals
     v: Reals
+    clock: RecordArray
 
 
 class Snapshot(Block):
@@ -213,6 +214,6 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         scratch=scratch,
         before=before,
         kept=kept,
-        whole=Whole(q=np.zeros(n), v=np.zeros(n)),
+        whole=Whole(q=np.zeros(n), v=np.zeros(n), clock=np.zeros(1, CLOCK)),
         frames=recorded,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
@@ -31,11 +33,13 @@ def solve_step(
     n, limited = clock.free, clock.limited
     clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed)
     bounced = rung[0].inertia > 0.0
+    clock.theta = rung[0].theta
     status = NO_SOLUTION
-    for _ in range(2):
+    for _ in range(3):
         bounced = assemble(
             rung,
             h,
+            clock.theta,
             clock.eps,
             terms,
             contacts,
@@ -48,21 +52,23 @@ def solve_step(
             problem,
         )
         status = _solve(contacts, limited, n, state, scratch, problem)
-        if status == SOLVED or not bounced:
+        if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
+            clock.theta = 1.0
+        elif status == SOLVED or not bounced:
             break
-        bounced = False
+        else:
+            bounced = False
     if status != SOLVED:
         return UNSOLVED
     if _is_free_of_load(rung, n, limited, clock.eps, problem):
         for r in range(contacts * terms.contact_stiffness.shape[1]):
             scratch.contact_force[r] = 0.0
-    theta = rung[0].theta
     for i in range(state.v.shape[0]):
         scratch.v_new[i] = state.speed[i]
     for i in range(n):
         a = state.free[i]
         scratch.v_new[a] = scratch.x[i]
-    if rung[0].loads and rung[0].inertia == 0.0 and not _is_balanced(h * theta, terms, state, scratch):
+    if rung[0].loads and rung[0].inertia == 0.0 and not _is_balanced(h, terms, state, scratch):
         return UNSUPPORTED
     return SUPPORTED
 
@@ -81,6 +87,28 @@ def _solve(
     )  # fmt: skip
     state.clock[0].residual = found
     return status
+
+
+@kernel
+def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> bool:
+    """Whether something rigid holds: a contact, a travel limit, or dry friction that does not slip.
+
+    It stops what it holds within the step; a theta below 1 would have it bounce back.
+    """
+    d = terms.contact_stiffness.shape[1]
+    held = False
+    for k in range(contacts):
+        held |= math.isinf(terms.contact_stiffness[k, 0, 0]) and scratch.contact_force[k * d] > 0.0
+    for r in range(limited):
+        resists = terms.gains[r, 0] > 0.0 or terms.gains[r, 1] > 0.0
+        held |= not resists and abs(scratch.limited_force[r]) < terms.limit[r]
+    return held
+
+
+@kernel
+def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> float:
+    """Velocity at the end of a step, where `v_new` is that at theta (a prescribed one is constant)."""
+    return v_new if prescribed else (v_new - (1.0 - theta) * v_old) / theta
 
 
 @kernel
@@ -142,7 +170,7 @@ def _relax(
     """New deformations. A slot that is too far away to be among the contacts is at rest."""
     for k in range(contacts):
         if terms.contact_stiffness[k, 0, 0] < 1e300:
-            deform(rung, h, terms, k, scratch.contact_force, problem, scratch.after)
+            deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
             for i in range(scratch.after.shape[0]):
                 state.deformation[scratch.slots[k], i] = scratch.after[i]
 
@@ -157,7 +185,7 @@ def account(
     rounding.
     """
     clock = state.clock[0]
-    n, d, theta = state.v.shape[0], state.force.shape[1], rung[0].theta
+    n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
     momentum = rung[0].inertia > 0.0
     for i in range(n):
         contact = 0.0
@@ -176,13 +204,14 @@ def account(
             elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
             support -= terms.damping[i, j] * scratch.v_new[j]
             if momentum:
-                inertial += clock.eps * terms.inertia[i, j] * (scratch.v_new[j] - v_old[j]) / (theta * h)
+                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
+                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
             drive = inertial - state.passive[i] - contact - support
         lever = scratch.v_new[i]
         if momentum:
-            end = (scratch.v_new[i] - (1.0 - theta) * v_old[i]) / theta
+            end = end_velocity(theta, v_old[i], scratch.v_new[i], state.prescribed[i])
             lever = 0.5 * (v_old[i] + end)
         state.reaction[i] = drive
         clock.drive_work += h * lever * drive

@@ -42,7 +42,7 @@ def at_rest(placed: Any) -> tuple[Terms, NDArray[np.float64]]:
     placed.place(placed.q)
     planar_terms.loads(
         records.world, records.bodies, records.coordinates, records.potentials, records.terms, placed.pose,
-        placed.q, placed.q.copy(), 0.0, passive, terms,
+        placed.q, np.zeros(n), placed.q.copy(), 0.0, 0.0, 1.0, passive, terms,
     )  # fmt: skip
     return terms, passive
 

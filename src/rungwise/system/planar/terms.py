@@ -59,15 +59,25 @@ def loads(
     factors: RecordArray,
     pose: Reals,
     q: Reals,
+    v: Reals,
     start: Reals,
     time: float,
+    h: float,
+    theta: float,
     passive: Reals,
     terms: Terms,
 ) -> None:
-    """Load and servo errors at q for a step that ends at `time`; `passive` gets gravity and given forces."""
+    """Load and servo errors at q for a step of length h; `passive` gets gravity and given forces.
+
+    Targets are those at theta of the step. What depends on place in another way than linearly is explicit, at
+    q + (1 - theta) h v: the step is symplectic, of first order with theta = 1 and of second with 1/2.
+    """
+    ahead = (1.0 - theta) * h
+    time += theta * h
     n = q.shape[0]
     for b in range(bodies.shape[0]):
-        _weight(world, bodies[b], pose[b], passive)
+        i = bodies[b].coordinate
+        _weight(world, bodies[b], pose[b], ahead * v[i] if bodies[b].motion == HINGE else 0.0, passive)
     count = 0
     for i in range(n):
         c = coordinates[i]
@@ -94,14 +104,17 @@ def loads(
 
 
 @kernel
-def _weight(world: RecordArray, body: Record, pose: Reals, passive: Reals) -> None:
+def _weight(world: RecordArray, body: Record, pose: Reals, turn: float, passive: Reals) -> None:
+    """Gravity and given forces on the body, which is to be turned by `turn` about its hinge."""
     fx = body.mass * world[0].gravity_x + body.force_x
     fy = body.mass * world[0].gravity_y + body.force_y
     i = body.coordinate
     if body.motion == SLIDE:
         passive[i] = body.axis_x * fx + body.axis_y * fy
     elif body.motion == HINGE:
-        passive[i] = (pose[X] - body.pivot_x) * fy - (pose[Y] - body.pivot_y) * fx + body.torque
+        x, y = pose[X] - body.pivot_x, pose[Y] - body.pivot_y
+        c, s = math.cos(turn), math.sin(turn)
+        passive[i] = (c * x - s * y) * fy - (s * x + c * y) * fx + body.torque
     elif body.motion == FREE:
         passive[i], passive[i + 1], passive[i + 2] = fx, fy, body.torque
 
