@@ -303,3 +303,12 @@ def test_small_turns_change_nothing(model: rw.Rung, options: dict[str, float]) -
     assert parts.final == whole.final and parts.steps == whole.steps and parts.attempts == whole.attempts
     assert parts.trajectory.identical(whole.trajectory)
     assert not simulation.advance() and simulation.progress == 1.0
+
+
+@pytest.mark.parametrize("model", DYNAMIC, ids=str)
+def test_long_steps_notice_a_condition_within_a_nominal_step(model: rw.Rung) -> None:
+    """Free flight allows steps of a hundredth of the duration; what began in one of them is dated."""
+    scene = slider({"speed": 1.0}, duration=100.0, step=1e-3, goal="block.s >= 3.7003", doomed="t >= 50")
+    run = rw.simulate(scene, model, tol=1e-3)
+    assert run.outcome.name == "goal" and run.steps < 100
+    assert 3.7003 <= run.time <= 3.7003 + 1e-3

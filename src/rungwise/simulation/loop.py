@@ -10,6 +10,7 @@ from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, TOO_CO
 from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
+from rungwise.simulation.memory import restore
 from rungwise.simulation.nearby import look
 from rungwise.simulation.state import Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
@@ -117,22 +118,28 @@ def _step(
     control: RecordArray,
     workspace: Workspace,
 ) -> int:
-    """One accepted step, halved as long as it has no solution."""
+    """One accepted step, halved as long as it has no solution, or is longer than a nominal step and ends
+    where a condition holds: when it began to is known to a nominal step."""
     state = workspace.state
     clock = state.clock[0]
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
+    past = False
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
             return NOT_CONVERGED
         status, h, following = take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
+            verdict = judge(conditions, state, workspace.scratch)
+            if verdict != RUNNING and h > control[0].step:
+                restore(records, workspace)
+                past, h = True, 0.5 * h
+                continue
             clock.steps += 1
             clock.taken = h
-            clock.next = following
+            clock.next = h if past else following
             if rung[0].compliant and has_sunk(state):
                 return MODEL_INVALID
-            verdict = judge(conditions, state, workspace.scratch)
             if verdict != RUNNING:
                 return verdict
             return spent(records, rung, control, workspace, moving, timed)
