@@ -251,6 +251,14 @@ class Simulation:
     def _overlap(self) -> str:
         assert self.workspace is not None
         gaps = self.workspace.state.gaps
+        measures = self._bound.records.measures
+        places = self.workspace.scratch.measures
+        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
+        off = np.maximum(low - places, places - high)
+        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
+            worst = int(np.argmax(off))
+            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
+            return f"joints.{name} is off by {off[worst]:.3g} at the start"
         a, b = self.scene.template.contacts[int(np.argmin(gaps))]
         return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
 
