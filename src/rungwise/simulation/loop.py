@@ -11,7 +11,7 @@ from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
-from rungwise.simulation.nearby import look
+from rungwise.simulation.nearby import fastest_pair, look
 from rungwise.simulation.state import Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
@@ -163,8 +163,11 @@ def _step(
             return spent(records, rung, control, workspace, moving, timed)
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
-        if status == REFUSED and h * moving < 0.25 * control[0].tolerance and moving > 0.0:
-            return JAMMED
+        if status == REFUSED and moving > 0.0:
+            # What is pushed may move faster than what pushes it.
+            fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
+            if h * max(moving, fastest) < control[0].jam:
+                return JAMMED
         h = following if status == TOO_COARSE else _shorter(records, rung, control, workspace, h)
     return NOT_CONVERGED
 

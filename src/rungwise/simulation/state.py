@@ -33,9 +33,12 @@ CLOCK = np.dtype(
 """Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
 try next; `reach` is the longest lever arm."""
 
-CONTROL = np.dtype([(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")])
+CONTROL = np.dtype(
+    [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
+)
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
-per step, 0 for steps of fixed length."""
+per step, 0 for steps of fixed length; jam: motion, of anything, in a step below which one without solution is
+a jam."""
 
 
 class State(Block):
