@@ -29,7 +29,7 @@ TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
 
 
-LONGEST = 100
+LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
 
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
@@ -39,6 +39,28 @@ where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOO
 
 class ModelError(ValueError):
     """The model or an option of the run is wrong; the text is one line that names it."""
+
+
+def moving_rung(model: Rung | str) -> Rung:
+    """The rung of that name. Raises ModelError, also for the one that does not move."""
+    try:
+        chosen = rung(model)
+    except ValueError as error:
+        raise ModelError(str(error)) from None
+    if not chosen.moves:
+        raise ModelError(
+            "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
+        )
+    return chosen
+
+
+def check_options(step: float | None, tol: float | None, duration: float | None, theta: float) -> None:
+    """Raises ModelError that names the option out of its range."""
+    for name, value in (("step", step), ("tol", tol), ("time", duration)):
+        if value is not None and not 0.0 < value < float("inf"):
+            raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
+    if not 0.5 <= theta <= 1.0:
+        raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
 
 
 @dataclass(frozen=True)
@@ -149,19 +171,8 @@ class Simulation:
         stride: int | None = None,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        try:
-            self.model = rung(model)
-        except ValueError as error:
-            raise ModelError(str(error)) from None
-        if not self.model.moves:
-            raise ModelError(
-                "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
-            )
-        for name, value in (("step", step), ("tol", tol), ("time", duration)):
-            if value is not None and not 0.0 < value < float("inf"):
-                raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
-        if not 0.5 <= theta <= 1.0:
-            raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
+        self.model = moving_rung(model)
+        check_options(step, tol, duration, theta)
         if frames < 3 or (stride is not None and stride < 1):
             raise ModelError("frames: at least 3, and stride: at least 1")
         self.parameters = self.scene.parameters(parameters)

@@ -73,7 +73,7 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix."""
+    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end."""
 
     x: Reals
     v_new: Reals
@@ -89,6 +89,8 @@ class Scratch(Block):
     row: Reals
     measures: Reals
     stack: Reals
+    begun: Reals
+    ended: Reals
 
 
 class Whole(Block):
@@ -193,6 +195,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
         stack=np.zeros(STACK),
+        begun=np.zeros(len(values)),
+        ended=np.zeros(len(values)),
     )
     before, kept = (
         Snapshot(
