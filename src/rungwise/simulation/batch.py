@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
 from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS, ModelError, check_options, moving_rung
@@ -52,7 +53,7 @@ class Batch:
         scene, model: as for `Simulation`.
         over: names of the parameters that points give, in order.
         parameters: values of others; the rest keep their defaults.
-        step, tol, duration, theta: as for `Simulation`.
+        step, tol, duration, theta: as for `Simulation`; theta is 1/2 if not given (second order).
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """
 
@@ -66,7 +67,7 @@ class Batch:
         step: float | None = None,
         tol: float | None = 1e-3,
         duration: float | None = None,
-        theta: float = 1.0,
+        theta: float = 0.5,
         threads: int | None = None,
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
@@ -131,7 +132,7 @@ class Batch:
                 raise
         outside = self._outside(points)
         outcome, margin = results["outcome"].copy(), results["margin"].copy()
-        outcome[outside], margin[outside] = 9, math.nan
+        outcome[outside], margin[outside] = Code.INVALID, math.nan
         return Results(
             outcome=outcome, time=results["time"].copy(), margin=margin, steps=results["steps"].copy(),
             worst_residual=results["worst_residual"].copy(), final=final,

@@ -22,7 +22,7 @@ ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
 """A step that is to end at a contact ends a little short of it: the impact belongs to the next step."""
-UNIFORM = 0.01
+UNIFORM = 1e-6
 """Part of the allowed error that a change of speed may cause in a step that counts as exact."""
 GROWTH = 10.0
 """How much longer the step after an exact one may be."""
@@ -113,13 +113,13 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
 def _is_uniform(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> bool:
-    """Whether two halves of the step just taken would lead to the same place: speeds and contact modes are as
-    they were, and nothing turns that is in contact or jointed."""
+    """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
+    contact closed, and nothing turns that is in contact or jointed."""
     state, kept = workspace.state, workspace.kept
+    if _closes(workspace):
+        return False
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
-        if state.modes[slot] != kept.modes[slot]:
-            return False
         touches |= state.modes[slot] != OPEN
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
