@@ -294,12 +294,12 @@ def test_small_turns_change_nothing(model: rw.Rung, options: dict[str, float]) -
     whole = rw.simulate("two_finger", model, parameters=parameters, frames=50, **options)
     simulation = Simulation("two_finger", model, parameters=parameters, frames=50, **options)
     turns = 0
-    simulation._turn = 7
+    simulation._turn = 2
     while simulation.advance():
-        simulation._turn = 7
+        simulation._turn = 2
         turns += 1
     parts = simulation.result()
-    assert turns >= whole.steps // 7 - 1 > 2
+    assert turns >= whole.steps // 2 - 1 > 2
     assert parts.final == whole.final and parts.steps == whole.steps and parts.attempts == whole.attempts
     assert parts.trajectory.identical(whole.trajectory)
     assert not simulation.advance() and simulation.progress == 1.0

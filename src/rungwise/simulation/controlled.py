@@ -114,13 +114,15 @@ def _is_uniform(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> bool:
     """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
-    contact closed, and nothing turns that is in contact or jointed."""
+    contact closed (or, where it is compliant and pushes until it opens, opened), and nothing turns that is in
+    contact or jointed."""
     state, kept = workspace.state, workspace.kept
-    if _closes(workspace):
-        return False
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
         touches |= state.modes[slot] != OPEN
+        changed = state.modes[slot] != kept.modes[slot]
+        if changed and (rung[0].compliant or kept.modes[slot] == OPEN):
+            return False
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
     for b in range(records.bodies.shape[0]):
