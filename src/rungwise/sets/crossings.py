@@ -1,4 +1,4 @@
-"""Where the boundary crosses the edges of the finest cells, and the plane that it is in each cell."""
+"""Where the boundary crosses the edges of cells of one level, and the plane that it is in each cell."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rungwise.sets.labels import Label
 from rungwise.sets.tree import BudgetSpent, Oracle, Tree
 
 WIDTH = 0.25
-"""Brackets of crossings end up no wider than this part of a finest cell."""
+"""Brackets of crossings end up no wider than this part of a cell."""
 MAX_ROUNDS = 40
 
 
@@ -23,38 +23,38 @@ def edges_of(axes: int) -> tuple[Ints, Ints]:
     return np.array([corner for corner, _ in pairs]), np.array([axis for _, axis in pairs])
 
 
-def crossing_edges(tree: Tree) -> tuple[Ints, Ints]:
-    """Sorted keys of the finest mixed cells' edges whose ends have different labels, and of their lower ends.
+def crossing_edges(tree: Tree, level: int) -> Ints:
+    """Sorted keys of the edges of a level's mixed leaves whose ends have different labels.
 
     An edge's key is that of its lower end times the number of axes, plus its axis.
     """
-    origins = tree.leaves[tree.finest]
-    origins = origins[tree.is_mixed(origins, tree.finest)]
+    origins = tree.leaves[level]
+    origins = origins[tree.is_mixed(origins, level)]
     lower, axis = edges_of(tree.axes)
-    starts = tree.vertices.key(origins[:, None, :] + lower)
+    starts = tree.vertices.key(origins[:, None, :] + tree.size(level) * lower)
     keys = np.unique(starts * tree.axes + axis)
-    starts, ends = keys // tree.axes, _ends(tree, keys)
-    label = tree.vertices.labels
-    differ = label[tree.vertices.find(starts)[0]] != label[tree.vertices.find(ends)[0]]
-    return keys[differ], starts[differ]
+    low, high = _ends(tree, level, keys)
+    return np.asarray(keys[tree.vertices.labels[low] != tree.vertices.labels[high]])
 
 
-def _ends(tree: Tree, keys: Ints) -> Ints:
-    """Keys of the upper ends of edges."""
+def _ends(tree: Tree, level: int, keys: Ints) -> tuple[Ints, Ints]:
+    """Indices of the vertices at both ends of edges."""
     side = (1 << tree.finest) + 1
-    return np.asarray(keys // tree.axes + side ** (keys % tree.axes))
+    starts = keys // tree.axes
+    ends = starts + tree.size(level) * side ** (keys % tree.axes)
+    return tree.vertices.find(starts)[0], tree.vertices.find(ends)[0]
 
 
-def solve(tree: Tree, oracle: Oracle) -> tuple[Ints, Reals]:
-    """Keys of crossing edges, and where along each (0..1) the label of its lower end ends.
+def solve(tree: Tree, level: int, oracle: Oracle) -> tuple[Ints, Reals]:
+    """Keys of a level's crossing edges, and where along each (0..1) the label of its lower end ends.
 
     Regula falsi on margins of opposite sign, bisection elsewhere: each trial lies a little beyond the
     estimate, so that two trials bracket a smooth crossing. The bracket is one of labels, whatever margins say.
     """
-    keys, starts = crossing_edges(tree)
+    keys = crossing_edges(tree, level)
     vertices = tree.vertices
-    low, high = vertices.find(starts)[0], vertices.find(_ends(tree, keys))[0]
-    origin, axis = vertices.places(starts).astype(np.float64), keys % tree.axes
+    low, high = _ends(tree, level, keys)
+    origin, axis = vertices.places(keys // tree.axes).astype(np.float64), keys % tree.axes
     a, b = np.zeros(len(keys)), np.ones(len(keys))
     label = vertices.labels[low]
     at_a, at_b = vertices.margins[low].copy(), vertices.margins[high].copy()
@@ -64,7 +64,7 @@ def solve(tree: Tree, oracle: Oracle) -> tuple[Ints, Reals]:
             break
         trial = _trial(a[open_], b[open_], at_a[open_], at_b[open_])
         places = origin[open_]
-        places[np.arange(len(open_)), axis[open_]] += trial
+        places[np.arange(len(open_)), axis[open_]] += tree.size(level) * trial
         try:
             found, margins = oracle(places)
         except BudgetSpent:
@@ -93,16 +93,16 @@ def _trial(a: Reals, b: Reals, at_a: Reals, at_b: Reals) -> Reals:
     return np.clip(beyond, a + inside, b - inside)
 
 
-def planes(tree: Tree, keys: Ints, fractions: Reals) -> tuple[Reals, Reals, Ints]:
-    """The plane through the crossings of each finest leaf, by least squares.
+def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals, Reals, Ints]:
+    """The plane through the crossings of each leaf of a level, by least squares.
 
     Returns normals (m, d) and offsets (m,) in the cell's own coordinates 0..1, and the labels (m, 2) on the
     negative and the positive side; -1 where the leaf has more than two labels, or no plane parts its corners
     as their labels do.
     """
-    origins = tree.leaves[tree.finest]
+    origins = tree.leaves[level]
     lower, axis = edges_of(tree.axes)
-    wanted = tree.vertices.key(origins[:, None, :] + lower) * tree.axes + axis
+    wanted = tree.vertices.key(origins[:, None, :] + tree.size(level) * lower) * tree.axes + axis
     at = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
     there = keys[at] == wanted if len(keys) else np.zeros(wanted.shape, bool)
     points = np.broadcast_to(lower.astype(np.float64), (len(origins), *lower.shape)).copy()
@@ -114,7 +114,7 @@ def planes(tree: Tree, keys: Ints, fractions: Reals) -> tuple[Reals, Reals, Ints
     _, vectors = np.linalg.eigh(np.einsum("mei,mej->mij", away, away))
     normal = vectors[:, :, 0]
     offset = np.einsum("mi,mi->m", normal, centre)
-    corner_labels, _ = tree.corner_labels(origins, tree.finest)
+    corner_labels, _ = tree.corner_labels(origins, level)
     side = tree.corners.astype(np.float64) @ normal.T - offset
     return normal, offset, _sides(corner_labels, side.T)
 

@@ -29,8 +29,9 @@ from rungwise.simulation.run import Run, moving_rung, simulate
 if TYPE_CHECKING:
     import xarray
 
-CELL = 4.0
-"""Side of the finest cells, in tolerances: crossings of their edges are located to within one tolerance."""
+CELL, DEEPER = 4.0, 2
+"""Side of the cells along the boundary, in tolerances: crossings of their edges are located to within one. A
+cell in which the boundary is no plane is split at most `DEEPER` times more, to the side of a tolerance."""
 ACCURACY = 3e-3
 """Error allowed per step of a run, relative to the smallest shape of the scene."""
 THETA = 0.5
@@ -61,8 +62,8 @@ class Certified:
 class FeasibleSet:
     """Labels over a box of parameters.
 
-    `data` holds vertices (place, label, margin) and leaves (origin, level, label, plane); see `classify`.
-    `evaluations` counts runs; `probes` and `hits` those of the last round of random probes and how many of
+    `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
+    the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs; `probes` and `hits` those of the last round of random probes and how many of
     them contradicted their leaf; `complete` is false when the budget ended the refinement.
     """
 
@@ -72,8 +73,7 @@ class FeasibleSet:
     box: Reals
     tol: float
     tree: Tree
-    keys: Ints
-    fractions: Reals
+    crossings: dict[int, tuple[Ints, Reals]]
     evaluations: int
     probes: int
     hits: int
@@ -168,8 +168,8 @@ class FeasibleSet:
         return np.asarray((self.box[:, 1] - self.box[:, 0]) / (1 << self.tree.finest))
 
     @cached_property
-    def _planes(self) -> tuple[Reals, Reals, Ints]:
-        return planes(self.tree, self.keys, self.fractions)
+    def _planes(self) -> dict[int, tuple[Reals, Reals, Ints]]:
+        return {level: planes(self.tree, level, *found) for level, found in self.crossings.items()}
 
     def _labels(self, places: Reals) -> Ints:
         levels, index = self.tree.locate(places)
@@ -182,8 +182,8 @@ class FeasibleSet:
             corner_labels, _ = self.tree.corner_labels(origins[index[here]], level)
             nearest = (inside >= 0.5).astype(np.int64) @ (2 ** np.arange(len(self.over))[::-1])
             result[here] = corner_labels[np.arange(len(here)), nearest]
-            if level == self.tree.finest:
-                normal, offset, sides = (part[index[here]] for part in self._planes)
+            if level in self._planes:
+                normal, offset, sides = (part[index[here]] for part in self._planes[level])
                 side = np.einsum("mi,mi->m", normal, inside) >= offset
                 known = sides[:, 0] >= 0
                 result[here[known]] = sides[known, side[known].astype(np.int64)]
@@ -237,7 +237,7 @@ def feasible_set(
         scene, model: as for `simulate`.
         over: names of 1 to 6 parameters.
         tol: how well the boundary is located, as a part of the box's side along each axis. Cells are four
-            times as large: a corner of the boundary is rounded by as much.
+            times as large, and as large as `tol` where the boundary is no plane.
         box: interval (low, high) by name; see `box_of` for those not given.
         parameters: values of the other parameters.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
@@ -259,7 +259,7 @@ def feasible_set(
     values = loaded.parameters(parameters)
     request: dict[str, Any] = {
         "scene": loaded.name,
-        "digest": hashlib.sha256(loaded.file.model_dump_json().encode()).hexdigest()[:16],
+        "digest": digest(loaded),
         "model": rung.name,
         "inertia": rung.inertia,
         "over": list(over),
@@ -273,22 +273,59 @@ def feasible_set(
     batch = _batch(loaded, rung, over, request, threads)
     intervals = box_of(loaded, batch.over, box)
     axes = len(batch.over)
-    finest = max(1, math.ceil(math.log2(1.0 / (CELL * tol)) - 1e-9))
-    probes = (1 << min(FIRST_LEVEL[axes], finest)) ** axes if probes is None else probes
-    request |= {"box": intervals.tolist(), "probes": probes, "finest": finest}
+    target = max(1, math.ceil(math.log2(1.0 / (CELL * tol)) - 1e-9))
+    probes = (1 << min(FIRST_LEVEL[axes], target)) ** axes if probes is None else probes
+    request |= {"box": intervals.tolist(), "probes": probes, "target": target}
     log = None if out is None else Log(Path(out), request, resume)
-    asker = _Asker(batch, intervals, finest, budget, log, on_progress)
-    tree = Tree.empty(axes, finest)
+    tree = Tree.empty(axes, target, target + DEEPER)
+    asker = _Asker(batch, intervals, tree.finest, budget, log, on_progress)
     made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
-    asker.task = "boundary"
-    keys, fractions = solve(tree, asker)
+    crossings = _cross(tree, asker)
     result = FeasibleSet(
-        scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree, keys=keys,
-        fractions=fractions, evaluations=asker.count, probes=made, hits=hits, request=request,
+        scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree,
+        crossings=crossings, evaluations=asker.count, probes=made, hits=hits, request=request,
     )  # fmt: skip
     if out is not None:
         result.save(out)
     return result
+
+
+def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
+    """A finished set from the folder that it was saved in; `scene` if it is none that ships.
+
+    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
+    """
+    data = store.load(folder)
+    request = store.attributes(data)
+    loaded = load(request["scene"]) if scene is None else scene
+    if digest(loaded) != request["digest"]:
+        raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
+    axes, target = len(request["over"]), request["target"]
+    tree = Tree.empty(axes, target, target + DEEPER)
+    box = np.array(request["box"])
+    unit = (box[:, 1] - box[:, 0]) / (1 << tree.finest)
+    keys = tree.vertices.key(np.rint((data.vertex.values - box[:, 0]) / unit).astype(np.int64))
+    tree.vertices.keys, tree.vertices.labels = keys, data.label.values.astype(np.int64)
+    tree.vertices.margins, tree.spent = data.margin.values, not data.attrs["complete"]
+    levels = data.level.values
+    tree.leaves = [data.leaf.values[levels == level] for level in range(tree.finest + 1)]
+    edge_levels = data.edge_level.values
+    crossings = {
+        int(level): (data.edge.values[edge_levels == level], data.fraction.values[edge_levels == level])
+        for level in range(target, max(target, *edge_levels.tolist(), 0) + 1)
+    }
+    model = moving_rung(request["model"])
+    return FeasibleSet(
+        scene=loaded, model=model if model.metric else model.with_inertia(request["inertia"]),
+        over=tuple(request["over"]), box=box, tol=request["tol"], tree=tree, crossings=crossings,
+        evaluations=int(data.attrs["evaluations"]), probes=int(data.attrs["probes"]),
+        hits=int(data.attrs["hits"]), request=request,
+    )  # fmt: skip
+
+
+def digest(scene: Scene) -> str:
+    """Mark of all that a scene's file says."""
+    return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]
 
 
 def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator) -> tuple[int, int]:
@@ -319,6 +356,20 @@ def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator
         asker.task = "cells"
         tree.probe(places[wrong], found[wrong], asker)
     return made, hits
+
+
+def _cross(tree: Tree, asker: _Asker) -> dict[int, tuple[Ints, Reals]]:
+    """Crossings by level; cells in which the boundary is no plane go to the next level."""
+    asker.task = "boundary"
+    crossings = {}
+    for level in range(tree.target, tree.finest + 1):
+        crossings[level] = solve(tree, level, asker)
+        _, _, sides = planes(tree, level, *crossings[level])
+        coarse = (sides[:, 0] < 0) & tree.is_mixed(tree.leaves[level], level)
+        if level == tree.finest or not coarse.any():
+            break
+        tree.split(level, coarse, asker)
+    return crossings
 
 
 class _Asker:
@@ -386,8 +437,11 @@ def _dataset(found: FeasibleSet) -> xarray.Dataset:
     tree, low, unit = found.tree, found.box[:, 0], found._unit
     places = tree.vertices.places(tree.vertices.keys)
     levels = np.concatenate([np.full(len(cells), level) for level, cells in enumerate(tree.leaves)])
-    starts = tree.vertices.places(found.keys // tree.axes).astype(np.float64)
-    starts[np.arange(len(found.keys)), found.keys % tree.axes] += found.fractions
+    edges = np.concatenate([keys for keys, _ in found.crossings.values()])
+    fractions = np.concatenate([part for _, part in found.crossings.values()])
+    edge_levels = np.concatenate([np.full(len(keys), level) for level, (keys, _) in found.crossings.items()])
+    starts = tree.vertices.places(edges // tree.axes).astype(np.float64)
+    starts[np.arange(len(edges)), edges % tree.axes] += fractions * 2.0 ** (tree.finest - edge_levels)
     return xr.Dataset(
         {
             "vertex": (("vertices", "axis"), low + places * unit),
@@ -396,8 +450,9 @@ def _dataset(found: FeasibleSet) -> xarray.Dataset:
             "leaf": (("leaves", "axis"), np.concatenate(tree.leaves)),
             "level": (("leaves",), levels.astype(np.int8)),
             "crossing": (("crossings", "axis"), low + starts * unit),
-            "edge": (("crossings",), found.keys),
-            "fraction": (("crossings",), found.fractions),
+            "edge": (("crossings",), edges),
+            "edge_level": (("crossings",), edge_levels.astype(np.int8)),
+            "fraction": (("crossings",), fractions),
             "box": (("axis", "end"), found.box),
         },
         coords={"axis": np.array(found.over, dtype=object)},

@@ -1,7 +1,7 @@
 """A tree of cells that is fine only where labels change.
 
 Places are integers: a box has 2^finest units along each axis, a cell of level l has 2^(finest - l) of them.
-Every cell has labels at its corners; one whose corners differ is split until it is of the finest level. A cell
+Every cell has labels at its corners; one whose corners differ is split until it is of the target level. A cell
 whose corners agree is split, too, where a finer neighbour shows another label on its surface, where a probe
 in its inside has another label, and, on the coarse levels, where margins would change sign within it.
 """
@@ -73,6 +73,7 @@ class Tree:
     """Leaves by level: origins (m, d) in units, sorted by key."""
 
     axes: int
+    target: int
     finest: int
     vertices: Vertices
     leaves: list[Ints]
@@ -80,10 +81,10 @@ class Tree:
     spent: bool = False
 
     @classmethod
-    def empty(cls, axes: int, finest: int) -> Tree:
+    def empty(cls, axes: int, target: int, finest: int) -> Tree:
         none = [np.zeros((0, axes), np.int64) for _ in range(finest + 1)]
         corners = np.array(list(product((0, 1), repeat=axes)), np.int64)
-        return cls(axes, finest, Vertices(axes, finest), none, corners)
+        return cls(axes, target, finest, Vertices(axes, finest), none, corners)
 
     def size(self, level: int) -> int:
         """Side of a cell, in units."""
@@ -116,7 +117,7 @@ class Tree:
 
     def grow(self, oracle: Oracle) -> None:
         """Refine from the first level."""
-        first = min(FIRST_LEVEL[self.axes], self.finest)
+        first = min(FIRST_LEVEL[self.axes], self.target)
         sides = np.arange(1 << first, dtype=np.int64) * self.size(first)
         origins = np.stack(np.meshgrid(*[sides] * self.axes, indexing="ij"), axis=-1).reshape(-1, self.axes)
         self.vertices.learn(origins[:, None, :] + self.size(first) * self.corners, oracle)
@@ -134,8 +135,8 @@ class Tree:
         self._refine(children, level + 1, oracle, 0)
 
     def probe(self, places: Reals, labels: Ints, oracle: Oracle) -> None:
-        """Refine down to the finest level around places (m, d) whose label their leaf does not have."""
-        for level in range(self.finest):
+        """Refine down to the target level around places (m, d) whose label their leaf does not have."""
+        for level in range(self.target):
             levels, index = self.locate(places)
             chosen = np.zeros(len(self.leaves[level]), bool)
             chosen[index[levels == level]] = True
@@ -153,7 +154,7 @@ class Tree:
     def _sort(self, origins: Ints, level: int, oracle: Oracle, margins_below: int = 0) -> None:
         """Leaves of cells whose corners are known, level by level."""
         while len(origins):
-            if level == self.finest:
+            if level >= self.target:
                 self._add(origins, level)
                 break
             split = self.is_mixed(origins, level)
@@ -196,7 +197,7 @@ class Tree:
                 near = (places - corner).astype(np.float64)
                 inside = ((near >= 0) & (near < 1 << self.finest)).all(axis=1)
                 levels, index = self.locate(near)
-                for level in range(self.finest):
+                for level in range(self.target):
                     here = inside & (levels == level)
                     if here.any():
                         own, _ = self.corner_labels(self.leaves[level][index[here]], level)
