@@ -43,7 +43,7 @@ def solve_by_modes(
     for i in range(flips):
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         # The last solution keeps the mode that it belongs to.
-        if i + 1 == flips or not _flip(problem, n, contacts, limited, mode, v, force, tau):
+        if i + 1 == flips or not flip(problem, n, contacts, limited, mode, v, force, tau, 0.0, v, v):
             break
     return residual(problem, n, contacts, limited, v, force, tau)
 
@@ -104,17 +104,17 @@ def _unpack(
             force[2 * k + 1] *= matrix[at, size]
             at += 1
         else:
-            force[2 * k + 1] = _sign(mode[k]) * p.mu[k] * force[2 * k]
+            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
     for r in range(limited):
         if mode[contacts + r] == STICK:
             tau[r] *= matrix[at, size]
             at += 1
         else:
-            tau[r] = _sign(mode[contacts + r]) * p.F[r]
+            tau[r] = sign(mode[contacts + r]) * p.F[r]
 
 
 @kernel
-def _sign(mode: int) -> float:
+def sign(mode: int) -> float:
     """Sign of the friction force."""
     if mode == BACKWARD:
         return 1.0
@@ -162,7 +162,7 @@ def _assemble(
         if mode[k] == OPEN:
             continue
         row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
-        slope = 0.0 if sticks else _sign(mode[k]) * p.mu[k]
+        slope = 0.0 if sticks else sign(mode[k]) * p.mu[k]
         unit = _unit(p.W, row, n, p.R[k, 0, 0], v)
         _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
         a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit + proximal
@@ -187,7 +187,7 @@ def _assemble(
             at += 1
         else:
             for i in range(n):
-                a[i, size] += p.S[r, i] * v[i] * _sign(mode[contacts + r]) * p.F[r]
+                a[i, size] += p.S[r, i] * v[i] * sign(mode[contacts + r]) * p.F[r]
     return size
 
 
@@ -232,8 +232,18 @@ def _unknown(
 
 
 @kernel
-def _flip(
-    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals
+def flip(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    rho: float,
+    yields: Reals,
+    centre: Reals,
 ) -> bool:
     """Move every contact that contradicts its mode to the mode it asks for; returns whether any did."""
     velocity, largest = p.quantum[0], 0.0
@@ -242,10 +252,11 @@ def _flip(
         largest = max(largest, abs(force[r]))
         for i in range(n):
             velocity = max(velocity, abs(p.W[r, i] * v[i]))
+        velocity = max(velocity, rho * yields[r] * abs(centre[r]))
     slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
     changed = False
     for k in range(contacts):
-        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny)
+        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny, rho, yields, centre)
         changed |= wanted != mode[k]
         mode[k] = wanted
     for r in range(limited):
@@ -255,7 +266,8 @@ def _flip(
             if abs(tau[r]) > p.F[r] * (1.0 + _TOLERANCE):
                 wanted = BACKWARD if tau[r] > 0.0 else FORWARD
         else:
-            s = p.R_s[r] * tau[r] + p.w_s[r]
+            own = 2 * contacts + r
+            s = p.R_s[r] * tau[r] + p.w_s[r] + rho * yields[own] * (tau[r] - centre[own])
             for i in range(n):
                 s += p.S[r, i] * v[i]
             if s * tau[r] > 0.0:
@@ -267,11 +279,21 @@ def _flip(
 
 @kernel
 def _contact_mode(
-    p: ContactProblem, n: int, k: int, mode: int, v: Reals, force: Reals, slack: float, tiny: float
+    p: ContactProblem,
+    n: int,
+    k: int,
+    mode: int,
+    v: Reals,
+    force: Reals,
+    slack: float,
+    tiny: float,
+    rho: float,
+    yields: Reals,
+    centre: Reals,
 ) -> int:
     normal, tangential = force[2 * k], force[2 * k + 1]
     if mode == OPEN:
-        rate = p.w[2 * k]
+        rate = p.w[2 * k] - rho * yields[2 * k] * centre[2 * k]
         for i in range(n):
             rate += p.W[2 * k, i] * v[i]
         if rate >= -slack:
@@ -286,6 +308,7 @@ def _contact_mode(
             return STICK
         return BACKWARD if tangential > 0.0 else FORWARD
     slip = p.w[2 * k + 1] + p.R[k, 1, 0] * normal + p.R[k, 1, 1] * tangential
+    slip += rho * yields[2 * k + 1] * (tangential - centre[2 * k + 1])
     for i in range(n):
         slip += p.W[2 * k + 1, i] * v[i]
-    return STICK if slip * _sign(mode) > slack else mode
+    return STICK if slip * sign(mode) > slack else mode
