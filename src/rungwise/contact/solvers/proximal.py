@@ -12,6 +12,8 @@ keeps the given forces as far as they solve the problem.
 
 from __future__ import annotations
 
+import math
+
 from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
@@ -19,7 +21,7 @@ from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.mode_newton import flip, sign
 from rungwise.kernel import Ints, Reals, kernel
 
-FIRST, MOST, LEAST = 1e-6, 1.0, 1e-12
+FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
 MAX_ROUNDS = 40
 MAX_FLIPS = 12
@@ -40,43 +42,50 @@ def solve_proximal(
     order: Ints,
     enough: float,
 ) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual, as soon as it is small or no longer falls.
-    """
+    """Solve from `mode`, `force` and `tau`; returns the residual once it is small or no longer falls."""
     rows = 2 * contacts + limited
     flat = matrix.reshape(matrix.size)
     at = n * n
     factors = flat[:at].reshape(n, n)
-    centre = flat[at : at + rows]
-    at += rows
-    yields = flat[at : at + rows]
-    at += rows
-    push = flat[at : at + 2 * rows]
-    at += 2 * rows
-    rate = flat[at : at + rows]
-    at += rows
-    step = flat[at : at + n]
-    _yields(problem, n, contacts, limited, yields)
+    centre, give, rate = (
+        flat[at : at + rows],
+        flat[at + rows : at + 2 * rows],
+        flat[at + 2 * rows : at + 3 * rows],
+    )
+    at += 3 * rows
+    push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
     for i in range(n):
         v[i] = 0.0
-    _centre(contacts, limited, force, tau, centre)
-    rho, before, factored = FIRST, 1e300, -1.0
+    collect(contacts, limited, force, tau, centre)
+    rho, found, before, factored = FIRST, math.inf, math.inf, -1.0
     for _ in range(MAX_ROUNDS):
         settled = False
         for _ in range(MAX_FLIPS):
             if factored != rho:
                 _impose(problem, contacts, limited, mode, force, tau)
-                _push(problem, contacts, limited, mode, rho, yields, push)
+                _give(problem, n, contacts, limited, rho, give)
+                _push(problem, contacts, limited, mode, give, push)
                 if not _factorise(problem, n, contacts, limited, push, factors, order):
                     break
                 factored = rho
             for _ in range(2):
                 _correct(
-                    problem, n, contacts, limited, rho, yields, centre, push, factors, order, v, force, tau,
-                    rate, step,
-                )  # fmt: skip
-            settled = not flip(
-                problem, n, contacts, limited, mode, v, force, tau, rho, yields, centre
-            )
+                    problem,
+                    n,
+                    contacts,
+                    limited,
+                    give,
+                    centre,
+                    push,
+                    factors,
+                    order,
+                    v,
+                    force,
+                    tau,
+                    rate,
+                    step,
+                )
+            settled = not flip(problem, n, contacts, limited, mode, v, force, tau, give, centre)
             if settled:
                 break
             factored = -1.0
@@ -84,35 +93,46 @@ def solve_proximal(
             if rho >= MOST:
                 break
             rho = min(100.0 * rho, MOST)
+            for i in range(n):
+                v[i] = 0.0
+            spread(contacts, limited, centre, force, tau)
             continue
         found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TARGET or (found <= enough and not found <= 0.5 * before):
+        if found <= TARGET or (found <= enough and found > 0.5 * before):
             return found
-        _centre(contacts, limited, force, tau, centre)
-        if not found <= 0.1 * before:
+        collect(contacts, limited, force, tau, centre)
+        if found > enough and found > 0.1 * before:
             rho = max(0.01 * rho, LEAST)
         before = found
     return residual(problem, n, contacts, limited, v, force, tau)
 
 
 @kernel
-def _yields(p: ContactProblem, n: int, contacts: int, limited: int, yields: Reals) -> None:
-    """How far each row yields to its own force, times its unit."""
+def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
+    """What each row yields to its own force, times rho."""
     for r in range(2 * contacts + limited):
         c = r - 2 * contacts
         own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
         for i in range(n):
             row = p.W[r, i] if c < 0 else p.S[c, i]
             own += row * row / p.H[i, i]
-        yields[r] = own if own > 0.0 else 1.0
+        give[r] = rho * own if own > 0.0 else rho
 
 
 @kernel
-def _centre(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
+def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
     for r in range(2 * contacts):
         centre[r] = force[r]
     for r in range(limited):
         centre[2 * contacts + r] = tau[r]
+
+
+@kernel
+def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals) -> None:
+    for r in range(2 * contacts):
+        force[r] = centre[r]
+    for r in range(limited):
+        tau[r] = centre[2 * contacts + r]
 
 
 @kernel
@@ -129,25 +149,28 @@ def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: R
 
 
 @kernel
-def _push(
-    p: ContactProblem, contacts: int, limited: int, mode: Ints, rho: float, yields: Reals, push: Reals
-) -> None:
+def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Reals, push: Reals) -> None:
     """Force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited row."""
     for k in range(contacts):
         at = 4 * k
-        a, d = p.R[k, 0, 0] + rho * yields[2 * k], p.R[k, 1, 1] + rho * yields[2 * k + 1]
+        a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
         push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
         if mode[k] == STICK and p.mu[k] > 0.0:
             b, c = p.R[k, 0, 1], p.R[k, 1, 0]
             inverse = 1.0 / (a * d - b * c)
-            push[at], push[at + 1], push[at + 2], push[at + 3] = d * inverse, -b * inverse, -c * inverse, a * inverse
+            push[at], push[at + 1], push[at + 2], push[at + 3] = (
+                d * inverse,
+                -b * inverse,
+                -c * inverse,
+                a * inverse,
+            )
         elif mode[k] != OPEN:
             slope = sign(mode[k]) * p.mu[k]
             push[at] = 1.0 / (a + slope * p.R[k, 0, 1])
             push[at + 2] = slope * push[at]
     for r in range(limited):
         held = mode[contacts + r] == STICK
-        push[4 * contacts + r] = 1.0 / (p.R_s[r] + rho * yields[2 * contacts + r]) if held else 0.0
+        push[4 * contacts + r] = 1.0 / (p.R_s[r] + give[2 * contacts + r]) if held else 0.0
 
 
 @kernel
@@ -187,8 +210,7 @@ def _correct(
     n: int,
     contacts: int,
     limited: int,
-    rho: float,
-    yields: Reals,
+    give: Reals,
     centre: Reals,
     push: Reals,
     factors: Reals,
@@ -208,7 +230,7 @@ def _correct(
         for d in range(2):
             r = 2 * k + d
             x = p.w[r] + p.R[k, d, 0] * force[2 * k] + p.R[k, d, 1] * force[2 * k + 1]
-            x += rho * yields[r] * (force[r] - centre[r])
+            x += give[r] * (force[r] - centre[r])
             for i in range(n):
                 x += p.W[r, i] * v[i]
             rate[r] = -x
@@ -220,7 +242,7 @@ def _correct(
             step[i] += p.W[2 * k, i] * normal + p.W[2 * k + 1, i] * tangential
     for r in range(limited):
         at = 2 * contacts + r
-        x = p.w_s[r] + p.R_s[r] * tau[r] + rho * yields[at] * (tau[r] - centre[at])
+        x = p.w_s[r] + p.R_s[r] * tau[r] + give[at] * (tau[r] - centre[at])
         for i in range(n):
             x += p.S[r, i] * v[i]
         rate[at] = -x
