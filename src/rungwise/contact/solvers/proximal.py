@@ -26,6 +26,8 @@ FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 MAX_ROUNDS = 40
 MAX_FLIPS = 12
 TARGET = 1e-11
+STILL = 1e-3
+"""Forces that change by more from round to round may be growing without bound, which hides any error."""
 
 
 @kernel
@@ -42,7 +44,7 @@ def solve_proximal(
     order: Ints,
     enough: float,
 ) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual once it is small or no longer falls."""
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when it came to no rest."""
     rows = 2 * contacts + limited
     flat = matrix.reshape(matrix.size)
     at = n * n
@@ -98,25 +100,36 @@ def solve_proximal(
             spread(contacts, limited, centre, force, tau)
             continue
         found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TARGET or (found <= enough and found > 0.5 * before):
+        rests = _moved(contacts, limited, force, tau, centre) <= STILL
+        if rests and (found <= TARGET or (found <= enough and found > 0.5 * before)):
             return found
         collect(contacts, limited, force, tau, centre)
         if found > enough and found > 0.1 * before:
             rho = max(0.01 * rho, LEAST)
         before = found
-    return residual(problem, n, contacts, limited, v, force, tau)
+    return math.inf
+
+
+@kernel
+def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> float:
+    """Greatest change of a force from its centre, relative to the greatest force."""
+    moved, largest = 0.0, 0.0
+    for r in range(2 * contacts + limited):
+        now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
+        moved, largest = max(moved, abs(now - centre[r])), max(largest, abs(now))
+    return moved / largest if largest > 0.0 else 0.0
 
 
 @kernel
 def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
-    """What each row yields to its own force, times rho."""
+    """What each row must yield to its own force beside R: at least rho of what the bodies yield."""
     for r in range(2 * contacts + limited):
         c = r - 2 * contacts
-        own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
+        own, bodies = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c], 0.0
         for i in range(n):
             row = p.W[r, i] if c < 0 else p.S[c, i]
-            own += row * row / p.H[i, i]
-        give[r] = rho * own if own > 0.0 else rho
+            bodies += row * row / p.H[i, i]
+        give[r] = max(rho * (bodies if bodies > 0.0 else 1.0) - own, 0.0)
 
 
 @kernel
