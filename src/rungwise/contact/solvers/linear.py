@@ -125,9 +125,11 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
         value = x[row]
         x[row] = x[k]
         x[k] = value
-        if value != 0.0:
-            for i in range(k + 1, size):
-                x[i] -= a[i, k] * value
+    for i in range(size):
+        total = x[i]
+        for j in range(i):
+            total -= a[i, j] * x[j]
+        x[i] = total
     for i in range(size - 1, -1, -1):
         total = x[i]
         for j in range(i + 1, size):
