@@ -292,7 +292,7 @@ def _contact_mode(
             return OPEN
         return STICK if p.mu[k] > 0.0 else FORWARD
     if normal < -tiny:
-        if mode == STICK and abs(tangential) > abs(normal):
+        if mode == STICK and abs(tangential) > -p.mu[k] * normal:
             return BACKWARD if tangential > 0.0 else FORWARD
         return OPEN
     if p.mu[k] == 0.0:
