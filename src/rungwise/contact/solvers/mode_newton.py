@@ -45,7 +45,7 @@ def solve_by_modes(
         # The last solution keeps the mode that it belongs to.
         if not regular or i + 1 == flips:
             break
-        if not flip(problem, n, contacts, limited, mode, v, force, tau, still, still):
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, still, still, contacts + limited):
             break
     return residual(problem, n, contacts, limited, v, force, tau)
 
@@ -234,8 +234,9 @@ def flip(
     tau: Reals,
     give: Reals,
     centre: Reals,
+    most: int,
 ) -> bool:
-    """Move every contact that contradicts its mode to the mode it asks for; returns whether any did.
+    """Move every contact that contradicts its mode to the mode it asks for, or the first `most` of them; returns whether any did.
 
     Row r yields by give[r] for each force beyond centre[r] (2 contacts + limited,), beside what R says.
     """
@@ -247,11 +248,12 @@ def flip(
             velocity = max(velocity, abs(p.W[r, i] * v[i]))
         velocity = max(velocity, give[r] * abs(centre[r]))
     slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
-    changed = False
+    changed = 0
     for k in range(contacts):
         wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny, give, centre)
-        changed |= wanted != mode[k]
-        mode[k] = wanted
+        if wanted != mode[k] and changed < most:
+            changed += 1
+            mode[k] = wanted
     for r in range(limited):
         at = contacts + r
         wanted = mode[at]
@@ -265,9 +267,10 @@ def flip(
                 s += p.S[r, i] * v[i]
             if s * tau[r] > 0.0:
                 wanted = STICK
-        changed |= wanted != mode[at]
-        mode[at] = wanted
-    return changed
+        if wanted != mode[at] and changed < most:
+            changed += 1
+            mode[at] = wanted
+    return changed > 0
 
 
 @kernel

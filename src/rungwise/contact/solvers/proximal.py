@@ -62,7 +62,7 @@ def solve_proximal(
     rho, found, before, factored = FIRST, math.inf, math.inf, -1.0
     for _ in range(MAX_ROUNDS):
         settled = False
-        for _ in range(MAX_FLIPS):
+        for flips in range(2 * MAX_FLIPS):
             if factored != rho:
                 _impose(problem, contacts, limited, mode, force, tau)
                 _give(problem, n, contacts, limited, rho, give)
@@ -87,7 +87,19 @@ def solve_proximal(
                     rate,
                     step,
                 )
-            settled = not flip(problem, n, contacts, limited, mode, v, force, tau, give, centre)
+            settled = not flip(
+                problem,
+                n,
+                contacts,
+                limited,
+                mode,
+                v,
+                force,
+                tau,
+                give,
+                centre,
+                rows if flips < MAX_FLIPS else 1,
+            )
             if settled:
                 break
             factored = -1.0
