@@ -236,7 +236,7 @@ def flip(
     centre: Reals,
     most: int,
 ) -> bool:
-    """Move every contact that contradicts its mode to the mode it asks for, or the first `most` of them; returns whether any did.
+    """Move at most `most` contacts that contradict their modes to those they ask for; whether any did.
 
     Row r yields by give[r] for each force beyond centre[r] (2 contacts + limited,), beside what R says.
     """
