@@ -164,3 +164,13 @@ def test_travel_limit_stops_a_sliding_body(model: rw.Rung, options: dict[str, fl
     )
     assert run.outcome.name == "timeout"
     assert run.final["b"]["s"] == pytest.approx(0.3, abs=1e-9)
+
+
+@pytest.mark.parametrize("model", MOVING[1:], ids=str)
+def test_fingers_of_limited_force_capture_every_ratio_where_they_stick(model: rw.Rung) -> None:
+    """Prescribed speeds jam there; a finger that sticks and stalls waits for the other one."""
+    scene = rw.load("two_finger_servo")
+    for r in np.exp(np.random.default_rng(11).uniform(-3.0, 3.0, 6)):
+        assert captured(scene, model, float(r), step=1e-3, parameters={"mu": 1.05})
+    for r, expected in both_sides(0.5, 2e-2):
+        assert captured(scene, model, r, step=1e-3, parameters={"mu": 0.5}) == expected

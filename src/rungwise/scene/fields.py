@@ -234,6 +234,15 @@ class Polygon(Strict):
     angle: Number = 0.0
 
 
+class Outline(Strict):
+    """Simple polygon that need not be convex; it is split into convex pieces at the parameters' defaults."""
+
+    kind: Literal["outline"]
+    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
 class HalfPlane(Strict):
     """All points behind the line through `at` whose outward normal is `normal`."""
 
@@ -243,9 +252,9 @@ class HalfPlane(Strict):
 
 
 Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | HalfPlane,
+    Point | Disc | Capsule | Box | Polygon | Outline | HalfPlane,
     Field(discriminator="kind"),
-    _kinds(Point, Disc, Capsule, Box, Polygon, HalfPlane),
+    _kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
 ]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
@@ -329,6 +338,16 @@ class Coordinate(Strict):
     drive: Drive | None = None
 
 
+class JointCoordinate(Strict):
+    """What a joint leaves free: travel, support and drive."""
+
+    lower: Number = "-inf"
+    upper: Number = "inf"
+    damping: Number = 0.0
+    dry_friction: Number = 0.0
+    drive: Drive | None = None
+
+
 class Pose(Strict):
     x: Number = 0.0
     y: Number = 0.0
@@ -364,6 +383,36 @@ class Body(Strict):
         return ()
 
 
+class Joint(Strict):
+    """Holds two bodies together where they are in their poses, at the point `at` of the world.
+
+    A weld leaves no freedom, a hinge the angle, a slide the distance along `axis`; that is the joint's
+    coordinate, 0 in the poses. What is held is rigid, or yields with stiffness and damping: translation, and
+    (weld, slide) the angle. On the kinematic rung all of it is rigid.
+    """
+
+    kind: Literal["weld", "hinge", "slide"]
+    between: tuple[Name, Name]
+    at: Pair
+    axis: Pair = (1.0, 0.0)
+    stiffness: Number = "inf"
+    damping: Number = 0.0
+    angular_stiffness: Number | None = None
+    angular_damping: Number | None = None
+    coordinate: JointCoordinate | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Joint:
+        if self.kind == "weld" and self.coordinate is not None:
+            raise PydanticCustomError("joint", "a weld has no coordinate")
+        angular = self.angular_stiffness is not None or self.angular_damping is not None
+        if self.kind == "hinge" and angular:
+            raise PydanticCustomError(
+                "joint", "a hinge does not hold the angle: no angular_stiffness or _damping"
+            )
+        return self
+
+
 class Contact(Strict):
     """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
 
@@ -374,6 +423,8 @@ class Contact(Strict):
     damping: Number = 0.0
     tangential_stiffness: Number | None = None
     tangential_damping: Number | None = None
+    coupling_stiffness: Number = 0.0
+    coupling_damping: Number = 0.0
 
 
 class Potential(Strict):
@@ -396,6 +447,7 @@ class SceneFile(Strict):
     parameters: dict[Name, Parameter] = {}
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
+    joints: Annotated[dict[Name, Joint], Field(max_length=500)] = {}
     contacts: tuple[Contact, ...] = ()
     potentials: tuple[Potential, ...] = ()
     goal: Text | None = None
