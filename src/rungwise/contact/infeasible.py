@@ -96,7 +96,8 @@ def _frictional(problem: ContactProblem) -> Certificate | None:
         return None
     options = choices(problem)
     waiting = [tuple(own[0] if len(own) == 1 else ANY for own in options)]
-    modes, vectors = [], []
+    modes: list[tuple[int, ...]] = []
+    vectors: list[NDArray[np.float64]] = []
     for _ in range(MAX_NODES):
         if not waiting:
             return Certificate("frictional", tuple(vectors), tuple(modes))

@@ -24,11 +24,12 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 
 def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
     """The modes that each contact, then each limited row, of a planar problem can be in."""
-    contacts = [(OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu]
-    limited = [
-        (STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,) for F in problem.F
+    modes: list[tuple[int, ...]] = [
+        (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu
     ]
-    return contacts + limited
+    for F in problem.F:
+        modes.append((STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))
+    return modes
 
 
 class Units(NamedTuple):
