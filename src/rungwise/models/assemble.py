@@ -8,7 +8,7 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
     w_t = -(R K delta)_t + W_p v_p
 
-    rigid contact: R = 0, w_n = psi / h + W_p v_p
+    rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree)
     restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
@@ -65,7 +65,7 @@ def assemble(
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
                 bounced = True
-            else:
+            elif abs(terms.gap[k]) > terms.rounding[0]:
                 problem.w[k * d] = terms.gap[k] / h
         for r in range(k * d, k * d + d):
             problem.w[r] += _carried(terms.rows, r, free, n, speed)

@@ -8,6 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.solvers.planar import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
@@ -177,7 +178,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         force=np.zeros((slots, d)),
         impulse=np.zeros((slots, d)),
     )
-    size = n + rows * d + limited
+    size = matrix_size(n, rows, limited)
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
