@@ -68,13 +68,13 @@ def assemble(
             else:
                 problem.w[k * d] = terms.gap[k] / h
         for r in range(k * d, k * d + d):
-            problem.w[r] += _carried(terms.rows, r, free, n, speed)
+            problem.w[r] += _carried(terms.rows, r, speed)
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
         problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
-        problem.w_s[r] += _carried(terms.limited, r, free, n, speed)
+        problem.w_s[r] += _carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):
             problem.S[r, i] = terms.limited[r, free[i]]
@@ -120,7 +120,7 @@ def _fill_balance(
 
 
 @kernel
-def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
+def _carried(rows: Reals, r: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0
     for j in range(speed.shape[0]):
@@ -131,7 +131,7 @@ def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
 @kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause."""
-    g = _carried(terms.rows, r, free, n, speed)
+    g = _carried(terms.rows, r, speed)
     loaded = 0.0
     for i in range(n):
         a = free[i]

@@ -8,6 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.solvers.planar import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
@@ -67,7 +68,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix."""
+    """Workspace of one step: the solution, the solver's matrix, and in `undefined` (1,) the place of a number
+    that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
@@ -81,6 +83,7 @@ class Scratch(Block):
     fresh: Ints
     after: Reals
     stack: Reals
+    undefined: Ints
 
 
 class Whole(Block):
@@ -167,7 +170,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         force=np.zeros((slots, d)),
         impulse=np.zeros((slots, d)),
     )
-    size = n + rows * d + limited
+    size = matrix_size(n, rows, limited)
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
@@ -181,6 +184,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         fresh=np.zeros(2, np.int64),
         after=np.zeros(d),
         stack=np.zeros(STACK),
+        undefined=np.full(1, -1, np.int64),
     )
     before, kept = (
         Snapshot(

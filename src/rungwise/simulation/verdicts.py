@@ -44,7 +44,6 @@ def has_sunk(state: State) -> bool:
 @kernel
 def spent(
     records: Records,
-    rung: RecordArray,
     control: RecordArray,
     workspace: Workspace,
     moving: float,
