@@ -15,16 +15,24 @@ MAX_MODES = 5000
 def certify_infeasible(problem: ContactProblem) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
-    Frictional certificates are looked for only up to `MAX_MODES` modes.
+    Frictional certificates are looked for only up to `MAX_MODES` modes. There are none for a problem whose
+    numbers, in its natural units, are beyond what floating point holds.
     """
-    for certificate in (_kinematic(problem), _frictional(problem)):
-        if certificate is not None and check(problem, certificate):
-            return certificate
+    with np.errstate(all="ignore"):
+        for certificate in (_kinematic(problem), _frictional(problem)):
+            if certificate is not None and check(problem, certificate):
+                return certificate
     return None
 
 
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
+    with np.errstate(all="ignore"):
+        certificate = _unsupported(problem, resisting)
+        return certificate if certificate is not None and check(problem, certificate, resisting) else None
+
+
+def _unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     units = natural_units(problem)
     n, d = len(problem.c), problem.R.shape[1]
     finite = np.isfinite(problem.F)
@@ -45,10 +53,7 @@ def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64])
         np.hstack([still, np.zeros((len(still), limited))]),
         least,
     )
-    if found is None:
-        return None
-    certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
-    return certificate if check(problem, certificate, resisting) else None
+    return None if found is None else Certificate("unsupported", (found[:n] * units.coordinates,))
 
 
 def _minimise(
@@ -58,9 +63,11 @@ def _minimise(
     upper: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64] | None:
     """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding; None when no cost is below
-    zero."""
+    zero, or when the numbers are not finite."""
     from scipy.optimize import linprog
 
+    if not all(np.isfinite(given).all() for given in (cost, equal, 0.0 if upper is None else upper)):
+        return None
     right = None if upper is None else np.zeros(len(upper))
     found = linprog(cost, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
     if not found.success or found.fun >= 0.0:

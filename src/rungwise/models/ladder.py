@@ -46,9 +46,7 @@ class Rung:
     def with_inertia(self, inertia: float) -> Rung:
         """The model at another epsilon in [0, 1]; 0 is the quasistatic limit. Raises ValueError."""
         if self.metric or not self.moves:
-            raise ValueError(
-                f"inertia: the {self.name} rung has none; take a quasistatic or a dynamic one, or leave it out"
-            )
+            raise ValueError(f"inertia: the {self.name} rung has none; take a quasistatic or dynamic rung")
         if isinstance(inertia, bool) or not isinstance(inertia, Real) or not 0.0 <= inertia <= 1.0:
             raise ValueError(f"inertia: must be a number in 0..1, not {str(inertia)[:60]!r}")
         return replace(self, inertia=float(inertia))

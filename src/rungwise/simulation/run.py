@@ -305,12 +305,14 @@ class Simulation:
         """Reason of the outcome; a jam or a missing support must be proved, or it is only not converged."""
         assert self.workspace is not None
         outcome = OUTCOMES[self.outcome]
+        clock = self.workspace.state.clock[0]
         self.reason = f"{outcome.meaning}. {outcome.advice}"
         if self.outcome == Code.INVALID:
             self.reason = self._undefined()
+        if self.outcome == Code.NOT_CONVERGED:
+            self._give_up()
         if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED):
             return
-        clock = self.workspace.state.clock[0]
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
         self.problem = trim(self.workspace.problem, n, contacts, limited)
         if self.outcome == Code.JAMMED:
@@ -322,11 +324,13 @@ class Simulation:
                 f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
             )
         else:
-            self.outcome = Code.NOT_CONVERGED
-            residual = float(clock["residual"])
-            self.reason = (
-                f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
-            )
+            self._give_up()
+
+    def _give_up(self) -> None:
+        assert self.workspace is not None
+        self.outcome, outcome = Code.NOT_CONVERGED, OUTCOMES[Code.NOT_CONVERGED]
+        residual = float(self.workspace.state.clock[0]["residual"])
+        self.reason = f"{outcome.meaning} (residual {residual:.1e}). {outcome.advice}"
 
     def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """H of the last problem without its inertia."""
