@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral, Real
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -136,7 +136,7 @@ def _real(value: object) -> float:
 
 
 def _count(name: str, value: object, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= value <= MANY:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MANY:
         raise ModelError(f"{name}: must be a whole number in {least}..{MANY}, not {shown(value)}")
     return int(value)
 
@@ -194,7 +194,7 @@ class Simulation:
         self.certificate: Certificate | None = None
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
-        self._turn = 500
+        self._turn = 1
         try:
             self._bound = self.scene.bind(self.parameters)
         except InvalidScene as error:
