@@ -9,6 +9,7 @@ from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.simulation.verdicts import time_slot
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 
 
@@ -17,7 +18,7 @@ def set_speeds(
     records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
     """Numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns the
-    step that ends at the first travel limit, and the greatest prescribed speed.
+    step that ends at the first travel limit, and the greatest prescribed speed, joints included.
 
     Where one of the numbers is not finite, its place in `buffer` goes to `scratch.undefined`, and nothing
     else is done.
@@ -33,7 +34,7 @@ def set_speeds(
         )
         if scratch.undefined[0] >= 0:
             return h, 0.0
-    moving = 0.0
+    moving = joints.fastest(records.joints, records.measures)
     shortest = h
     for i in range(n):
         state.speed[i] = 0.0
