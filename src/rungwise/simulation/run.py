@@ -51,8 +51,8 @@ class Run:
 
     `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
     counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
-    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the run
-    left them.
+    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
+    run left them.
     """
 
     scene: Scene
@@ -199,7 +199,7 @@ class Simulation:
         self.certificate: Certificate | None = None
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
-        self._turn = 1
+        self._turn = 10
         try:
             self._bound = self.scene.bind(self.parameters)
         except InvalidScene as error:
