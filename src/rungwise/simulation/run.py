@@ -20,7 +20,7 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.scene import records as rec
-from rungwise.scene.fields import shown
+from rungwise.scene.values import shown
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.state import CONTROL, Workspace, allocate
 
