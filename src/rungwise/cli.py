@@ -5,12 +5,11 @@ Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interru
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -76,19 +75,9 @@ def _print(text: str) -> None:
 
 
 def _print_json(value: object, indent: int | None = None) -> None:
-    _print(json.dumps(_finite(value), indent=indent, allow_nan=False))
+    from rungwise.plain import json_text
 
-
-def _finite(value: object) -> object:
-    """The same with null for infinity and NaN, which JSON does not have."""
-    match value:
-        case dict():
-            return {key: _finite(item) for key, item in value.items()}
-        case list() | tuple():
-            return [_finite(item) for item in value]
-        case float() if not math.isfinite(value):
-            return None
-    return value
+    _print(json_text(value, indent))
 
 
 @contextmanager
@@ -140,11 +129,18 @@ def scenes(
 @app.command()
 def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
+    from rungwise.models.ladder import KINEMATIC
+    from rungwise.outcome import Code
     from rungwise.report.describe import describe, describe_text
+    from rungwise.simulation.run import Simulation
 
     with _plain_errors():
         loaded = _load(scene)
-        report = describe(loaded, _parameters(loaded, values))
+        parameters = _parameters(loaded, values)
+        report = describe(loaded, parameters)
+        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3)
+    if start.outcome == Code.INVALID:
+        _refuse(start.reason)
     _print_json(report) if as_json else _print(describe_text(report))
     return 0
 
@@ -250,13 +246,19 @@ def _parameters(scene: Scene, values: list[str] | None) -> dict[str, float]:
 
 
 def _writable(folder: Path) -> None:
+    """Refuse a folder in which nothing can be written, by trying; what this makes is removed again."""
+    missing: list[Path] = []
     try:
+        missing = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         _refuse(f"out: {folder} cannot be written ({error.strerror or error})")
+    finally:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
 
 
 def _announce_compilation() -> None:

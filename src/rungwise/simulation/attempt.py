@@ -14,7 +14,7 @@ from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
-TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
+TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
@@ -60,7 +60,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = ABSORBED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
-        _move(records, rung, workspace, h)
+        _move(records, workspace, h)
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
         if rung[0].compliant or clock.least_gap >= allowed:
             _finish(records, rung, h, contacts, workspace)
@@ -122,7 +122,7 @@ def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scr
 
 
 @kernel
-def _move(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+def _move(records: Records, workspace: Workspace, h: float) -> None:
     """Place the bodies at q + h v and look for contacts there."""
     state, scratch = workspace.state, workspace.scratch
     for i in range(state.q.shape[0]):

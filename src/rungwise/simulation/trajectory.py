@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.contact.modes import NAMES
+from rungwise.plain import json_text
 from rungwise.simulation.state import SCALARS
 
 if TYPE_CHECKING:
@@ -89,11 +90,10 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     mark = f".{uuid.uuid4().hex[:8]}"
-    store = target / (STORE + mark)
+    store, text = target / (STORE + mark), target / (SUMMARY + mark)
     try:
         trajectory.to_zarr(store, mode="w", consolidated=False)
-        text = target / (SUMMARY + mark)
-        text.write_text(json.dumps(summary, indent=1), "utf-8")
+        text.write_text(json_text(summary, indent=1), "utf-8")
         old = target / (STORE + mark + ".old")
         if (target / STORE).exists():
             os.replace(target / STORE, old)
@@ -102,6 +102,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(store, ignore_errors=True)
+        text.unlink(missing_ok=True)
     return target
 
 

@@ -25,7 +25,6 @@ SOLVED, NO_SOLUTION = 0, 1
 _SPARE = 8
 
 
-@kernel
 def matrix_size(n: int, contacts: int, limited: int) -> int:
     """Side of the scratch matrix that `solve_planar` needs, one more in columns."""
     return n + 2 * contacts + limited + _SPARE
