@@ -33,7 +33,7 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     for each pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work.
     Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
     since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
-    neither.
+    neither. Attribute `scene_file` is the scene as JSON, as `load` takes it once decoded.
     """
     import xarray as xr
 
@@ -64,7 +64,11 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
             "point": _labels(points),
             "direction": _labels(("normal", "tangent")),
         },
-        attrs={"scene": scene.name, "model": model.name},
+        attrs={
+            "scene": scene.name,
+            "model": model.name,
+            "scene_file": scene.file.model_dump_json(exclude_unset=True),
+        },
     )
 
 
