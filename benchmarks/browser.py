@@ -2,8 +2,8 @@
 
     python benchmarks/browser.py FILE.html [--seconds 3] [--screenshot FILE.png]
 
-Needs Chromium or Chrome on the PATH. The browser is spoken to through a pipe, in its DevTools protocol; no port
-is opened. Without a graphics card it paints in software, which is the slower case.
+Needs Chromium or Chrome on the PATH. The browser is spoken to through a pipe, in its DevTools protocol; no
+port is opened. Without a graphics card it paints in software, which is the slower case.
 """
 
 from __future__ import annotations

@@ -21,10 +21,12 @@ from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.trajectory import load as load_run
+from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Code", "InvalidScene", "ModelError", "Outcome", "Run",
-    "Rung", "Scene", "SceneError", "Simulation", "load", "load_run", "schema", "shipped", "simulate",
+    "Rung", "Scene", "SceneError", "Simulation", "ViewError", "load", "load_run", "schema", "shipped",
+    "simulate", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

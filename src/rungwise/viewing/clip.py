@@ -55,8 +55,8 @@ class Outline:
 class Touches:
     """Contact points of all frames, one row each, in the order of frames.
 
-    frame, contact (numbers); place (k, 2); force (k, 2) on the first body of the contact, in the world's axes;
-    mode: one of `SHOWN_OPEN`, `SHOWN_STICK`, `SHOWN_SLIP`.
+    frame, contact (numbers); place (k, 2); force (k, 2) on the first body of the contact, world
+    axes; mode: one of `SHOWN_OPEN`, `SHOWN_STICK`, `SHOWN_SLIP`.
     """
 
     frame: NDArray[np.int64]
@@ -177,14 +177,16 @@ def _pushes(records: Records, force: NDArray[np.float64]) -> NDArray[np.float64]
 def _outlines(records: Records) -> tuple[Outline, ...]:
     found = []
     for shape in records.shapes:
-        v = records.vertices[int(shape["first"]) : int(shape["end"])]
+        halfplane = bool(shape["kind"] == HALFPLANE)
+        first = int(shape["first"])
+        v = records.vertices[first : first + 1 if halfplane else int(shape["end"])]
         found.append(
             Outline(
                 body=int(shape["body"]),
                 vertices=np.column_stack([v["x"], v["y"]]),
                 normals=np.column_stack([v["normal_x"], v["normal_y"]]),
                 radius=float(shape["radius"]),
-                halfplane=bool(shape["kind"] == HALFPLANE),
+                halfplane=halfplane,
             )
         )
     return tuple(found)

@@ -86,7 +86,7 @@ def _data(clips: Sequence[Clip]) -> dict[str, Any]:
         "push": " / ".join(dict.fromkeys(pushes)),
         "contacts": [clips[0].contacts[c] for c in curves],
         "clips": [
-            _clip(clip, curves) | {"label": label, "note": note or clip.reason}
+            _clip(clip, curves) | {"label": label, "note": ". ".join(filter(None, (note, clip.reason)))}
             for clip, label, note in zip(clips, labels(clips), notes, strict=True)
         ],
     }
@@ -119,8 +119,7 @@ def _clip(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
 
 def _bodies(clip: Clip) -> list[dict[str, Any]]:
     bodies: list[dict[str, Any]] = [
-        {"name": name, "role": role, "shapes": []}
-        for name, role in zip(clip.bodies, clip.roles, strict=True)
+        {"name": name, "role": role, "shapes": []} for name, role in zip(clip.bodies, clip.roles, strict=True)
     ]
     for outline in clip.outlines:
         bodies[outline.body]["shapes"].append(

@@ -48,8 +48,10 @@ class Chart {
     const g = this.picture.getContext("2d");
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.axes(g, width, height, low, high);
-    g.lineWidth = 1.8; g.lineJoin = "round";
+    g.lineJoin = "round";
+    const clips = shown();
     for (const s of this.series()) {
+      g.lineWidth = 1.8 + 1.6 * (clips.length - 1 - clips.indexOf(s.clip));
       const [colour, dash] = this.style(s), values = s.clip[this.field];
       g.strokeStyle = colour; g.setLineDash(dash); g.beginPath();
       s.clip.time.forEach((t, k) => g.lineTo(this.x(t), this.y(values[k * n + s.c])));

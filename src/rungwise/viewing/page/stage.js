@@ -31,6 +31,7 @@ function pathOf(shape) {
 
 for (const clip of CLIPS) clip.bodies.forEach(body => {
   body.points = body.shapes.filter(s => !s.halfplane && s.vertices.length === 1 && s.radius === 0);
+  body.spokes = body.moves ? body.shapes.filter(s => !s.halfplane && s.vertices.length === 1 && s.radius > 0) : [];
   body.planes = body.shapes.filter(s => s.halfplane);
   body.paths = body.shapes.filter(s => !s.halfplane && !body.points.includes(s)).map(pathOf);
 });
@@ -41,8 +42,9 @@ function poseOf(clip, b, k, fraction, out) {
   for (let i = 0; i < 3; i++) out[i] = clip.pose[at + i] + fraction * (clip.pose[next + i] - clip.pose[at + i]);
 }
 
-function drawBodies(g, clip, t, line) {
-  const [k, fraction] = locate(clip, t), pose = [0, 0, 0], dot = 6 / view.scale;
+// Models drawn over others have thinner lines (`extra` is 0 for the last), so that those that agree are all seen.
+function drawBodies(g, clip, t, line, extra) {
+  const [k, fraction] = locate(clip, t), pose = [0, 0, 0], dot = (6 + 1.5 * extra) / view.scale;
   for (let b = 0; b < clip.bodies.length; b++) {
     const body = clip.bodies[b];
     poseOf(clip, b, k, fraction, pose);
@@ -51,12 +53,16 @@ function drawBodies(g, clip, t, line) {
     g.rotate(pose[2]);
     g.fillStyle = colours[body.role];
     g.strokeStyle = line;
-    for (const s of body.planes) drawPlane(g, s, line);
+    for (const s of body.planes) drawPlane(g, s, extra > 0 ? colours.faint : line);
     // Outline first, at double width, then the fill: seams between the shapes of one body stay hidden.
     g.lineJoin = "round";
-    g.lineWidth = 3.6 / view.scale;
+    g.lineWidth = (3.6 + 4 * extra) / view.scale;
     for (const path of body.paths) g.stroke(path);
     for (const path of body.paths) g.fill(path);
+    g.lineWidth = 1.2 / view.scale;
+    for (const s of body.spokes) {  // shows how a disc turns
+      g.beginPath(); g.moveTo(...s.vertices[0]); g.lineTo(s.vertices[0][0] + s.radius, s.vertices[0][1]); g.stroke();
+    }
     g.fillStyle = line;
     for (const s of body.points) {
       g.beginPath(); g.arc(s.vertices[0][0], s.vertices[0][1], dot, 0, 2 * Math.PI); g.fill();
@@ -88,14 +94,14 @@ function drawStage(t, options) {
   const clips = shown(), world = target => target.setTransform(
     ratio * view.scale, 0, 0, -ratio * view.scale,
     ratio * (width / 2 - view.scale * view.x), ratio * (height / 2 + view.scale * view.y));
-  if (clips.length === 1) { world(g); drawBodies(g, clips[0], t, colours.ink); }
+  if (clips.length === 1) { world(g); drawBodies(g, clips[0], t, colours.ink, 0); }
   else for (const clip of clips) {
     // One model's bodies are opaque among themselves, and the models are laid over each other.
     if (layer.width !== canvas.width || layer.height !== canvas.height) { layer.width = canvas.width; layer.height = canvas.height; }
     const h = layer.getContext("2d");
     h.setTransform(1, 0, 0, 1, 0, 0); h.clearRect(0, 0, layer.width, layer.height);
-    world(h); drawBodies(h, clip, t, colours.models[clip.index]);
-    g.setTransform(1, 0, 0, 1, 0, 0); g.globalAlpha = clip === clips[0] ? 1 : 0.62; g.drawImage(layer, 0, 0); g.globalAlpha = 1;
+    world(h); drawBodies(h, clip, t, colours.models[clip.index], clips.length - 1 - clips.indexOf(clip));
+    g.setTransform(1, 0, 0, 1, 0, 0); g.globalAlpha = clip === clips[0] ? 1 : 0.75; g.drawImage(layer, 0, 0); g.globalAlpha = 1;
   }
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   const spot = (x, y) => [width / 2 + view.scale * (x - view.x), height / 2 - view.scale * (y - view.y)];
