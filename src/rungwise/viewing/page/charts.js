@@ -23,7 +23,7 @@ class Chart {
     seek(END * Math.min(1, Math.max(0, part)));
   }
 
-  // Linear, or linear about zero and logarithmic beyond a ten-thousandth of the largest value.
+  // Linear, or linear about zero and logarithmic beyond about a ten-thousandth of the largest value.
   scale(y) { return this.log ? Math.sign(y) * Math.log10(1 + Math.abs(y) / this.small) : y; }
 
   series() { return shown().flatMap(clip => DATA.contacts.map((name, c) => ({ clip, name, c }))); }
@@ -40,7 +40,7 @@ class Chart {
       if (y < low) low = y; if (y > high) high = y;
     }
     if (high === low) high = low + 1;
-    this.small = 1e-4 * Math.max(high, -low);
+    this.small = 10 ** (Math.floor(Math.log10(Math.max(high, -low))) - 4);
     const bottom = this.scale(low), top = this.scale(high) + 0.05 * (this.scale(high) - bottom);
     this.x = t => EDGE.left + (width - EDGE.left - EDGE.right) * t / (END || 1);
     this.y = v => height - EDGE.bottom - (height - EDGE.top - EDGE.bottom) * (this.scale(v) - bottom) / (top - bottom);
@@ -62,7 +62,7 @@ class Chart {
 
   axes(g, width, height, low, high) {
     const heights = this.log
-      ? [0, ...[0, 1, 2, 3, 4].flatMap(p => [this.small * 10 ** p, -this.small * 10 ** p])].filter(v => v >= low && v <= high)
+      ? [0, ...[1, 2, 3, 4, 5].flatMap(p => [this.small * 10 ** p, -this.small * 10 ** p])].filter(v => v >= low && v <= high)
       : ticksOf(low, high, 5);
     g.font = "12px system-ui, sans-serif"; g.lineWidth = 1; g.textBaseline = "middle";
     for (const v of heights) {
