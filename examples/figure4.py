@@ -5,8 +5,8 @@
     python examples/figure4.py --json                     only the numbers, as one JSON object
 
 (a) quasistatic-rigid; (b) dynamic-compliant, K = 1e6, C = 1e4; (c) the same with C = 0; (d) the same as (b)
-with free fingers, thrown at the part and pulled by a potential whose least is the goal edge. Steps of 1e-4 and
-mu = 0.5, as printed. Numbers that the paper leaves open are varied: each line of the table is one choice.
+with free fingers, thrown at the part and pulled by a potential whose least is the goal edge. Steps of 1e-4
+and mu = 0.5, as printed. Numbers that the paper leaves open are varied: each line of the table is one choice.
 
 A set of ratios need not be an interval, so it is scanned, and its ends are then found by bisection.
 """
@@ -17,7 +17,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -57,21 +57,22 @@ class Panel:
         parameters = {"mu": 0.5, **self.parameters, "v1": v1, "v2": v2}
         return rw.simulate(scene, self.rung, parameters=parameters, step=STEP, frames=frames)
 
-    def varied(self, speed: float | None = None, rung: rw.Rung | None = None, **changes: float) -> Panel:
+    def varied(self, speed: float | None = None, **changes: float) -> Panel:
         """The same with other numbers."""
-        return Panel(
-            self.letter,
-            self.title,
-            self.scene,
-            rung or self.rung,
-            speed or self.speed,
-            {**self.parameters, **changes},
-        )
+        return replace(self, speed=speed or self.speed, parameters={**self.parameters, **changes})
+
+    def on(self, rung: rw.Rung, **changes: float) -> Panel:
+        """The same on another rung."""
+        return replace(self.varied(**changes), rung=rung)
+
+    def with_servos(self, gain: float) -> Panel:
+        """The same with fingers that follow their speeds by a force, `gain` per speed that they lack."""
+        return replace(self.varied(gain=gain, push=1e9), scene="two_finger_servo")
 
     def numbers(self) -> str:
         """What was chosen, in words."""
-        rung = f"{self.rung.name}, " if self.letter == "d" else ""
-        return rung + ", ".join(f"{k} = {v:g}" for k, v in {"speed": self.speed, **self.parameters}.items())
+        model = "" if self.letter != "d" else f"{self.rung.name}, "
+        return model + ", ".join(f"{k} = {v:g}" for k, v in {"speed": self.speed, **self.parameters}.items())
 
 
 A = Panel("a", "quasistatic, rigid", "two_finger", rw.QUASISTATIC_RIGID)
@@ -83,14 +84,15 @@ PANELS = (A, B, C, D)
 _OPEN = ({"mu": 0.0}, {"mu": 0.9}, {"stiffness": 1e5}, {"stiffness": 1e7})
 LINES: tuple[Panel, ...] = (
     A, A.varied(mu=0.0), A.varied(mu=0.9),
-    B, B.varied(0.1), B.varied(10.0), *(B.varied(**o) for o in _OPEN), 
-    B.varied(damping=1e5), B.varied(damping=1e3),
+    B, B.varied(0.1), B.varied(10.0), *(B.varied(**o) for o in _OPEN),
+    B.varied(damping=1e5), B.varied(damping=1e3), *(B.with_servos(gain) for gain in (1e5, 1e3, 10.0)),
     C, C.varied(0.1), C.varied(10.0), *(C.varied(**o) for o in _OPEN),
+    *(C.with_servos(gain) for gain in (1e5, 1e3, 10.0)),
     D, D.varied(0.3), D.varied(3.0), D.varied(10.0), D.varied(mu=0.0), D.varied(mu=0.9),
     D.varied(align=0.0), D.varied(align=10.0), D.varied(well=0.0, align=0.0),
     D.varied(finger_mass=0.1), D.varied(finger_mass=10.0), D.varied(finger_mass=100.0),
-    D.varied(rung=rw.DYNAMIC_RIGID, restitution=0.0), D.varied(rung=rw.DYNAMIC_RIGID, restitution=0.5),
-    D.varied(rung=rw.DYNAMIC_RIGID, restitution=1.0),
+    D.on(rw.DYNAMIC_RIGID, restitution=0.0), D.on(rw.DYNAMIC_RIGID, restitution=0.5),
+    D.on(rw.DYNAMIC_RIGID, restitution=1.0),
     D.varied(damping=1e3), D.varied(3.0, damping=1e3), D.varied(10.0, damping=1e3),
     D.varied(damping=0.0), D.varied(3.0, damping=0.0), D.varied(finger_mass=10.0, damping=0.0),
 )  # fmt: skip

@@ -46,20 +46,27 @@ def test_undamped_panel_is_narrower_at_any_speed(figure4: ModuleType, speed: flo
     assert lower_end(figure4, figure4.B) < 0.51 < 0.56 < lower_end(figure4, figure4.C.varied(speed))
 
 
+def test_fingers_that_give_way_undo_the_undamped_impact(figure4: ModuleType) -> None:
+    """A finger that follows its speed with a low gain is slowed by the impact, and its drive dissipates."""
+    stiff, soft = (lower_end(figure4, figure4.C.with_servos(gain)) for gain in (1e6, 10.0))
+    assert stiff == pytest.approx(lower_end(figure4, figure4.C), abs=5e-3)
+    assert soft < 0.46
+
+
 @pytest.mark.parametrize("speed", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("changes", [{}, {"mu": 0.9}, {"align": 0.0}, {"finger_mass": 0.1}], ids=str)
 def test_free_fingers_with_dissipation_catch_more(
     figure4: ModuleType, speed: float, changes: dict[str, float]
 ) -> None:
     scene = rw.load("two_finger_free")
-    for panel in (figure4.D, figure4.D.varied(rung=rw.DYNAMIC_RIGID)):
+    for panel in (figure4.D, figure4.D.on(rw.DYNAMIC_RIGID)):
         varied = panel.varied(speed, **changes)
         assert all(figure4.is_caught(varied, scene, r) for r in (0.3, 0.45, 0.7, 1.0, 1.0 / 0.45, 1.0 / 0.3))
 
 
 def test_free_fingers_without_dissipation_do_not(figure4: ModuleType) -> None:
     scene = rw.load("two_finger_free")
-    for panel in (figure4.D.varied(damping=0.0), figure4.D.varied(rung=rw.DYNAMIC_RIGID, restitution=1.0)):
+    for panel in (figure4.D.varied(damping=0.0), figure4.D.on(rw.DYNAMIC_RIGID, restitution=1.0)):
         assert not any(figure4.is_caught(panel, scene, r) for r in (0.3, 0.5, 0.6, 0.8))
 
 
@@ -71,7 +78,7 @@ def test_free_fingers_without_potential_against_the_closed_form(
     """A plastic impact leaves the first finger and the part with a share of the finger's speed."""
     share = (1.0 - mu) * mass / ((1.0 - mu) * mass + (1.0 + mu))
     exact = 1.0 / (1.5 + 0.5 / share)
-    panel = figure4.D.varied(rung=rw.DYNAMIC_RIGID, well=0.0, align=0.0, finger_mass=mass, mu=mu)
+    panel = figure4.D.on(rw.DYNAMIC_RIGID, well=0.0, align=0.0, finger_mass=mass, mu=mu)
     scene = rw.load("two_finger_free")
     assert not figure4.is_caught(panel, scene, exact - 3e-4)
     assert figure4.is_caught(panel, scene, exact + 3e-4)
@@ -88,7 +95,7 @@ def test_potential_has_its_least_on_the_closure_edge() -> None:
         data["bodies"][finger]["coordinates"][name] |= {"damping": 2.0}
     for x3 in (-0.3, 0.0, 0.25):
         given = {**shape, "x3": x3}
-        run = rw.simulate(data, "dynamic-rigid", parameters=given, duration=40.0, step=1e-2)
+        run = rw.simulate(data, "dynamic-rigid", parameters=given, duration=120.0, step=1e-2)
         assert run.final["finger1"]["x1"] == pytest.approx(middle + slope * x3, abs=1e-6)
         assert run.final["finger2"]["x2"] == pytest.approx(middle - slope * x3, abs=1e-6)
 

@@ -43,7 +43,7 @@ def draw_families(
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-    figure = Figure(figsize=(12.0, 12.8), dpi=130)
+    figure = Figure(figsize=(12.0, 12.8), dpi=110)
     for k, family in enumerate(families):
         left, top = 0.01 + 0.495 * (k % 2), 0.985 - 0.483 * (k // 2)
         axes = cast(
