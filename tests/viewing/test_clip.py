@@ -101,6 +101,15 @@ def test_slipping_disc_slips_and_turns_as_its_coordinate_says() -> None:
     assert made.touches.mode[5] == SHOWN_SLIP
 
 
+def test_joints_stay_where_the_scene_has_them() -> None:
+    made = clip(rw.simulate("two_link", "dynamic-rigid", duration=0.5))
+    (shoulder, sx, sy), (elbow, ex, ey) = made.joints
+    for pose in made.pose[::50]:
+        assert placed(np.array([[sx, sy]]), pose[shoulder])[0] == pytest.approx([0.0, 1.0], abs=1e-3)
+        upper = placed(np.array([[0.25, 0.0]]), pose[made.bodies.index("upper")])[0]
+        assert placed(np.array([[ex, ey]]), pose[elbow])[0] == pytest.approx(upper, abs=1e-3)
+
+
 def test_impulses_are_shown_as_mean_forces() -> None:
     run = rw.simulate("two_finger", "dynamic-rigid", parameters={"v2": 0.6})
     made = clip(run)

@@ -74,6 +74,8 @@ def assemble(
         resist = theta * h * stiff + damp
         problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
+        if math.isinf(stiff):
+            problem.w_s[r] = -terms.error[r, 0] / h
         problem.w_s[r] += _carried(terms.limited, r, free, n, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):

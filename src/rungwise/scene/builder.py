@@ -23,9 +23,11 @@ from rungwise.scene.fields import (
     Contact,
     Coordinate,
     Disc,
+    Drive,
     Force,
     HalfPlane,
     Hinge,
+    JointCoordinate,
     Number,
     Polygon,
     SceneFile,
@@ -58,6 +60,7 @@ class _Builder:
         self.coordinates = tuple(
             f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
         )
+        self.joints = tuple(scene.joints)
         self.matched = list(self._match_contacts())
         self.contacts = tuple(pair for pair, _, _ in self.matched)
         self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
@@ -79,6 +82,8 @@ class _Builder:
             len(self.pairs),
             len(scene.potentials),
             len(scene.potentials) * len(self.coordinates),
+            len(scene.joints),
+            3 * len(scene.joints),
         )
         self.buffer = rec.allocate(self.counts)
         self.records = rec.views(self.buffer, self.counts)
@@ -95,6 +100,8 @@ class _Builder:
         for index, (contact_index, a, b) in enumerate(self.pairs):
             self.records.pairs[index] = (contact_index, a, b)
         self._unused_contacts()
+        for index in range(len(self.joints)):
+            self._joint(index)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
         conditions = Programs([self._condition(name) for name in ("goal", "unsafe", "doomed")])
@@ -116,6 +123,7 @@ class _Builder:
             bodies=self.bodies,
             coordinates=self.coordinates,
             contacts=self.contacts,
+            joints=self.joints,
         )
 
     def put(
@@ -247,12 +255,14 @@ class _Builder:
         self.put(
             "coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0
         )
-        drive = given.drive
-        path += ".drive"
+        self._drive("coordinates", index, given.drive, f"{path}.drive")
+
+    def _drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
+        record = getattr(self.records, kind)[index]
 
         def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:
             self.put(
-                "coordinates", index, field, value, f"{path}.{source}",
+                kind, index, field, value, f"{path}.{source}",
                 at_least=at_least, timed=timed, infinite=field == "limit",
             )  # fmt: skip
 
@@ -316,8 +326,11 @@ class _Builder:
         for pair in combinations(bodies, 2):
             if all(not bodies[name].coordinate_names for name in pair):
                 continue
+            jointed = any(set(joint.between) == set(pair) for joint in self.scene.joints.values())
             for entry, contact in enumerate(self.scene.contacts):
                 a, b = contact.between
+                if jointed and {a, b} != set(pair):
+                    continue
                 if any(fnmatchcase(x, a) and fnmatchcase(y, b) for x, y in (pair, pair[::-1])):
                     yield pair, entry, contact
                     break
@@ -357,6 +370,49 @@ class _Builder:
             for field, value in contact:
                 if entry not in used and isinstance(value, str):
                     self._program(value, f"contacts.{entry}.{field}")
+
+    def _joint(self, index: int) -> None:
+        name = self.joints[index]
+        joint = self.scene.joints[name]
+        path = f"joints.{name}"
+        record = self.records.joints[index]
+        for k, body in enumerate(joint.between):
+            if body not in self.bodies:
+                raise SceneError(
+                    f"{path}.between.{k}: unknown body {shown(body)}; valid: {_listed(self.bodies)}"
+                )
+        if all(not self.scene.bodies[body].coordinate_names for body in joint.between):
+            raise SceneError(f"{path}.between: of {' and '.join(joint.between)} neither moves")
+        if joint.between[0] == joint.between[1]:
+            raise SceneError(f"{path}.between: must name two bodies")
+        record["body_a"], record["body_b"] = (self.bodies.index(body) for body in joint.between)
+        record["kind"] = ("weld", "hinge", "slide").index(joint.kind)
+        for k, field in enumerate("xy"):
+            self.put("joints", index, f"at_{field}", joint.at[k], f"{path}.at.{k}")
+            self.put("joints", index, f"axis_{field}", joint.axis[k], f"{path}.axis.{k}")
+        free = {"weld": None, "hinge": rec.ANGLE, "slide": rec.ALONG}[joint.kind]
+        for which in (rec.ALONG, rec.ACROSS, rec.ANGLE):
+            measure = 3 * index + which
+            record = self.records.measures[measure]
+            record["joint"], record["which"], record["held"] = index, which, which != free
+            if which == free:
+                self._freedom(measure, joint.coordinate or JointCoordinate(), f"{path}.coordinate")
+                continue
+            prefix = "angular_" if which == rec.ANGLE else ""
+            for field, above, default in (("stiffness", 0.0, INF), ("damping", None, 0.0)):
+                value = getattr(joint, prefix + field)
+                self.put(
+                    "measures", measure, field, default if value is None else value,
+                    f"{path}.{prefix}{field}",
+                    above=above, at_least=0.0, infinite=default == INF,
+                )  # fmt: skip
+
+    def _freedom(self, measure: int, given: JointCoordinate, path: str) -> None:
+        self.put("measures", measure, "lower", given.lower, f"{path}.lower", at_most=0.0, infinite=True)
+        self.put("measures", measure, "upper", given.upper, f"{path}.upper", at_least=0.0, infinite=True)
+        for field in ("damping", "dry_friction"):
+            self.put("measures", measure, field, getattr(given, field), f"{path}.{field}", at_least=0.0)
+        self._drive("measures", measure, given.drive, f"{path}.drive")
 
     def _potential(self, index: int) -> None:
         potential = self.scene.potentials[index]

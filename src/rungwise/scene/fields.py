@@ -329,6 +329,16 @@ class Coordinate(Strict):
     drive: Drive | None = None
 
 
+class JointCoordinate(Strict):
+    """What a joint leaves free: travel, support and drive."""
+
+    lower: Number = "-inf"
+    upper: Number = "inf"
+    damping: Number = 0.0
+    dry_friction: Number = 0.0
+    drive: Drive | None = None
+
+
 class Pose(Strict):
     x: Number = 0.0
     y: Number = 0.0
@@ -364,6 +374,36 @@ class Body(Strict):
         return ()
 
 
+class Joint(Strict):
+    """Holds two bodies together where they are in their poses, at the point `at` of the world.
+
+    A weld leaves no freedom, a hinge the angle, a slide the distance along `axis`; that is the joint's
+    coordinate, 0 in the poses. What is held is rigid, or yields with stiffness and damping: translation, and
+    (weld, slide) the angle. On the kinematic rung all of it is rigid.
+    """
+
+    kind: Literal["weld", "hinge", "slide"]
+    between: tuple[Name, Name]
+    at: Pair
+    axis: Pair = (1.0, 0.0)
+    stiffness: Number = "inf"
+    damping: Number = 0.0
+    angular_stiffness: Number | None = None
+    angular_damping: Number | None = None
+    coordinate: JointCoordinate | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Joint:
+        if self.kind == "weld" and self.coordinate is not None:
+            raise PydanticCustomError("joint", "a weld has no coordinate")
+        angular = self.angular_stiffness is not None or self.angular_damping is not None
+        if self.kind == "hinge" and angular:
+            raise PydanticCustomError(
+                "joint", "a hinge does not hold the angle: no angular_stiffness or _damping"
+            )
+        return self
+
+
 class Contact(Strict):
     """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
 
@@ -396,6 +436,7 @@ class SceneFile(Strict):
     parameters: dict[Name, Parameter] = {}
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
+    joints: Annotated[dict[Name, Joint], Field(max_length=500)] = {}
     contacts: tuple[Contact, ...] = ()
     potentials: tuple[Potential, ...] = ()
     goal: Text | None = None

@@ -137,6 +137,7 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
     clock.drive_work += clock.drive_work - far.drive_work
     clock.load_work += clock.load_work - far.load_work
     clock.support_work += clock.support_work - far.support_work
+    clock.joint_work += clock.joint_work - far.joint_work
 
 
 @kernel

@@ -9,6 +9,7 @@ from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.simulation.verdicts import time_slot
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 
 
@@ -17,7 +18,7 @@ def set_speeds(
     records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
     """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first
-    travel limit, and the greatest prescribed speed."""
+    travel limit, and the greatest prescribed speed, joints included."""
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
@@ -26,7 +27,7 @@ def set_speeds(
         evaluate_numbers(
             timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
         )
-    moving = 0.0
+    moving = joints.fastest(records.joints, records.measures)
     shortest = h
     for i in range(n):
         state.speed[i] = 0.0

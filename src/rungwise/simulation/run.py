@@ -32,6 +32,10 @@ TURN_S = 0.1
 LONGEST = 100
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
 
+JAM, CLOSER, LOOKS = 0.25, 0.1, 4
+"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
+where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+
 
 class ModelError(ValueError):
     """The model or an option of the run is wrong; the text is one line that names it."""
@@ -42,7 +46,8 @@ class Run:
     """How a run ended and what it recorded.
 
     `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
-    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of.
+    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
+    `workspace` holds the arrays as the run left them.
     """
 
     scene: Scene
@@ -57,14 +62,14 @@ class Run:
     wall_s: float
     certificate: Certificate | None
     problem: ContactProblem | None
-    _workspace: Workspace | None
+    workspace: Workspace | None
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
         """Coordinates at the end, by body and name."""
         places: dict[str, dict[str, float]] = {}
-        if self._workspace is not None:
-            for name, value in zip(self.scene.template.coordinates, self._workspace.state.q, strict=True):
+        if self.workspace is not None:
+            for name, value in zip(self.scene.template.coordinates, self.workspace.state.q, strict=True):
                 body, coordinate = name.split(".")
                 places.setdefault(body, {})[coordinate] = float(value)
         return places
@@ -72,9 +77,9 @@ class Run:
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
-        if self._workspace is None:
+        if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        frames, clock = self._workspace.frames, self._workspace.state.clock[0]
+        frames, clock = self.workspace.frames, self.workspace.state.clock[0]
         labels = _pair_labels(self.scene)
         data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
@@ -177,6 +182,7 @@ class Simulation:
         self._control["step"] = world["step"] if step is None else step
         self._control["duration"] = world["duration"] if duration is None else duration
         self._control["tolerance"] = world["tolerance"]
+        self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
             self._control["step"] if tol is None else self._control["duration"] / LONGEST
         )
@@ -227,6 +233,8 @@ class Simulation:
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.outcome != Code.RUNNING:
             self._explain()
+        if self.outcome == Code.NOT_CONVERGED and self._looks_closer():
+            self.outcome = Code.RUNNING
         return self.outcome == Code.RUNNING
 
     def result(self) -> Run:
@@ -245,12 +253,20 @@ class Simulation:
             wall_s=self.wall_s,
             certificate=self.certificate,
             problem=self.problem,
-            _workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
+            workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
         )
 
     def _overlap(self) -> str:
         assert self.workspace is not None
         gaps = self.workspace.state.gaps
+        measures = self._bound.records.measures
+        places = self.workspace.scratch.measures
+        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
+        off = np.maximum(low - places, places - high)
+        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
+            worst = int(np.argmax(off))
+            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
+            return f"joints.{name} is off by {off[worst]:.3g} at the start"
         a, b = self.scene.template.contacts[int(np.argmin(gaps))]
         return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
 
@@ -278,6 +294,23 @@ class Simulation:
             self.reason = (
                 f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
             )
+
+    def _looks_closer(self) -> bool:
+        """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
+
+        Where a contact is about to close in just this step, neither is quite true.
+        """
+        assert self.workspace is not None
+        state, frames = self.workspace.state, self.workspace.frames
+        clock, least = state.clock[0], JAM * CLOSER**LOOKS * self._control[0]["tolerance"]
+        if clock["outcome"] != Code.JAMMED or self._control[0]["jam"] * CLOSER < 0.99 * least:
+            return False
+        self._control["jam"] *= CLOSER
+        state.clock["outcome"] = Code.RUNNING
+        # The frame recorded as the last one is not.
+        state.clock["frames"] -= 1
+        state.impulse[:] += frames.impulse[int(clock["frames"])]
+        return True
 
     def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """H of the last problem without its inertia."""

@@ -72,6 +72,7 @@ class Clip:
 
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
     (frames, contacts) are the least gap and the normal force of each contact; `push_is` says what they are.
+    A joint is a body and a point of it, in its own frame.
     """
 
     scene: str
@@ -84,6 +85,7 @@ class Clip:
     moving: NDArray[np.bool_]
     contacts: tuple[str, ...]
     outlines: tuple[Outline, ...]
+    joints: tuple[tuple[int, float, float], ...]
     time: NDArray[np.float64]
     pose: NDArray[np.float64]
     gap: NDArray[np.float64]
@@ -146,6 +148,7 @@ def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Da
         moving=records.bodies["motion"] != FIXED,
         contacts=tuple(" | ".join(pair) for pair in template.contacts),
         outlines=_outlines(records),
+        joints=tuple((int(j["body_b"]), float(j["b_x"]), float(j["b_y"])) for j in records.joints),
         time=time,
         pose=pose,
         gap=gap,

@@ -76,6 +76,10 @@ def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
         line = INK if len(clips) == 1 else MODELS[index % len(MODELS)]
         extra = len(clips) - 1 - index
         _bodies(axes, clip, pose_at(clip, time), line, extra, 4.0 * size, index)
+        for body, x, y in clip.joints:
+            at = placed(np.array([[x, y]]), pose_at(clip, time)[body])
+            axes.plot(*at.T, "o", mfc="white", mec=line, mew=1.6, ms=7, zorder=20)
+            axes.plot(*at.T, "o", color=line, ms=2, zorder=20)
     for index, clip in enumerate(clips):
         line = "white" if len(clips) == 1 else MODELS[index % len(MODELS)]
         _touches(axes, clip, time, ARROW * size / force, line)

@@ -106,6 +106,7 @@ def _clip(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
         "outcome": clip.outcome,
         "reason": clip.reason,
         "bodies": _bodies(clip),
+        "joints": clip.joints,
         "time": _bytes(clip.time, "<f4"),
         "pose": _quantised(clip.pose.reshape(len(clip.time), -1)),
         "gap": _bytes(clip.gap[:, curves], "<f4"),

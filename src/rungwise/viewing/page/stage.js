@@ -71,6 +71,17 @@ function drawBodies(g, clip, t, line, extra) {
   }
 }
 
+function drawJoints(g, clip, t, spot, line) {
+  const [k, fraction] = locate(clip, t), pose = [0, 0, 0];
+  for (const [b, jx, jy] of clip.joints) {
+    poseOf(clip, b, k, fraction, pose);
+    const c = Math.cos(pose[2]), s = Math.sin(pose[2]), [x, y] = spot(pose[0] + c * jx - s * jy, pose[1] + s * jx + c * jy);
+    g.beginPath(); g.arc(x, y, 5, 0, 2 * Math.PI);
+    g.fillStyle = colours.page; g.fill(); g.strokeStyle = line; g.lineWidth = 2; g.stroke();
+    g.beginPath(); g.arc(x, y, 1.5, 0, 2 * Math.PI); g.fillStyle = line; g.fill();
+  }
+}
+
 function drawPlane(g, shape, line) {
   const [nx, ny] = shape.normals[0], [x, y] = shape.vertices[0];
   const far = 4 * (DATA.bounds[2] - DATA.bounds[0] + DATA.bounds[3] - DATA.bounds[1]) + 4000 / view.scale;
@@ -105,6 +116,7 @@ function drawStage(t, options) {
   }
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   const spot = (x, y) => [width / 2 + view.scale * (x - view.x), height / 2 - view.scale * (y - view.y)];
+  for (const clip of clips) drawJoints(g, clip, t, spot, clips.length > 1 ? colours.models[clip.index] : colours.ink);
   for (const clip of clips) drawTouches(g, clip, t, spot, options, clips.length > 1 ? colours.models[clip.index] : null);
   if (options.names && clips.length) drawNames(g, clips[0], t, spot);
 }
