@@ -42,6 +42,7 @@ def test_page_holds_poses_forces_and_curves(runs: list[rw.Run]) -> None:
     data = data_of(page(clips))
     assert [c["label"] for c in data["clips"]] == list(RUNGS)
     for made, packed in zip(clips, data["clips"], strict=True):
+        assert [body["moves"] for body in packed["bodies"]] == [True, True, True, False]
         flat = made.pose.reshape(len(made.time), -1)
         span = np.ptp(flat, axis=0)
         assert (abs(unpacked(packed["pose"]) - flat) <= 0.51 / 65535.0 * span + 1e-15).all()

@@ -120,7 +120,8 @@ def _clip(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
 
 def _bodies(clip: Clip) -> list[dict[str, Any]]:
     bodies: list[dict[str, Any]] = [
-        {"name": name, "role": role, "shapes": []} for name, role in zip(clip.bodies, clip.roles, strict=True)
+        {"name": name, "role": role, "moves": bool(moves), "shapes": []}
+        for name, role, moves in zip(clip.bodies, clip.roles, clip.moving, strict=True)
     ]
     for outline in clip.outlines:
         bodies[outline.body]["shapes"].append(

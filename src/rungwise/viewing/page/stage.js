@@ -30,6 +30,8 @@ function pathOf(shape) {
 }
 
 for (const clip of CLIPS) clip.bodies.forEach(body => {
+  body.reach = Math.max(0, ...body.shapes.filter(s => !s.halfplane)
+    .flatMap(s => s.vertices.map(v => Math.hypot(v[0], v[1]) + s.radius)));
   body.points = body.shapes.filter(s => !s.halfplane && s.vertices.length === 1 && s.radius === 0);
   body.spokes = body.moves ? body.shapes.filter(s => !s.halfplane && s.vertices.length === 1 && s.radius > 0) : [];
   body.planes = body.shapes.filter(s => s.halfplane);
@@ -165,10 +167,10 @@ function drawNames(g, clip, t, spot) {
   clip.bodies.forEach((body, b) => {
     if (!body.paths.length && !body.points.length) return;
     poseOf(clip, b, k, fraction, pose);
-    const [x, y] = spot(pose[0], pose[1]), beside = body.points.length > 0;
+    const [x, y] = spot(pose[0], pose[1]), reach = view.scale * body.reach, beside = reach < 30;
     g.textAlign = beside ? "left" : "center";
     g.strokeStyle = colours.page; g.lineWidth = 3; g.globalAlpha = 0.75;
-    g.strokeText(body.name, x + (beside ? 11 : 0), y); g.globalAlpha = 1;
-    g.fillStyle = colours.ink; g.fillText(body.name, x + (beside ? 11 : 0), y);
+    g.strokeText(body.name, x + (beside ? reach + 11 : 0), y); g.globalAlpha = 1;
+    g.fillStyle = colours.ink; g.fillText(body.name, x + (beside ? reach + 11 : 0), y);
   });
 }
