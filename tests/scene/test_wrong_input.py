@@ -92,6 +92,12 @@ WHOLE: dict[str, Any] = {
             "shape": [
                 {"kind": "capsule", "length": 1.0, "radius": 0.1, "at": [-20.0, 0.0], "angle": 0.0},
                 {"kind": "point", "at": [-20.0, 1.0]},
+                {
+                    "kind": "outline",
+                    "vertices": [[0.0, 0.0], [2.0, 0.0], [1.0, 0.5], [0.0, 2.0]],
+                    "at": [-20.0, 2.0],
+                    "angle": 0.0,
+                },
             ],
         },
     },
@@ -123,6 +129,8 @@ WHOLE: dict[str, Any] = {
             "damping": 1.0,
             "tangential_stiffness": 1e6,
             "tangential_damping": 1.0,
+            "coupling_stiffness": 1e3,
+            "coupling_damping": 0.0,
         }
     ],
     "potentials": [{"stiffness": 1.0, "terms": {"tip.s": 1.0}, "target": 0.0, "on": ["tip.s"]}],
@@ -506,7 +514,7 @@ def test_choices_are_listed(path: Path, choices: tuple[str, ...]) -> None:
     assert "zzz" in message and message.startswith(label(path) + ":")
     if path[-1] == "kind" and len(choices) == 1:
         unions = {
-            "shape": "point disc capsule box polygon halfplane",
+            "shape": "point disc capsule box polygon outline halfplane",
             "motion": "fixed slide hinge free",
             "drive": "speed servo force",
         }

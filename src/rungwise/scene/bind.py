@@ -12,9 +12,18 @@ from rungwise.scene.expression import evaluate
 from rungwise.scene.records import BOX, CAPSULE, FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT
 
-BOUND, OUT_OF_RANGE, NOT_CONVEX, NO_NORMAL, NO_AXIS, NO_MASS, NO_INERTIA, OUT_OF_TRAVEL, NO_JOINT_AXIS = (
-    range(9)
-)
+(
+    BOUND,
+    OUT_OF_RANGE,
+    NOT_CONVEX,
+    NO_NORMAL,
+    NO_AXIS,
+    NO_MASS,
+    NO_INERTIA,
+    OUT_OF_TRAVEL,
+    NO_JOINT_AXIS,
+    NOT_POSITIVE,
+) = range(10)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",
@@ -23,10 +32,11 @@ FAULTS = {
     NO_INERTIA: "a body that turns freely needs an inertia greater than 0"
     " (give inertia, or a shape with area)",
     NO_JOINT_AXIS: "the axis has no length",
+    NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
 """Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
-coordinate or joint."""
+coordinate, joint or contact."""
 
 
 @kernel
@@ -46,6 +56,7 @@ def bind(
     coordinates: RecordArray,
     shapes: RecordArray,
     vertices: RecordArray,
+    contacts: RecordArray,
     joints: RecordArray,
     measures: RecordArray,
 ) -> tuple[int, int]:
@@ -54,6 +65,11 @@ def bind(
     wrong = _check(slots, low, high, kinds, buffer)
     if wrong >= 0:
         return OUT_OF_RANGE, wrong
+    for k in range(contacts.shape[0]):
+        c = contacts[k]
+        definite = c.coupling_stiffness**2 < c.stiffness * c.tangential_stiffness
+        if not (definite and c.coupling_damping**2 <= c.damping * c.tangential_damping):
+            return NOT_POSITIVE, k
     fault, place = _derive(bodies, coordinates, shapes, vertices)
     return _joints(joints, measures, bodies, shapes) if fault == BOUND else (fault, place)
 

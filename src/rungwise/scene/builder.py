@@ -9,9 +9,11 @@ from itertools import combinations, islice
 import numpy as np
 
 from rungwise.scene import records as rec
+from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import (
     CONSTANTS,
     FUNCTIONS,
+    STACK,
     Code,
     ExpressionError,
     Programs,
@@ -29,6 +31,7 @@ from rungwise.scene.fields import (
     Hinge,
     JointCoordinate,
     Number,
+    Outline,
     Polygon,
     SceneFile,
     Servo,
@@ -37,6 +40,7 @@ from rungwise.scene.fields import (
     Speed,
     shown,
 )  # fmt: skip
+from rungwise.scene.outline import convex_pieces
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, Template
 
 INF = float("inf")
@@ -61,6 +65,7 @@ class _Builder:
             f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
         )
         self.joints = tuple(scene.joints)
+        self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.matched = list(self._match_contacts())
         self.contacts = tuple(pair for pair, _, _ in self.matched)
         self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
@@ -76,8 +81,8 @@ class _Builder:
             1,
             len(self.bodies),
             len(self.coordinates),
-            sum(len(body.shapes) for body in scene.bodies.values()),
-            sum(_vertex_count(shape) for body in scene.bodies.values() for shape in body.shapes),
+            sum(len(shapes) for shapes in self.shapes.values()),
+            sum(_vertex_count(shape) for shapes in self.shapes.values() for _, shape in shapes),
             len(self.contacts),
             len(self.pairs),
             len(scene.potentials),
@@ -227,7 +232,7 @@ class _Builder:
         record["centre_given"] = body.centre is not None
         for k, value in enumerate(body.centre or (0.0, 0.0)):
             self.put("bodies", index, ("centre_x", "centre_y")[k], value, f"{path}.centre.{k}")
-        self._shapes(index, body.shapes, path)
+        self._shapes(index)
         self._coordinates(index, path)
 
     def _coordinates(self, index: int, path: str) -> None:
@@ -283,16 +288,60 @@ class _Builder:
                 record["drive"] = rec.FORCE
                 put("force", force, "force", timed=True)
 
-    def _shapes(self, body: int, shapes: tuple[Shape, ...], path: str) -> None:
-        earlier = [self.scene.bodies[name].shapes for name in self.bodies[:body]]
+    def _convex_shapes(self, name: str) -> Iterator[tuple[str, Shape]]:
+        """The body's shapes with the paths of their fields, outlines in convex pieces."""
+        body = self.scene.bodies[name]
+        for index, shape in enumerate(body.shapes):
+            path = f"bodies.{name}.shape" + (f".{index}" if isinstance(body.shape, tuple) else "")
+            if not isinstance(shape, Outline):
+                yield path, shape
+                continue
+            places = [
+                (
+                    self._at_defaults(x, f"{path}.vertices.{k}.0"),
+                    self._at_defaults(y, f"{path}.vertices.{k}.1"),
+                )
+                for k, (x, y) in enumerate(shape.vertices)
+            ]
+            try:
+                pieces = convex_pieces(places)
+            except ValueError as error:
+                raise SceneError(f"{path}: {error}") from None
+            for piece in pieces:
+                vertices = tuple(shape.vertices[k] for k in piece)
+                yield path, Polygon(kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle)
+
+    def _at_defaults(self, value: Number, path: str) -> float:
+        """A number of the scene with every parameter at its default."""
+        if not isinstance(value, str):
+            return value
+        program = Programs([self._program(value, path)])
+        values = np.array([*(p.default for p in self.scene.parameters.values()), 0.0])
+        found = np.zeros(1)
+        evaluate_numbers(
+            program.code,
+            program.constants,
+            program.table,
+            np.zeros(1, np.int64),
+            values,
+            np.zeros(STACK),
+            found,
+        )
+        if not np.isfinite(found[0]):
+            raise SceneError(
+                f"{path}: must be {'a number' if np.isnan(found[0]) else 'finite'}, not {found[0]:g}"
+            )
+        return float(found[0])
+
+    def _shapes(self, body: int) -> None:
+        earlier = [self.shapes[name] for name in self.bodies[:body]]
+        shapes = self.shapes[self.bodies[body]]
         first = sum(len(many) for many in earlier)
-        vertex = sum(_vertex_count(shape) for many in earlier for shape in many)
-        listed = self.scene.bodies[self.bodies[body]].shape
+        vertex = sum(_vertex_count(shape) for many in earlier for _, shape in many)
         self.records.bodies[body]["first_shape"] = first
         self.records.bodies[body]["end_shape"] = first + len(shapes)
-        for offset, shape in enumerate(shapes):
+        for offset, (where, shape) in enumerate(shapes):
             index = first + offset
-            where = f"{path}.shape" + (f".{offset}" if isinstance(listed, tuple) else "")
             outline = _vertices(shape)
             record = self.records.shapes[index]
             record["body"] = body
@@ -336,12 +385,12 @@ class _Builder:
                     break
 
     def _shape_pairs(self) -> Iterator[tuple[int, int, int]]:
-        bodies = list(self.scene.bodies.values())
-        first = np.cumsum([0] + [len(body.shapes) for body in bodies])
+        shapes = list(self.shapes.values())
+        first = np.cumsum([0] + [len(many) for many in shapes])
         for index, pair in enumerate(self.contacts):
             a, b = (self.bodies.index(name) for name in pair)
-            for i, shape_a in enumerate(bodies[a].shapes):
-                for j, shape_b in enumerate(bodies[b].shapes):
+            for i, (_, shape_a) in enumerate(shapes[a]):
+                for j, (_, shape_b) in enumerate(shapes[b]):
                     if not (isinstance(shape_a, HalfPlane) and isinstance(shape_b, HalfPlane)):
                         yield index, int(first[a]) + i, int(first[b]) + j
 
@@ -362,6 +411,8 @@ class _Builder:
         put("tangential_stiffness", contact.stiffness if tangential is None else tangential, above=0.0)
         tangential = contact.tangential_damping
         put("tangential_damping", contact.damping if tangential is None else tangential)
+        for field in ("coupling_stiffness", "coupling_damping"):
+            self.put("contacts", index, field, getattr(contact, field), f"{path}.{field}")
 
     def _unused_contacts(self) -> None:
         """Expressions of entries that hold for no pair must be right, too."""

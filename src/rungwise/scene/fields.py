@@ -234,6 +234,15 @@ class Polygon(Strict):
     angle: Number = 0.0
 
 
+class Outline(Strict):
+    """Simple polygon that need not be convex; it is split into convex pieces at the parameters' defaults."""
+
+    kind: Literal["outline"]
+    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
 class HalfPlane(Strict):
     """All points behind the line through `at` whose outward normal is `normal`."""
 
@@ -243,9 +252,9 @@ class HalfPlane(Strict):
 
 
 Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | HalfPlane,
+    Point | Disc | Capsule | Box | Polygon | Outline | HalfPlane,
     Field(discriminator="kind"),
-    _kinds(Point, Disc, Capsule, Box, Polygon, HalfPlane),
+    _kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
 ]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
@@ -414,6 +423,8 @@ class Contact(Strict):
     damping: Number = 0.0
     tangential_stiffness: Number | None = None
     tangential_damping: Number | None = None
+    coupling_stiffness: Number = 0.0
+    coupling_damping: Number = 0.0
 
 
 class Potential(Strict):

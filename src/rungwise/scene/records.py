@@ -45,7 +45,8 @@ VERTEX = _record("", "x y normal_x normal_y length")
 
 CONTACT = _record(
     "body_a body_b watched",
-    "friction restitution stiffness tangential_stiffness damping tangential_damping",
+    "friction restitution stiffness tangential_stiffness coupling_stiffness"
+    " damping tangential_damping coupling_damping",
 )
 PAIR = _record("contact shape_a shape_b", "")
 POTENTIAL = _record("", "stiffness target")

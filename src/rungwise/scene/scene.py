@@ -80,8 +80,8 @@ class Scene:
         fault, index = binding.bind(
             programs.code, programs.constants, programs.table, template.targets,
             checks.slots, checks.low, checks.high, checks.kinds, values, np.zeros(STACK), buffer,
-            records.bodies, records.coordinates, records.shapes, records.vertices, records.joints,
-            records.measures,
+            records.bodies, records.coordinates, records.shapes, records.vertices, records.contacts,
+            records.joints, records.measures,
         )  # fmt: skip
         if fault == binding.OUT_OF_RANGE:
             raise InvalidScene(self._out_of_range(index, float(buffer[checks.slots[index]])))
@@ -108,6 +108,8 @@ class Scene:
             return f"bodies.{body}.coordinates.{coordinate}"
         if fault in (binding.NOT_CONVEX, binding.NO_NORMAL):
             return f"bodies.{template.bodies[int(records.shapes[index]['body'])]}.shape"
+        if fault == binding.NOT_POSITIVE:
+            return f"contacts between {' and '.join(template.contacts[index])}"
         if fault == binding.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"

@@ -89,6 +89,7 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
             for slot in range(2 * p, 2 * p + 2):
                 normal, tangent = state.deformation[slot, 0], state.deformation[slot, 1]
                 elastic += 0.5 * (contact.stiffness * normal**2 + contact.tangential_stiffness * tangent**2)
+                elastic += contact.coupling_stiffness * normal * tangent
     for m in range(records.measures.shape[0]):
         if records.measures[m].held and math.isfinite(records.measures[m].stiffness):
             elastic += 0.5 * records.measures[m].stiffness * frames.joint[clock.frames, m] ** 2

@@ -164,6 +164,10 @@ def gather(
                 terms.contact_stiffness[count, 1, 1] = contact.tangential_stiffness
                 terms.contact_damping[count, 0, 0] = contact.damping
                 terms.contact_damping[count, 1, 1] = contact.tangential_damping
+                coupling = contact.coupling_stiffness
+                terms.contact_stiffness[count, 0, 1] = terms.contact_stiffness[count, 1, 0] = coupling
+                coupling = contact.coupling_damping
+                terms.contact_damping[count, 0, 1] = terms.contact_damping[count, 1, 0] = coupling
                 terms.deformation[2 * count] = deformation[slot, 0]
                 terms.deformation[2 * count + 1] = deformation[slot, 1]
                 slots[count] = slot
@@ -194,4 +198,5 @@ def stop(gap: float, count: int, terms: Terms) -> None:
     for d in range(2):
         terms.contact_stiffness[count, d, d] = math.inf
         terms.contact_damping[count, d, d] = 0.0
+        terms.contact_stiffness[count, d, 1 - d] = terms.contact_damping[count, d, 1 - d] = 0.0
         terms.deformation[2 * count + d] = 0.0
