@@ -107,15 +107,16 @@ function drawStage(t, options) {
   const clips = shown(), world = target => target.setTransform(
     ratio * view.scale, 0, 0, -ratio * view.scale,
     ratio * (width / 2 - view.scale * view.x), ratio * (height / 2 + view.scale * view.y));
-  if (clips.length === 1) { world(g); drawBodies(g, clips[0], t, colours.ink, 0); }
-  else for (const clip of clips) {
-    // One model's bodies are opaque among themselves, and the models are laid over each other.
+  clips.forEach((clip, i) => {
+    const line = clips.length === 1 ? colours.ink : colours.models[clip.index], extra = clips.length - 1 - i;
+    if (i === 0) { world(g); drawBodies(g, clip, t, line, extra); return; }
+    // Each further model is opaque in itself, and laid over the others as a whole.
     if (layer.width !== canvas.width || layer.height !== canvas.height) { layer.width = canvas.width; layer.height = canvas.height; }
     const h = layer.getContext("2d");
     h.setTransform(1, 0, 0, 1, 0, 0); h.clearRect(0, 0, layer.width, layer.height);
-    world(h); drawBodies(h, clip, t, colours.models[clip.index], clips.length - 1 - clips.indexOf(clip));
-    g.setTransform(1, 0, 0, 1, 0, 0); g.globalAlpha = clip === clips[0] ? 1 : 0.75; g.drawImage(layer, 0, 0); g.globalAlpha = 1;
-  }
+    world(h); drawBodies(h, clip, t, line, extra);
+    g.setTransform(1, 0, 0, 1, 0, 0); g.globalAlpha = 0.75; g.drawImage(layer, 0, 0); g.globalAlpha = 1;
+  });
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   const spot = (x, y) => [width / 2 + view.scale * (x - view.x), height / 2 - view.scale * (y - view.y)];
   for (const clip of clips) drawJoints(g, clip, t, spot, clips.length > 1 ? colours.models[clip.index] : colours.ink);
