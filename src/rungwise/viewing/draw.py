@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from io import BytesIO
-from pathlib import Path
+from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,7 +88,10 @@ def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
 def _bodies(
     axes: Axes, clip: Clip, pose: NDArray[np.float64], line: str, extra: int, far: float, over: int
 ) -> None:
-    """Every outline first, at double width, then the fills: seams inside a body stay hidden."""
+    """Outlines of a body first, at double width, then one fill of all: seams inside it stay hidden."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+
     for body, role in enumerate(clip.roles):
         shapes = [outline for outline in clip.outlines if outline.body == body]
         corners = []
@@ -103,14 +106,13 @@ def _bodies(
                 if len(outline.vertices) == 1 and clip.moving[body]:
                     spoke = outline.vertices + outline.radius * np.array([[0.0, 0.0], [1.0, 0.0]])
                     axes.plot(*placed(spoke, pose[body]).T, color=line, lw=1.0, zorder=2.5 + over)
-        for polygon in corners:
-            axes.fill(
-                *polygon.T, fc="none", ec=line, lw=2.4 + 2.4 * extra, joinstyle="round", zorder=2 + over
+        if corners:
+            whole = Path.make_compound_path(*(Path(np.vstack([c, c[:1]]), closed=True) for c in corners))
+            axes.add_patch(
+                PathPatch(whole, fc="none", ec=line, lw=2.4 + 2.4 * extra, joinstyle="round", zorder=2 + over)
             )
-        for polygon in corners:
-            axes.fill(
-                *polygon.T, fc=ROLES[role], ec="none", alpha=1.0 if over == 0 else 0.75, zorder=2 + over
-            )
+            opaque = 1.0 if over == 0 else 0.75
+            axes.add_patch(PathPatch(whole, fc=ROLES[role], ec="none", alpha=opaque, zorder=2 + over))
 
 
 def _band(outline: Outline, far: float) -> NDArray[np.float64]:
@@ -199,12 +201,12 @@ def _seen(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
     return x0 - mx, y0 - my, x1 + mx, y1 + my
 
 
-def save_png(clips: Sequence[Clip], file: Path, count: int = 6, at: float | None = None) -> None:
+def save_png(clips: Sequence[Clip], file: File, count: int = 6, at: float | None = None) -> None:
     """Write `strip` as PNG."""
     strip(clips, count, at).savefig(file, format="png")
 
 
-def save_gif(clips: Sequence[Clip], file: Path, count: int = 60, seconds: float = 5.0) -> None:
+def save_gif(clips: Sequence[Clip], file: File, count: int = 60, seconds: float = 5.0) -> None:
     """Write an animation of so many frames that takes so many seconds, and begins again."""
     from PIL import Image
 

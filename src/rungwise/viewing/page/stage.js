@@ -36,6 +36,8 @@ for (const clip of CLIPS) clip.bodies.forEach(body => {
   body.spokes = body.moves ? body.shapes.filter(s => !s.halfplane && s.vertices.length === 1 && s.radius > 0) : [];
   body.planes = body.shapes.filter(s => s.halfplane);
   body.paths = body.shapes.filter(s => !s.halfplane && !body.points.includes(s)).map(pathOf);
+  body.whole = new Path2D();
+  for (const path of body.paths) body.whole.addPath(path);
 });
 
 function poseOf(clip, b, k, fraction, out) {
@@ -56,11 +58,11 @@ function drawBodies(g, clip, t, line, extra) {
     g.fillStyle = colours[body.role];
     g.strokeStyle = line;
     for (const s of body.planes) drawPlane(g, s, extra > 0 ? colours.faint : line);
-    // Outline first, at double width, then the fill: seams between the shapes of one body stay hidden.
+    // Outline first, at double width, then one fill of all: seams between the shapes of one body stay hidden.
     g.lineJoin = "round";
     g.lineWidth = (3.6 + 4 * extra) / view.scale;
-    for (const path of body.paths) g.stroke(path);
-    for (const path of body.paths) g.fill(path);
+    g.stroke(body.whole);
+    g.fill(body.whole);
     g.lineWidth = 1.2 / view.scale;
     for (const s of body.spokes) {  // shows how a disc turns
       g.beginPath(); g.moveTo(...s.vertices[0]); g.lineTo(s.vertices[0][0] + s.radius, s.vertices[0][1]); g.stroke();
