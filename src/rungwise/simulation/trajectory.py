@@ -36,7 +36,8 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
     since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
     neither. A scene with joints has, for each of their three measures (along and across the axis of the
-    first body, angle), joint_position and the joint_force, or torque, on the second body.
+    first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
+    `scene_file` is the scene as JSON, as `load` takes it once decoded.
     """
     import xarray as xr
 
@@ -73,7 +74,11 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
             **({"measure": _labels(measures)} if measures else {}),
             "direction": _labels(("normal", "tangent")),
         },
-        attrs={"scene": scene.name, "model": model.name},
+        attrs={
+            "scene": scene.name,
+            "model": model.name,
+            "scene_file": scene.file.model_dump_json(exclude_unset=True),
+        },
     )
 
 
