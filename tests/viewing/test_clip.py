@@ -128,7 +128,7 @@ def test_saved_run_is_drawn_as_the_run_itself(tmp_path: Path) -> None:
         assert np.array_equal(getattr(again, name), getattr(direct, name))
 
 
-def test_scene_is_saved_with_the_trajectory(tmp_path: Path) -> None:
+def test_scene_is_saved_with_the_trajectory() -> None:
     for name in rw.shipped():
         scene = rw.load(name)
         data = rw.simulate(scene, "kinematic", duration=1e-2, frames=3).trajectory

@@ -175,8 +175,6 @@ def test_command_runs_a_scene_on_the_rungs_named(tmp_path: Path, monkeypatch: py
         (["two_finger", "--model", "kinematic", "--frames", "0", "--png", "{folder}/x.png"], "frames"),
     ],
 )
-def test_command_refuses_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], says: str
-) -> None:
+def test_command_refuses_in_one_line(tmp_path: Path, arguments: list[str], says: str) -> None:
     done = CliRunner().invoke(app, ["view", *(text.format(folder=tmp_path) for text in arguments)])
     assert done.exit_code == 2 and says in done.output and done.output.count("\n") == 1

@@ -216,7 +216,7 @@ def _replay(
         place(records.bodies, records.shapes, records.vertices, q[k], where, outline, k == 0)
         pose[k, :, 0], pose[k, :, 1] = where[:, X], where[:, Y]
         find_contacts(
-            records.bodies, records.shapes, records.contacts, records.pairs, where, outline, margin, points,
+            records.shapes, records.contacts, records.pairs, where, outline, margin, points,
             features, *unused, least, fresh,
         )  # fmt: skip
         gap[k] = least

@@ -52,7 +52,7 @@ def draw_families(
         )
         space = Space(family.scene)
         draw_strata(axes, space, strata(space, low, high), low, high, ORDER)
-        _runs(axes, family.runs, high)
+        _runs(axes, family.runs)
         figure.text(left + 0.24, top, family.title, ha="center", va="top", fontsize=13)
         _bar(figure.add_axes((left + 0.12, top - 0.453, 0.3, 0.048)), family.caught, bands, ratio_range)
     handles = [
@@ -65,7 +65,7 @@ def draw_families(
     figure.savefig(path)
 
 
-def _runs(axes: Axes3D, runs: Sequence[Run], high: Sequence[float]) -> None:
+def _runs(axes: Axes3D, runs: Sequence[Run]) -> None:
     for run in runs:
         is_caught = run.outcome.code == Code.GOAL
         colour = CAUGHT if is_caught else LOST

@@ -50,7 +50,7 @@ class Space:
         r = self.records
         place(r.bodies, r.shapes, r.vertices, np.asarray(q, float), *self._placed, True)
         find_contacts(
-            r.bodies, r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh
+            r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh
         )
         return self._gaps.copy()
 
