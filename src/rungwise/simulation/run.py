@@ -34,7 +34,7 @@ LONGEST = 100
 
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
 """A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
-where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+steps shorter by `CLOSER` are asked too, `LOOKS` times, before a certificate is looked for."""
 
 
 class ModelError(ValueError):
@@ -232,9 +232,10 @@ class Simulation:
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.outcome != Code.RUNNING:
-            self._explain()
-        if self.outcome == Code.NOT_CONVERGED and self._looks_closer():
-            self.outcome = Code.RUNNING
+            if self._looks_closer():
+                self.outcome = Code.RUNNING
+            else:
+                self._explain()
         return self.outcome == Code.RUNNING
 
     def result(self) -> Run:
@@ -296,7 +297,7 @@ class Simulation:
             )
 
     def _looks_closer(self) -> bool:
-        """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
+        """Whether the run goes on, with shorter steps, from what looks like a jam.
 
         Where a contact is about to close in just this step, neither is quite true.
         """

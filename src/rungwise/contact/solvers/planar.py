@@ -19,10 +19,11 @@ from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
-LARGE = 16
+LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
 _SPARE = 8
+"""Rows of the scratch matrix for vectors, beside those of the largest system."""
 
 
 @kernel
