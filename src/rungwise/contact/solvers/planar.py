@@ -14,11 +14,14 @@ from rungwise.contact.solvers.enumerate_modes import MAX_MODES, mode_count, solv
 from rungwise.contact.solvers.lemke import SOLVED as LEMKE_SOLVED
 from rungwise.contact.solvers.lemke import solve_lemke
 from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.contact.solvers.proximal import collect, solve_proximal, spread
+from rungwise.contact.solvers.proximal import collect, exertion, solve_proximal, spread
 from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
+WEDGED = 1e8
+"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode: beside
+them any other error looks small."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
@@ -50,7 +53,7 @@ def solve_planar(
         kept = matrix[matrix.shape[0] - 2]
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-        if found <= _ACCEPT:
+        if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
@@ -65,13 +68,13 @@ def solve_planar(
             found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
         else:
             found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     if mode_count(contacts, limited) <= MAX_MODES:
         found = solve_by_enumeration(
             problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
         )
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     for k in range(contacts):
         mode[k] = OPEN

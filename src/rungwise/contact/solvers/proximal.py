@@ -29,6 +29,8 @@ MAX_FLIPS = 12
 TARGET = 1e-11
 STILL = 1e-3
 """Forces that change by more from round to round may be growing without bound, which hides any error."""
+WEDGED = 1e3
+"""Forces may exceed what loads and demanded rates call for by this factor, in wedges; more hides errors."""
 
 
 @kernel
@@ -72,6 +74,7 @@ def solve_proximal(
             continue
         found = residual(problem, n, contacts, limited, v, force, tau)
         rests = _moved(contacts, limited, force, tau, centre) <= STILL
+        rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
         # Where a smaller rho does not help, what is left is rounding.
         if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
@@ -133,6 +136,28 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
         now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
         moved, largest = max(moved, abs(now - centre[r])), max(largest, abs(now))
     return moved / largest if largest > 0.0 else 0.0
+
+
+@kernel
+def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
+    H has a unit diagonal."""
+    called, greatest = 0.0, 0.0
+    for i in range(n):
+        called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        bodies = 0.0
+        for i in range(n):
+            row = p.W[r, i] if c < 0 else p.S[c, i]
+            bodies += row * row / p.H[i, i]
+        if bodies > 0.0:
+            unit = math.sqrt(bodies)
+            greatest = max(greatest, abs(force[r] if c < 0 else tau[c]) * unit)
+            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) / unit)
+            if c >= 0 and math.isfinite(p.F[c]):
+                called = max(called, p.F[c] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
 
 
 @kernel
