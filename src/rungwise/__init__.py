@@ -23,11 +23,12 @@ from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shippe
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
+from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "InvalidScene", "ModelError", "Outcome",
-    "Run", "Rung", "Scene", "SceneError", "Simulation", "Touching", "force_closure", "form_closure", "load",
-    "load_run", "schema", "shipped", "simulate", "touching",
+    "Run", "Rung", "Scene", "SceneError", "Simulation", "Touching", "ViewError", "force_closure",
+    "form_closure", "load", "load_run", "schema", "shipped", "simulate", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -151,6 +151,20 @@ def test_unsupported_needs_more_than_the_drives_give(body):
     assert not check(p, found)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("value", [1e308, 5e-324, np.inf, np.nan])
+@pytest.mark.parametrize("name", ["H", "c", "W", "w"])
+def test_no_certificate_and_no_error_beyond_floating_point(body, kind, value, name):
+    p, _ = case(body, kind)
+    getattr(p, name)[...] = value
+    certify_infeasible(p)
+    certify_unsupported(p, np.zeros_like(p.H))
+    certify_unsupported(p, p.H)
+    if not np.isfinite(value):
+        assert certify_infeasible(p) is None or name in "Hc"
+        assert certify_unsupported(p, np.zeros_like(p.H)) is None or name == "H"
+
+
 def test_the_checker_imports_no_solver():
     tree = ast.parse(inspect.getsource(module))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]

@@ -80,9 +80,11 @@ def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float
 
 def _free_motion(problem: ContactProblem) -> float:
     """One more than the size of the motion that the loads alone would cause, in natural units."""
-    return 1.0 + float(
-        np.abs(np.linalg.solve(problem.H, problem.c) / natural_units(problem).coordinates).sum()
-    )
+    try:
+        motion = np.linalg.solve(problem.H, problem.c)
+    except np.linalg.LinAlgError:
+        return np.inf
+    return 1.0 + float(np.abs(motion / natural_units(problem).coordinates).sum())
 
 
 def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> bool:

@@ -17,16 +17,24 @@ _SOLVES = 1e-9
 def certify_infeasible(problem: ContactProblem) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
-    The search for a frictional one ends after `MAX_NODES` partial modes.
+    The search for a frictional one ends after `MAX_NODES` partial modes. There is none for a problem whose
+    numbers, in its natural units, are beyond what floating point holds.
     """
-    for certificate in (_kinematic(problem), _frictional(problem)):
-        if certificate is not None and check(problem, certificate):
-            return certificate
+    with np.errstate(all="ignore"):
+        for certificate in (_kinematic(problem), _frictional(problem)):
+            if certificate is not None and check(problem, certificate):
+                return certificate
     return None
 
 
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
+    with np.errstate(all="ignore"):
+        certificate = _unsupported(problem, resisting)
+        return certificate if certificate is not None and check(problem, certificate, resisting) else None
+
+
+def _unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     units = natural_units(problem)
     n, d = len(problem.c), problem.R.shape[1]
     finite = np.isfinite(problem.F)
@@ -47,10 +55,7 @@ def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64])
         np.hstack([still, np.zeros((len(still), limited))]),
         least,
     )
-    if found is None:
-        return None
-    certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
-    return certificate if check(problem, certificate, resisting) else None
+    return None if found is None else Certificate("unsupported", (found[:n] * units.coordinates,))
 
 
 def _minimise(
@@ -60,9 +65,11 @@ def _minimise(
     upper: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding, or None when no cost is
-    below zero; and the multipliers of the equations."""
+    below zero, or when the numbers are not finite; and the multipliers of the equations."""
     from scipy.optimize import linprog
 
+    if not all(np.isfinite(given).all() for given in (cost, equal, 0.0 if upper is None else upper)):
+        return None, np.zeros(len(equal))
     right = None if upper is None else np.zeros(len(upper))
     found = linprog(cost, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
     if not found.success:

@@ -54,10 +54,11 @@ def natural_units(problem: ContactProblem) -> Units:
     lever = np.where(lever > 1e-9 * longest * inertia, lever, longest * inertia)
     velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0))) or 1.0
     load = float((np.abs(p.c) / lever).max(initial=0.0))
+    heaviest = float((inertia / lever).max(initial=0.0))
     return Units(
         velocity / lever,
         velocity,
-        max(load, float((inertia / lever).max(initial=0.0)) ** 2 * velocity) or 1.0,
+        max(load, heaviest * heaviest * velocity) or 1.0,
     )
 
 

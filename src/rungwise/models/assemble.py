@@ -68,7 +68,7 @@ def assemble(
             elif abs(terms.gap[k]) > terms.rounding[0]:
                 problem.w[k * d] = terms.gap[k] / h
         for r in range(k * d, k * d + d):
-            problem.w[r] += _carried(terms.rows, r, free, n, speed)
+            problem.w[r] += _carried(terms.rows, r, speed)
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
@@ -76,7 +76,7 @@ def assemble(
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
         if math.isinf(stiff):
             problem.w_s[r] = -terms.error[r, 0] / h
-        problem.w_s[r] += _carried(terms.limited, r, free, n, speed)
+        problem.w_s[r] += _carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):
             problem.S[r, i] = terms.limited[r, free[i]]
@@ -122,7 +122,7 @@ def _fill_balance(
 
 
 @kernel
-def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
+def _carried(rows: Reals, r: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0
     for j in range(speed.shape[0]):
@@ -133,7 +133,7 @@ def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
 @kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause."""
-    g = _carried(terms.rows, r, free, n, speed)
+    g = _carried(terms.rows, r, speed)
     loaded = 0.0
     for i in range(n):
         a = free[i]

@@ -74,7 +74,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix."""
+    """Workspace of one step: the solution, the solver's matrix, and in `undefined` (1,) the place of a number
+    that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
@@ -90,6 +91,7 @@ class Scratch(Block):
     row: Reals
     measures: Reals
     stack: Reals
+    undefined: Ints
 
 
 class Whole(Block):
@@ -194,6 +196,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
         stack=np.zeros(STACK),
+        undefined=np.full(1, -1, np.int64),
     )
     before, kept = (
         Snapshot(

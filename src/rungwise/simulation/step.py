@@ -153,7 +153,7 @@ def accept_forces(
     d = state.force.shape[1]
     state.force[:, :] = 0.0
     if rung[0].compliant:
-        _relax(h, rung, terms, contacts, state, scratch, problem)
+        _relax(h, terms, contacts, state, scratch, problem)
     for k in range(contacts):
         slot = slots[k]
         state.modes[slot] = scratch.mode[k]
@@ -166,7 +166,6 @@ def accept_forces(
 @kernel
 def _relax(
     h: float,
-    rung: RecordArray,
     terms: Terms,
     contacts: int,
     state: State,

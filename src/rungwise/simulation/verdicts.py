@@ -45,7 +45,6 @@ def has_sunk(state: State) -> bool:
 @kernel
 def spent(
     records: Records,
-    rung: RecordArray,
     control: RecordArray,
     workspace: Workspace,
     moving: float,

@@ -1,8 +1,8 @@
 """The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
 
-Large systems, and those with more closed rows than coordinates, skip the guess. Accepts: d = 2, H positive
-definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is a hint for the caller to
-shorten the step and, in the end, to look for a certificate.
+A mode with more closed rows than coordinates is no guess; that of a large system comes after the proximal
+point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
+NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rungwise.kernel import Ints, Reals, kernel
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
 WEDGED = 1e8
-"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode: beside
-them any other error looks small."""
+"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode:
+beside them any other error looks small."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
@@ -29,7 +29,6 @@ _SPARE = 8
 """Rows of the scratch matrix for vectors, beside those of the largest system."""
 
 
-@kernel
 def matrix_size(n: int, contacts: int, limited: int) -> int:
     """Side of the scratch matrix that `solve_planar` needs, one more in columns."""
     return n + 2 * contacts + limited + _SPARE
@@ -49,15 +48,18 @@ def solve_planar(
     order: Ints,
 ) -> tuple[int, float]:
     """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual)."""
-    if _is_determined(problem, n, contacts, limited, mode):
-        kept = matrix[matrix.shape[0] - 2]
+    size = _determined_size(problem, n, contacts, limited, mode)
+    kept = matrix[matrix.shape[0] - 2]
+    if 0 < size <= LARGE:
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
         if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
-    if found <= TOLERANCE:
+    if found > TOLERANCE and size > LARGE:
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
+    if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
         return SOLVED, found
     if contacts + limited == 0:
         return NO_SOLUTION, found
@@ -86,8 +88,8 @@ def solve_planar(
 
 
 @kernel
-def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> bool:
-    """Whether the mode's system is small and may determine forces: no more rigid rows than coordinates."""
+def _determined_size(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> int:
+    """Size of the mode's system; 0 if it cannot determine forces: more rigid rows than coordinates."""
     rigid, rows = 0, 0
     for k in range(contacts):
         if mode[k] != OPEN:
@@ -98,4 +100,4 @@ def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode:
         if mode[contacts + r] == STICK:
             rows += 1
             rigid += 1 if p.R_s[r] == 0.0 else 0
-    return rigid <= n and n + rows <= LARGE
+    return n + rows if rigid <= n else 0
