@@ -42,6 +42,8 @@ def test_fingers_close_on_the_part(scene: rw.Scene, model: rw.Rung) -> None:
         (rw.DYNAMIC_RIGID, {"v2": 0.4}, "missed"),
         (rw.DYNAMIC_RIGID, {"mu": 1.2}, "jammed"),
         (rw.DYNAMIC_COMPLIANT, {"mu": 1.2}, "model_invalid"),
+        # Three contacts wedge the part: their forces grow as 1 / (t' - t), and no step leads past t'.
+        (rw.DYNAMIC_RIGID, {"v2": 0.65, "drag": 0.0}, "jammed"),
         (rw.DYNAMIC_RIGID, {"v2": 0.54, "mu": 0.0, "drag": 0.0}, "goal"),
         (rw.DYNAMIC_RIGID, {"v2": 0.54, "mu": 0.0, "drag": 0.0, "restitution": 1.0}, "missed"),
         (rw.QUASISTATIC_RIGID, {"x": 1.3, "y": 0.4, "angle": 0.0}, "missed"),

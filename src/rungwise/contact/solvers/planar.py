@@ -14,15 +14,19 @@ from rungwise.contact.solvers.enumerate_modes import MAX_MODES, mode_count, solv
 from rungwise.contact.solvers.lemke import SOLVED as LEMKE_SOLVED
 from rungwise.contact.solvers.lemke import solve_lemke
 from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.contact.solvers.proximal import collect, solve_proximal, spread
+from rungwise.contact.solvers.proximal import collect, exertion, solve_proximal, spread
 from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
+WEDGED = 1e8
+"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode:
+beside them any other error looks small."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
 _SPARE = 8
+"""Rows of the scratch matrix for vectors, beside those of the largest system."""
 
 
 def matrix_size(n: int, contacts: int, limited: int) -> int:
@@ -49,13 +53,13 @@ def solve_planar(
     if 0 < size <= LARGE:
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-        if found <= _ACCEPT:
+        if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
     if found > TOLERANCE and size > LARGE:
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-    if found <= TOLERANCE:
+    if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
         return SOLVED, found
     if contacts + limited == 0:
         return NO_SOLUTION, found
@@ -66,13 +70,13 @@ def solve_planar(
             found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
         else:
             found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     if mode_count(contacts, limited) <= MAX_MODES:
         found = solve_by_enumeration(
             problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
         )
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     for k in range(contacts):
         mode[k] = OPEN
