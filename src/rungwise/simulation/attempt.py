@@ -20,8 +20,8 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
-DRIFT = 1e-2
-"""New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
+OVERLAP = 1e-4
+"""Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
 
 @kernel
@@ -66,7 +66,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
+        allowed = min(gap_before - terms.rounding[0], -(1e-9 if rung[0].metric else OVERLAP) * clock.size)
         if rung[0].compliant or clock.least_gap >= allowed:
             _finish(records, rung, h, contacts, workspace)
             return TAKEN

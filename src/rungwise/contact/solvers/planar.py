@@ -1,8 +1,8 @@
 """The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
 
-Large systems, and those with more closed rows than coordinates, skip the guess. Accepts: d = 2, H positive
-definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is a hint for the caller to
-shorten the step and, in the end, to look for a certificate.
+A mode with more closed rows than coordinates is no guess; that of a large system comes after the proximal
+point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
+NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
-LARGE = 16
+LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
 _SPARE = 8
@@ -44,14 +44,17 @@ def solve_planar(
     order: Ints,
 ) -> tuple[int, float]:
     """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual)."""
-    if _is_determined(problem, n, contacts, limited, mode):
-        kept = matrix[matrix.shape[0] - 2]
+    size = _determined_size(problem, n, contacts, limited, mode)
+    kept = matrix[matrix.shape[0] - 2]
+    if 0 < size <= LARGE:
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
         if found <= _ACCEPT:
             return SOLVED, found
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
+    if found > TOLERANCE and size > LARGE:
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
     if found <= TOLERANCE:
         return SOLVED, found
     if contacts + limited == 0:
@@ -81,8 +84,8 @@ def solve_planar(
 
 
 @kernel
-def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> bool:
-    """Whether the mode's system is small and may determine forces: no more rigid rows than coordinates."""
+def _determined_size(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> int:
+    """Size of the mode's system; 0 if it cannot determine forces: more rigid rows than coordinates."""
     rigid, rows = 0, 0
     for k in range(contacts):
         if mode[k] != OPEN:
@@ -93,4 +96,4 @@ def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode:
         if mode[contacts + r] == STICK:
             rows += 1
             rigid += 1 if p.R_s[r] == 0.0 else 0
-    return rigid <= n and n + rows <= LARGE
+    return n + rows if rigid <= n else 0
