@@ -28,12 +28,13 @@ from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
+from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "FeasibleSet",
     "InvalidScene", "Label", "ModelError", "Outcome", "Results", "Run", "Rung", "Scene", "SceneError",
-    "SetError", "Simulation", "Touching", "between", "feasible_set", "force_closure", "form_closure", "load",
-    "load_run", "load_set", "schema", "shipped", "simulate", "touching",
+    "SetError", "Simulation", "Touching", "ViewError", "between", "feasible_set", "force_closure",
+    "form_closure", "load", "load_run", "load_set", "schema", "shipped", "simulate", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

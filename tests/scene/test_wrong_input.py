@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rungwise.scene import InvalidScene, SceneError, fields, load, shipped
+from rungwise.scene import InvalidScene, SceneError, fields, load, shipped, values
 
 WHOLE: dict[str, Any] = {
     "name": "whole",
@@ -174,10 +174,10 @@ def at(scene: Any, path: Path) -> Any:
 def parts(annotation: Any, path: Path) -> Iterator[tuple[Path, str, Any]]:
     """All places under `path` that the models describe and the whole scene fills: path, kind, more of it."""
     value = at(WHOLE, path)
-    if annotation in (fields.Number, fields.Finite, fields.Unit, fields.Name):
+    if annotation in (values.Number, values.Finite, values.Unit, values.Name):
         yield (
             path,
-            {fields.Number: NUMBER, fields.Finite: FINITE, fields.Unit: UNIT, fields.Name: NAME}[annotation],
+            {values.Number: NUMBER, values.Finite: FINITE, values.Unit: UNIT, values.Name: NAME}[annotation],
             None,
         )
         return
@@ -210,7 +210,7 @@ def suits(annotation: Any, value: Any) -> bool:
     """Whether `value`, which is right, is meant by this branch of a union."""
     if annotation is type(None):
         return value is None
-    if annotation in (fields.Number, fields.Finite):
+    if annotation in (values.Number, values.Finite):
         return isinstance(value, int | float | str)
     while get_origin(annotation) is Annotated:
         annotation = get_args(annotation)[0]
@@ -656,6 +656,7 @@ def test_expressions_that_are_not_finite(path: Path) -> None:
             ["zzz*", "part"],
             "contacts.0.between.0: 'zzz*' names no body; valid: tip, arm,",
         ),
+        (("contacts", 0, "between"), ["part", "part"], "contacts.0.between: must name two bodies"),
         (("contacts", 0, "between"), ["part", ""], "contacts.0.between.1: must not be empty, not ''"),
         (
             ("potentials", 0, "terms"),

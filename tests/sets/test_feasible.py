@@ -129,10 +129,16 @@ def test_a_witness_replays_and_a_certificate_bounds_the_error() -> None:
 
 
 def test_labels_speak_of_runs() -> None:
-    codes = np.array([rw.Code.GOAL, rw.Code.MISSED, rw.Code.DOOMED, rw.Code.NOT_CONVERGED, rw.Code.MODEL_INVALID])
+    codes = np.array(
+        [rw.Code.GOAL, rw.Code.MISSED, rw.Code.DOOMED, rw.Code.NOT_CONVERGED, rw.Code.MODEL_INVALID]
+    )
     assert labels(codes).tolist() == [0, 1, 2, 6, 6]
     found = grasp(rw.KINEMATIC, tol=0.05)
-    assert found.classify(np.array([[1.0, 1.0], [2.0, 0.5], [9.0, 1.0]])).tolist() == ["feasible", "doomed", "unknown"]
+    assert found.classify(np.array([[1.0, 1.0], [2.0, 0.5], [9.0, 1.0]])).tolist() == [
+        "feasible",
+        "doomed",
+        "unknown",
+    ]
 
 
 def test_threads_do_not_change_a_set(tmp_path: Path) -> None:
@@ -178,7 +184,10 @@ def test_a_folder_answers_one_request(tmp_path: Path) -> None:
 
 def test_boxes() -> None:
     scene = rw.load("two_finger")
-    assert box_of(scene, ("v1", "restitution"), {"restitution": (0.1, 0.7)}).tolist() == [[1e-6, 2.0], [0.1, 0.7]]
+    assert box_of(scene, ("v1", "restitution"), {"restitution": (0.1, 0.7)}).tolist() == [
+        [1e-6, 2.0],
+        [0.1, 0.7],
+    ]
     with pytest.raises(rw.SetError, match="x3 needs an interval"):
         box_of(scene, ("x3",))
     with pytest.raises(rw.SetError, match="must be an interval within 0 to 1"):

@@ -42,7 +42,7 @@ def pendulum(**fields: Any) -> rw.Scene:
 def swing(time: float) -> float:
     """Angle of the pendulum, which starts at rest, level."""
     about = 0.3 + 2.0 * 0.25
-    return exact(lambda t, y: [y[1], -2.0 * G * 0.5 * math.cos(y[0]) / about], [0.0, 0.0], time)
+    return exact(lambda _, y: [y[1], -2.0 * G * 0.5 * math.cos(y[0]) / about], [0.0, 0.0], time)
 
 
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
@@ -177,7 +177,7 @@ def test_falling_parallelogram() -> None:
     about = 2.0 * (0.3 + 2.0 * 0.25) + 2.0
     weight = (2.0 * 2.0 * 0.5 + 2.0) * G
     # Level, the linkage is at a singular position: it starts a little below.
-    reference = exact(lambda t, y: [y[1], -weight * math.cos(y[0]) / about], [-0.3, 0.0], 0.6)
+    reference = exact(lambda _, y: [y[1], -weight * math.cos(y[0]) / about], [-0.3, 0.0], 0.6)
     turned = {name: dict(body) for name, body in bodies.items()}
     c, s = math.cos(-0.3), math.sin(-0.3)
     for name, pivot in (("left", 0.0), ("right", 2.0)):

@@ -102,7 +102,9 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
             seen |= draw_slice(axis, each, {name: part for name in each.over[2:]})
         row[0].set_title(f"{each.model.name}{_fixed(each, 1 / (layers + 1))}", fontsize=9, loc="left")
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
-    handles = [Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)]
+    handles = [
+        Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
+    ]
     drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
     return _write(drawing, Path(file))
 

@@ -77,10 +77,16 @@ def bind(
 @kernel
 def evaluate_numbers(
     code: Ints, constants: Reals, table: Ints, targets: Ints, values: Reals, stack: Reals, buffer: Reals
-) -> None:
-    """Run every program and store its value at its target."""
+) -> int:
+    """Run every program and store its value at its target; returns the first target whose value is not
+    finite, or -1."""
+    wrong = -1
     for i in range(targets.shape[0]):
-        buffer[targets[i]] = evaluate(code, constants, table[i, 0], table[i, 1], values, stack)
+        value = evaluate(code, constants, table[i, 0], table[i, 1], values, stack)
+        buffer[targets[i]] = value
+        if wrong < 0 and not math.isfinite(value):
+            wrong = targets[i]
+    return wrong
 
 
 @kernel

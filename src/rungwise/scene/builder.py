@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from itertools import combinations, islice
 
@@ -10,15 +10,7 @@ import numpy as np
 
 from rungwise.scene import records as rec
 from rungwise.scene.bind import evaluate_numbers
-from rungwise.scene.expression import (
-    CONSTANTS,
-    FUNCTIONS,
-    STACK,
-    Code,
-    ExpressionError,
-    Programs,
-    compile_expression,
-)
+from rungwise.scene.expression import STACK, Code, Programs
 from rungwise.scene.fields import (
     Box,
     Capsule,
@@ -30,7 +22,6 @@ from rungwise.scene.fields import (
     HalfPlane,
     Hinge,
     JointCoordinate,
-    Number,
     Outline,
     Polygon,
     SceneFile,
@@ -38,10 +29,11 @@ from rungwise.scene.fields import (
     Shape,
     Slide,
     Speed,
-    shown,
 )  # fmt: skip
+from rungwise.scene.names import Names, listed
 from rungwise.scene.outline import convex_pieces
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, Template
+from rungwise.scene.values import Number, shown
 
 INF = float("inf")
 MAX_PAIRS = 100_000
@@ -57,17 +49,15 @@ class _Builder:
     def __init__(self, scene: SceneFile) -> None:
         self.scene = scene
         self.parameters = tuple(scene.parameters)
-        for name in self.parameters:
-            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "gap", "force", "speed"):
-                raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.bodies = tuple(scene.bodies)
         self.coordinates = tuple(
             f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
         )
         self.joints = tuple(scene.joints)
-        self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.matched = list(self._match_contacts())
         self.contacts = tuple(pair for pair, _, _ in self.matched)
+        self.names = Names(self.parameters, self.coordinates, self.contacts)
+        self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
         if len(self.pairs) > MAX_PAIRS:
             raise SceneError(
@@ -76,7 +66,6 @@ class _Builder:
         self.static: list[tuple[Code, int]] = []
         self.timed: list[tuple[Code, int]] = []
         self.checks: list[tuple[int, float, float, int, str]] = []
-        self.watched: set[int] = set()
         self.counts = (
             1,
             len(self.bodies),
@@ -109,8 +98,10 @@ class _Builder:
             self._joint(index)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
-        conditions = Programs([self._condition(name) for name in ("goal", "unsafe", "doomed")])
-        for index in self.watched:
+        conditions = Programs(
+            [self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")]
+        )
+        for index in self.names.watched:
             self.records.contacts[index]["watched"] = 1
         slots, low, high, kinds, paths = zip(*self.checks, strict=True)
         return Template(
@@ -148,7 +139,7 @@ class _Builder:
         """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
         target = rec.slot(self.counts, kind, index, field)
         if isinstance(value, str):
-            code = self._program(value, path, timed)
+            code = self.names.number(value, path, timed)
             self.static.append((code, target))
             if len(self.parameters) in code.reads:
                 self.timed.append((code, target))
@@ -157,55 +148,6 @@ class _Builder:
         low = at_least if above is None else above
         kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
         self.checks.append((target, low, at_most, kinds, path))
-
-    def _program(self, text: str, path: str, timed: bool = False) -> Code:
-        try:
-            return compile_expression(text, self._number_lookup(timed), lambda: _listed(self._names(timed)))
-        except ExpressionError as error:
-            raise SceneError(f"{path}: {error}") from None
-
-    def _names(self, timed: bool) -> tuple[str, ...]:
-        return (*self.parameters, "t") if timed else self.parameters
-
-    def _number_lookup(self, timed: bool) -> Callable[[str, tuple[str, ...]], int | None]:
-        names = self._names(timed)
-
-        def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
-            return names.index(dotted[0]) if not function and dotted[0] in names else None
-
-        return lookup
-
-    def _condition(self, field: str) -> Code:
-        text = getattr(self.scene, field)
-        if text is None:
-            return Code()
-        try:
-            return compile_expression(text, self._state_lookup, self._state_names, condition=True)
-        except ExpressionError as error:
-            raise SceneError(f"{field}: {error}") from None
-
-    def _state_names(self) -> str:
-        names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
-        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
-        return _listed(names)
-
-    def _state_lookup(self, function: str, dotted: tuple[str, ...]) -> int | None:
-        time = len(self.parameters)
-        n, contacts = len(self.coordinates), len(self.contacts)
-        if function in ("", "speed") and len(dotted) == 1:
-            if dotted[0] in self.coordinates:
-                return time + 1 + self.coordinates.index(dotted[0]) + (n if function else 0)
-            if not function and dotted[0] in (*self.parameters, "t"):
-                return (*self.parameters, "t").index(dotted[0])
-            if not function and dotted[0] == "tolerance":
-                return time + 1 + 2 * n + 2 * contacts
-        if function in ("gap", "force") and len(dotted) == 2:
-            for pair in (dotted, dotted[::-1]):
-                if pair in self.contacts:
-                    index = self.contacts.index(pair)
-                    self.watched.add(index)
-                    return time + 1 + 2 * n + index + (contacts if function == "force" else 0)
-        return None
 
     def _body(self, index: int) -> None:
         name = self.bodies[index]
@@ -315,7 +257,7 @@ class _Builder:
         """A number of the scene with every parameter at its default."""
         if not isinstance(value, str):
             return value
-        program = Programs([self._program(value, path)])
+        program = Programs([self.names.number(value, path)])
         values = np.array([*(p.default for p in self.scene.parameters.values()), 0.0])
         found = np.zeros(1)
         evaluate_numbers(
@@ -366,12 +308,12 @@ class _Builder:
     def _match_contacts(self) -> Iterator[tuple[tuple[str, str], int, Contact]]:
         bodies = self.scene.bodies
         for entry, contact in enumerate(self.scene.contacts):
+            if contact.between[0] == contact.between[1] and contact.between[0] in bodies:
+                raise SceneError(f"contacts.{entry}.between: must name two bodies")
             for k, pattern in enumerate(contact.between):
                 if not any(fnmatchcase(name, pattern) for name in bodies):
                     path = f"contacts.{entry}.between.{k}"
-                    raise SceneError(
-                        f"{path}: {shown(pattern)} names no body; valid: {_listed(bodies)}, or *"
-                    )
+                    raise SceneError(f"{path}: {shown(pattern)} names no body; valid: {listed(bodies)}, or *")
         for pair in combinations(bodies, 2):
             if all(not bodies[name].coordinate_names for name in pair):
                 continue
@@ -420,7 +362,7 @@ class _Builder:
         for entry, contact in enumerate(self.scene.contacts):
             for field, value in contact:
                 if entry not in used and isinstance(value, str):
-                    self._program(value, f"contacts.{entry}.{field}")
+                    self.names.number(value, f"contacts.{entry}.{field}")
 
     def _joint(self, index: int) -> None:
         name = self.joints[index]
@@ -430,7 +372,7 @@ class _Builder:
         for k, body in enumerate(joint.between):
             if body not in self.bodies:
                 raise SceneError(
-                    f"{path}.between.{k}: unknown body {shown(body)}; valid: {_listed(self.bodies)}"
+                    f"{path}.between.{k}: unknown body {shown(body)}; valid: {listed(self.bodies)}"
                 )
         if all(not self.scene.bodies[body].coordinate_names for body in joint.between):
             raise SceneError(f"{path}.between: of {' and '.join(joint.between)} neither moves")
@@ -475,7 +417,7 @@ class _Builder:
         for field, name in named:
             if name not in self.coordinates:
                 raise SceneError(
-                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {_listed(self.coordinates)}"
+                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {listed(self.coordinates)}"
                 )
         for place, name in enumerate(self.coordinates):
             row = index * len(self.coordinates) + place
@@ -483,11 +425,6 @@ class _Builder:
             acts = robot if potential.on is None else name in potential.on
             self.put("terms", row, "factor", potential.terms.get(name, 0.0), f"{path}.terms.{name}")
             self.records.terms[row]["acts"] = acts
-
-
-def _listed(names: Iterable[str]) -> str:
-    many = list(names)
-    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"
 
 
 _SIZES = {"box": ("width", "height"), "capsule": ("length",)}

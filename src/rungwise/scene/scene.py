@@ -19,8 +19,9 @@ from rungwise.scene import bind as binding
 from rungwise.scene import records as rec
 from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
-from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile, shown
+from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
+from rungwise.scene.values import shown
 
 MAX_FILE = 2_000_000
 LIBRARY = files("rungwise.scene") / "library"

@@ -127,7 +127,9 @@ class FeasibleSet:
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
         return simulate(self.scene, self.model, parameters=parameters, **options)
 
-    def certify(self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None) -> Certified:
+    def certify(
+        self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
+    ) -> Certified:
         """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson)."""
         if n < 1 or not 0.0 < delta < 1.0:
             raise SetError("certify: n must be at least 1, and delta lie in 0..1")
@@ -200,7 +202,9 @@ def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, flo
         if box is not None and name in box:
             first, last = (float(x) for x in box[name])
             if not (math.isfinite(first) and math.isfinite(last) and low <= first < last <= high):
-                raise SetError(f"over: {name}={first:g}:{last:g} must be an interval within {low:g} to {high:g}")
+                raise SetError(
+                    f"over: {name}={first:g}:{last:g} must be an interval within {low:g} to {high:g}"
+                )
             low, high = first, last
         elif not high - low <= WIDE * abs(declared.default):
             if declared.default == 0.0:
@@ -445,7 +449,11 @@ def _dataset(found: FeasibleSet) -> xarray.Dataset:
     return xr.Dataset(
         {
             "vertex": (("vertices", "axis"), low + places * unit),
-            "label": (("vertices",), tree.vertices.labels.astype(np.int8), {"labels": [str(x) for x in Label]}),
+            "label": (
+                ("vertices",),
+                tree.vertices.labels.astype(np.int8),
+                {"labels": [str(x) for x in Label]},
+            ),
             "margin": (("vertices",), tree.vertices.margins),
             "leaf": (("leaves", "axis"), np.concatenate(tree.leaves)),
             "level": (("leaves",), levels.astype(np.int8)),

@@ -71,7 +71,7 @@ class Batch:
         threads: int | None = None,
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
-        check_options(step, tol, duration, theta)
+        step, tol, duration, theta = check_options(step, tol, duration, theta)
         self.over = names_of(scene, over)
         template = scene.template
         self.parameters = scene.parameters(parameters)

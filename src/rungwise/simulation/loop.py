@@ -6,7 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import SERVO, SPEED, Records
-from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, TOO_COARSE
+from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
@@ -165,7 +165,7 @@ def step(
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict
-            return spent(records, rung, control, workspace, moving, timed)
+            return spent(records, control, workspace, moving, timed)
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
         if status == REFUSED and moving > 0.0:
@@ -173,7 +173,9 @@ def step(
             fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
             if h * max(moving, fastest) < control[0].jam:
                 return JAMMED
-        h = following if status == TOO_COARSE else _shorter(records, rung, control, workspace, h)
+        if status == UNDEFINED and h <= control[0].step:
+            return INVALID
+        h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
 
 

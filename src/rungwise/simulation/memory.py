@@ -79,6 +79,7 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state.force[:, :] = 0.0
     state.impulse[:, :] = 0.0
     workspace.scratch.limited_mode[:] = 1
+    workspace.scratch.undefined[0] = -1
     terms.inertia[:, :] = 0.0
     terms.metric[:, :] = 0.0
     terms.stiffness[:, :] = 0.0

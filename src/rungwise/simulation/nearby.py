@@ -22,7 +22,7 @@ def look(records: Records, workspace: Workspace) -> None:
     """Contacts at the placed bodies, within clock.margin."""
     state = workspace.state
     state.clock[0].least_gap = find_contacts(
-        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline,
+        records.shapes, records.contacts, records.pairs, state.pose, state.outline,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
         workspace.scratch.fresh,
     )  # fmt: skip

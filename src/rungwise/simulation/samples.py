@@ -159,9 +159,7 @@ def _set_control(options: RecordArray, place: Place) -> None:
 
 
 @kernel
-def _watch(
-    conditions: Conditions, workspace: Workspace, best: float, danger: float
-) -> tuple[float, float]:
+def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
     """Greatest margins so far: of the goal, and of what is unsafe or doomed."""
     state, scratch = workspace.state, workspace.scratch
     goal = margin(conditions, 0, state, scratch)

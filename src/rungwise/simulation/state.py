@@ -8,6 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.solvers.planar import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
@@ -73,7 +74,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end."""
+    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end, and in
+    `undefined` (1,) the place of a number that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
@@ -91,6 +93,7 @@ class Scratch(Block):
     stack: Reals
     begun: Reals
     ended: Reals
+    undefined: Ints
 
 
 class Whole(Block):
@@ -179,7 +182,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         force=np.zeros((slots, d)),
         impulse=np.zeros((slots, d)),
     )
-    size = n + rows * d + limited
+    size = matrix_size(n, rows, limited)
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
@@ -197,6 +200,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         stack=np.zeros(STACK),
         begun=np.zeros(len(values)),
         ended=np.zeros(len(values)),
+        undefined=np.full(1, -1, np.int64),
     )
     before, kept = (
         Snapshot(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.modes import OPEN
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
@@ -27,7 +28,7 @@ def solve_step(
 ) -> int:
     """Velocities after a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
-    Contact modes start from those of the slots, and `state.modes` is left as it was.
+    Contact modes and forces start from those of the slots, and `state.modes` is left as it was.
     """
     clock = state.clock[0]
     n, limited = clock.free, clock.limited
@@ -80,7 +81,10 @@ def _solve(
     contacts: int, limited: int, n: int, state: State, scratch: Scratch, problem: ContactProblem
 ) -> int:
     for k in range(contacts):
-        scratch.mode[k] = state.modes[scratch.slots[k]]
+        slot = scratch.slots[k]
+        scratch.mode[k] = state.modes[slot]
+        for i in range(2):
+            scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     status, found = solve_planar(
@@ -149,7 +153,7 @@ def accept_forces(
     d = state.force.shape[1]
     state.force[:, :] = 0.0
     if rung[0].compliant:
-        _relax(h, rung, terms, contacts, state, scratch, problem)
+        _relax(h, terms, contacts, state, scratch, problem)
     for k in range(contacts):
         slot = slots[k]
         state.modes[slot] = scratch.mode[k]
@@ -162,7 +166,6 @@ def accept_forces(
 @kernel
 def _relax(
     h: float,
-    rung: RecordArray,
     terms: Terms,
     contacts: int,
     state: State,

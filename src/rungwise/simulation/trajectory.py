@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.contact.modes import NAMES
+from rungwise.plain import json_text
 from rungwise.simulation.state import SCALARS
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
     since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
     neither. A scene with joints has, for each of their three measures (along and across the axis of the
-    first body, angle), joint_position and the joint_force, or torque, on the second body.
+    first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
+    `scene_file` is the scene as JSON, as `load` takes it once decoded.
     """
     import xarray as xr
 
@@ -72,7 +74,11 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
             **({"measure": _labels(measures)} if measures else {}),
             "direction": _labels(("normal", "tangent")),
         },
-        attrs={"scene": scene.name, "model": model.name},
+        attrs={
+            "scene": scene.name,
+            "model": model.name,
+            "scene_file": scene.file.model_dump_json(exclude_unset=True),
+        },
     )
 
 
@@ -89,11 +95,10 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     mark = f".{uuid.uuid4().hex[:8]}"
-    store = target / (STORE + mark)
+    store, text = target / (STORE + mark), target / (SUMMARY + mark)
     try:
         trajectory.to_zarr(store, mode="w", consolidated=False)
-        text = target / (SUMMARY + mark)
-        text.write_text(json.dumps(summary, indent=1), "utf-8")
+        text.write_text(json_text(summary, indent=1), "utf-8")
         old = target / (STORE + mark + ".old")
         if (target / STORE).exists():
             os.replace(target / STORE, old)
@@ -102,6 +107,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(store, ignore_errors=True)
+        text.unlink(missing_ok=True)
     return target
 
 

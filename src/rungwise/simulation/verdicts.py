@@ -92,7 +92,9 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
         state.values[i] = part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
     for i in range(at + 1 + 2 * n, at + 1 + 2 * n + contacts):
         far = math.isinf(scratch.ended[i]) or math.isinf(scratch.begun[i])
-        state.values[i] = scratch.ended[i] if far else part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
+        state.values[i] = (
+            scratch.ended[i] if far else part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
+        )
 
 
 @kernel
@@ -107,7 +109,6 @@ def has_sunk(state: State) -> bool:
 @kernel
 def spent(
     records: Records,
-    rung: RecordArray,
     control: RecordArray,
     workspace: Workspace,
     moving: float,
