@@ -13,6 +13,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.sets.between import between
+from rungwise.sets.crossings import crossings_of_cells, planes
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
 
@@ -100,7 +101,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
         for k, axis in enumerate(row):
             part = (k + 1) / (layers + 1)
             seen |= draw_slice(axis, each, {name: part for name in each.over[2:]})
-        row[0].set_title(f"{each.model.name}{_fixed(each, 1 / (layers + 1))}", fontsize=9, loc="left")
+        row[0].set_ylabel(f"{each.model.name}\n\n{row[0].get_ylabel()}", fontsize=9)
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
     handles = [
         Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
@@ -158,6 +159,36 @@ def _write(drawing: Figure, file: Path) -> Path:
     return file
 
 
-def surface(found: FeasibleSet) -> Reals:
-    """Points (m, d) where the boundary crosses the edges of its cells."""
-    return np.asarray(found.data.crossing.values)
+def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
+    """The boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    faces = surface(found)
+    axis.add_collection3d(Poly3DCollection(faces, facecolor=color, edgecolor="none", alpha=0.6))
+    for setter, (low, high) in zip((axis.set_xlim, axis.set_ylim, axis.set_zlim), found.box, strict=True):
+        setter(low, high)
+    for k, setter in enumerate((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel)):
+        setter(_unit_of(found, k))
+
+
+def surface(found: FeasibleSet) -> list[Reals]:
+    """Faces (corners, 3) of the boundary of the feasible part, one for each cell that it passes as a plane."""
+    faces = []
+    unit = found.box[:, 1] - found.box[:, 0]
+    for level, crossings in found.crossings.items():
+        points, there = crossings_of_cells(found.tree, level, *crossings)
+        normal, _, sides = planes(found.tree, level, *crossings)
+        size, origins = found.tree.size(level), found.tree.leaves[level]
+        for i in np.flatnonzero((sides == Label.FEASIBLE).any(axis=1)):
+            corners = points[i][there[i]]
+            places = (origins[i] + size * corners[_around(corners, normal[i])]) / (1 << found.tree.finest)
+            faces.append(found.box[:, 0] + places * unit)
+    return faces
+
+
+def _around(corners: Reals, normal: Reals) -> Ints:
+    """Order of points of a plane around their middle."""
+    away = corners - corners.mean(axis=0)
+    first = np.eye(3)[np.argmin(np.abs(normal))]
+    first = first - (first @ normal) * normal
+    return np.argsort(np.arctan2(away @ np.cross(normal, first), away @ first))

@@ -93,13 +93,11 @@ def _trial(a: Reals, b: Reals, at_a: Reals, at_b: Reals) -> Reals:
     return np.clip(beyond, a + inside, b - inside)
 
 
-def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals, Reals, Ints]:
-    """The plane through the crossings of each leaf of a level, by least squares.
-
-    Returns normals (m, d) and offsets (m,) in the cell's own coordinates 0..1, and the labels (m, 2) on the
-    negative and the positive side; -1 where the leaf has more than two labels, or no plane parts its corners
-    as their labels do.
-    """
+def crossings_of_cells(
+    tree: Tree, level: int, keys: Ints, fractions: Reals
+) -> tuple[Reals, NDArray[np.bool_]]:
+    """A place (m, e, d), in the cell's own coordinates 0..1, on each edge of a level's leaves, and whether the
+    boundary crosses the edge there."""
     origins = tree.leaves[level]
     lower, axis = edges_of(tree.axes)
     wanted = tree.vertices.key(origins[:, None, :] + tree.size(level) * lower) * tree.axes + axis
@@ -107,6 +105,17 @@ def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals,
     there = keys[at] == wanted if len(keys) else np.zeros(wanted.shape, bool)
     points = np.broadcast_to(lower.astype(np.float64), (len(origins), *lower.shape)).copy()
     points[:, np.arange(len(axis)), axis] = fractions[at] if len(keys) else 0.0
+    return points, there
+
+
+def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals, Reals, Ints]:
+    """The plane through the crossings of each leaf of a level, by least squares.
+
+    Returns normals (m, d) and offsets (m,) in the cell's own coordinates 0..1, and the labels (m, 2) on the
+    negative and the positive side; -1 where the leaf has more than two labels, or no plane parts its corners
+    as their labels do.
+    """
+    points, there = crossings_of_cells(tree, level, keys, fractions)
     weight = there[..., None].astype(np.float64)
     count = np.maximum(weight.sum(axis=1), 1.0)
     centre = (points * weight).sum(axis=1) / count
@@ -114,7 +123,7 @@ def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals,
     _, vectors = np.linalg.eigh(np.einsum("mei,mej->mij", away, away))
     normal = vectors[:, :, 0]
     offset = np.einsum("mi,mi->m", normal, centre)
-    corner_labels, _ = tree.corner_labels(origins, level)
+    corner_labels, _ = tree.corner_labels(tree.leaves[level], level)
     side = tree.corners.astype(np.float64) @ normal.T - offset
     return normal, offset, _sides(corner_labels, side.T)
 
