@@ -2,9 +2,9 @@
 
     python examples/figure5.py [--tol T] [--out FILE]
 
-Feasible sets over v1, v2 and mu of four rungs that move, with the elastic and the plastic impact of the dynamic
-rigid one, and beside them the planes r = v2 / v1 that bound them in closed form (dashed): 1/2 and 2 where the
-part moves no more than it must or impacts are plastic, 4/7 and 7/4 where they are elastic.
+Boundaries of the feasible sets over v1, v2 and mu on four models, and the planes r = v2 / v1 that bound them in
+closed form (dashed): 1/2 and 2 where the part moves no more than it must or impacts are plastic, 4/7 and 7/4
+where they are elastic. Damped compliant contact lies a little inside, the more the greater the friction.
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         took = time.perf_counter() - began
         title = ", ".join([rung.name, *(f"{name} {value:g}" for name, value in parameters.items())])
         part = found.volumes()["feasible"]
-        print(f"{title:36s} feasible {part:.4f} of the box, {found.evaluations} runs, {took:.1f} s", flush=True)
+        print(
+            f"{title:36s} feasible {part:.4f} of the box, {found.evaluations} runs, {took:.1f} s", flush=True
+        )
         axis = drawing.add_subplot(2, 2, k + 1, projection="3d")
         draw_surface(axis, found, color)
         for slope in (end, 1.0 / end):

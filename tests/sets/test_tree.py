@@ -83,7 +83,7 @@ def test_a_strip_between_the_first_vertices_is_followed_from_one_probe() -> None
 
     tree, oracle = grown(strip, 2, 8)
     assert not tree.is_mixed(tree.leaves[8], 8).any()
-    tree.probe(np.array([[0.3, 0.53]]) * 256.0, np.array([0]), oracle)
+    tree.probe(np.array([[0.3, 0.53]]) * 256.0, oracle)
     places = np.random.default_rng(1).uniform(0.0, 256.0, (20_000, 2))
     levels, index = tree.locate(places)
     truth = strip(places / 256.0) < 0.0
@@ -100,7 +100,7 @@ def test_a_probe_opens_an_island() -> None:
     tree, oracle = grown(island, 2, 8)
     assert not tree.is_mixed(tree.leaves[8], 8).any()
     place = np.array([[0.531, 0.531]]) * 256.0
-    tree.probe(place, np.array([0]), oracle)
+    tree.probe(place, oracle)
     solid = np.pi * (0.012 * 256.0) ** 2
     found = tree.vertices.places(tree.vertices.keys)[tree.vertices.labels == 0]
     assert 0.7 * solid < len(found) < 1.3 * solid

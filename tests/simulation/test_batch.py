@@ -17,8 +17,10 @@ OVER = ("v1", "v2", "mu", "half_base")
 
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_batch_is_its_runs(model: rw.Rung) -> None:
-    """Bit by bit what each point gives in a batch of its own: nothing is left over from the run before. And to
-    rounding what `simulate` gives."""
+    """Bit by bit what each point gives in a batch of its own: nothing is left over from the run before.
+
+    And to rounding what `simulate` gives.
+    """
     scene = rw.load("two_finger")
     found = rw.Batch(scene, model, OVER, threads=1).run(POINTS)
     for k, point in enumerate(POINTS):
@@ -82,7 +84,7 @@ def test_ctrl_c_ends_a_batch_and_the_next_one_works() -> None:
     batch = rw.Batch(rw.load("two_finger"), rw.KINEMATIC, ("v2",), threads=2)
     points = np.linspace(0.2, 2.0, 3000)[:, None]
 
-    def stop(done: int) -> None:
+    def stop(_done: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

@@ -6,6 +6,7 @@ import os
 import uuid
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +58,7 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
             }
             for each in found
         ],
-        "between": [asdict(between(a, b)) for a, b in zip(found, found[1:], strict=False)],
+        "between": [asdict(between(a, b)) for a, b in pairwise(found)],
     }
 
 
@@ -76,8 +77,8 @@ def text(summary: dict[str, Any]) -> str:
         if each["certified"]:
             c = each["certified"]
             lines.append(
-                f"  {'':22s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within the"
-                f" tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
+                f"  {'':22s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within"
+                f" the tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
             )
     for pair in summary["between"]:
         lines.append(
@@ -88,7 +89,7 @@ def text(summary: dict[str, Any]) -> str:
 
 
 def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
-    """Slices of each set, a row for each, over its first two parameters; whole or not at all. Raises OSError."""
+    """Slices of each set, a row for each, over its first two parameters; whole or not. Raises OSError."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
@@ -100,7 +101,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
     for row, each in zip(axes, found, strict=True):
         for k, axis in enumerate(row):
             part = (k + 1) / (layers + 1)
-            seen |= draw_slice(axis, each, {name: part for name in each.over[2:]})
+            seen |= draw_slice(axis, each, dict.fromkeys(each.over[2:], part))
         row[0].set_ylabel(f"{each.model.name}\n\n{row[0].get_ylabel()}", fontsize=9)
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
     handles = [
@@ -111,7 +112,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
 
 
 def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Label]:
-    """Labels over the first two parameters, the others at parts 0..1 of their interval; returns those shown."""
+    """Labels over the first two parameters, the others at parts 0..1 of theirs; returns those shown."""
     from matplotlib.colors import ListedColormap
 
     low, high = found.box.T
@@ -123,8 +124,8 @@ def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Labe
     shown: Ints = found.labels(low + np.stack(places, axis=1) * (high - low))
     extent = (low[0], high[0], *((low[1], high[1]) if len(found.over) > 1 else (0.0, 1.0)))
     axis.imshow(
-        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto", vmin=-0.5, vmax=len(Label) - 0.5,
-        cmap=ListedColormap([COLORS[label] for label in Label]), interpolation="nearest",
+        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto",
+        vmin=-0.5, vmax=len(Label) - 0.5, cmap=ListedColormap([COLORS[label] for label in Label]), interpolation="nearest",
     )  # fmt: skip
     axis.set_xlabel(_unit_of(found, 0), fontsize=9)
     axis.set_ylabel(_unit_of(found, 1) if len(found.over) > 1 else "", fontsize=9)
@@ -172,7 +173,7 @@ def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
 
 
 def surface(found: FeasibleSet) -> list[Reals]:
-    """Faces (corners, 3) of the boundary of the feasible part, one for each cell that it passes as a plane."""
+    """Faces (corners, 3) of the boundary of the feasible part, one for each cell where it is a plane."""
     faces = []
     unit = found.box[:, 1] - found.box[:, 0]
     for level, crossings in found.crossings.items():

@@ -49,7 +49,7 @@ def solve(tree: Tree, level: int, oracle: Oracle) -> tuple[Ints, Reals]:
     """Keys of a level's crossing edges, and where along each (0..1) the label of its lower end ends.
 
     Regula falsi on margins of opposite sign, bisection elsewhere: each trial lies a little beyond the
-    estimate, so that two trials bracket a smooth crossing. The bracket is one of labels, whatever margins say.
+    estimate, so that two trials bracket a smooth crossing. Labels alone decide the bracket.
     """
     keys = crossing_edges(tree, level)
     vertices = tree.vertices
@@ -96,8 +96,8 @@ def _trial(a: Reals, b: Reals, at_a: Reals, at_b: Reals) -> Reals:
 def crossings_of_cells(
     tree: Tree, level: int, keys: Ints, fractions: Reals
 ) -> tuple[Reals, NDArray[np.bool_]]:
-    """A place (m, e, d), in the cell's own coordinates 0..1, on each edge of a level's leaves, and whether the
-    boundary crosses the edge there."""
+    """A place (m, e, d), in the cell's own coordinates 0..1, on each edge of a level's leaves, and whether
+    the boundary crosses the edge there."""
     origins = tree.leaves[level]
     lower, axis = edges_of(tree.axes)
     wanted = tree.vertices.key(origins[:, None, :] + tree.size(level) * lower) * tree.axes + axis
@@ -136,6 +136,5 @@ def _sides(corner_labels: Ints, side: Reals) -> Ints:
         low = np.where(mine, corner_labels, len(Label)).min(axis=1)
         high = np.where(mine, corner_labels, -1).max(axis=1)
         result[:, k] = np.where(low == high, low, -1)
-    bad: NDArray[np.bool_] = (result < 0).any(axis=1)
-    result[bad] = -1
+    result[(result < 0).any(axis=1)] = -1
     return result

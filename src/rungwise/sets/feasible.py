@@ -63,8 +63,9 @@ class FeasibleSet:
     """Labels over a box of parameters.
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
-    the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs; `probes` and `hits` those of the last round of random probes and how many of
-    them contradicted their leaf; `complete` is false when the budget ended the refinement.
+    the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
+    `probes` and `hits` those of the last round of random probes, and how many of them contradicted their leaf;
+    `complete` is false when the budget ended the refinement.
     """
 
     scene: Scene
@@ -107,8 +108,8 @@ class FeasibleSet:
         return result
 
     def witness(self, point: Reals) -> dict[str, float] | None:
-        """Parameters near a point at which a run reached the goal: a corner of the leaf that holds the point, or
-        none. `replay` runs it."""
+        """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
+        holds the point, or none. `replay` runs it."""
         place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self._unit
         levels, index = self.tree.locate(place)
         level = int(levels[0])
@@ -152,7 +153,7 @@ class FeasibleSet:
         return np.asarray(np.random.default_rng(seed).uniform(low, high, (n, len(low))))
 
     def volumes(self, n: int = 100_000, seed: int = 2) -> dict[str, float]:
-        """Part of the box that each label takes, from n random points (standard error at most 0.5 / sqrt n)."""
+        """Part of the box that each label takes, from n random points (standard error up to 0.5 / sqrt n)."""
         found = np.bincount(self.labels(self.random(n, seed)), minlength=len(Label)) / n
         return {str(label): float(found[label]) for label in Label if found[label] > 0.0}
 
@@ -358,7 +359,7 @@ def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator
         if not hits:
             break
         asker.task = "cells"
-        tree.probe(places[wrong], found[wrong], asker)
+        tree.probe(places[wrong], asker)
     return made, hits
 
 

@@ -106,7 +106,8 @@ def load(folder: str | Path) -> xarray.Dataset:
     store = Path(folder) / STORE
     if not store.is_dir():
         raise FileNotFoundError(f"{folder} holds no finished set ({STORE})")
-    return xr.open_zarr(store, consolidated=False).load()
+    data: xarray.Dataset = xr.open_zarr(store, consolidated=False).load()
+    return data
 
 
 def attributes(data: xarray.Dataset) -> dict[str, Any]:

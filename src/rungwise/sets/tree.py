@@ -1,9 +1,9 @@
 """A tree of cells that is fine only where labels change.
 
 Places are integers: a box has 2^finest units along each axis, a cell of level l has 2^(finest - l) of them.
-Every cell has labels at its corners; one whose corners differ is split until it is of the target level. A cell
-whose corners agree is split, too, where a finer neighbour shows another label on its surface, where a probe
-in its inside has another label, and, on the coarse levels, where margins would change sign within it.
+Every cell has labels at its corners; one whose corners differ is split until it is of the target level. A
+cell whose corners agree is split, too, where a finer neighbour shows another label on its surface, where a
+probe inside it has another label, and, on the coarse levels, where margins would change sign within it.
 """
 
 from __future__ import annotations
@@ -134,8 +134,8 @@ class Tree:
         self.leaves[level] = self.leaves[level][~chosen]
         self._refine(children, level + 1, oracle, 0)
 
-    def probe(self, places: Reals, labels: Ints, oracle: Oracle) -> None:
-        """Refine down to the target level around places (m, d) whose label their leaf does not have."""
+    def probe(self, places: Reals, oracle: Oracle) -> None:
+        """Refine down to the target level around places (m, d), whose labels their leaves lack."""
         for level in range(self.target):
             levels, index = self.locate(places)
             chosen = np.zeros(len(self.leaves[level]), bool)
@@ -172,7 +172,7 @@ class Tree:
             origins, level = children, level + 1
 
     def _may_change_sign(self, origins: Ints, level: int) -> NDArray[np.bool_]:
-        """Whether the margin, which has one sign at the corners, would change it half a cell's change away."""
+        """Whether the margin, which has one sign at the corners, would change it half a cell further."""
         _, margins = self.corner_labels(origins, level)
         spread = np.ptp(margins, axis=1)
         return np.asarray(np.isfinite(spread) & (np.abs(margins).min(axis=1) < 0.5 * spread))
@@ -191,7 +191,6 @@ class Tree:
                 return
             at, _ = self.vertices.find(keys)
             labels, places = self.vertices.labels[at], self.vertices.places(keys)
-            wrong: list[tuple[int, NDArray[np.bool_]]] = []
             marks = [np.zeros(len(origins), bool) for origins in self.leaves]
             for corner in self.corners:
                 near = (places - corner).astype(np.float64)
@@ -213,7 +212,7 @@ class Tree:
                     children.append((level, cells))
             except BudgetSpent:
                 self.spent = True
-            for level, cells in children:
+            for level, _ in children:
                 self.leaves[level] = self.leaves[level][~marks[level]]
             for level, cells in children:
                 self._sort(cells, level + 1, oracle)

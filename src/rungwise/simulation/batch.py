@@ -29,8 +29,8 @@ BUDGET = 1_000_000
 
 @dataclass(frozen=True)
 class Results:
-    """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts of
-    steps, worst scaled residuals (all (m,)), and coordinates at the end (m, n).
+    """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
+    of steps, worst scaled residuals (all (m,)), and coordinates at the end (m, n).
 
     The margin is positive where the goal was reached (by how much the run stayed clear of what is unsafe or
     doomed) and otherwise not (how near it came to the goal): it is continuous where it passes zero, if the

@@ -1,7 +1,7 @@
 """Steps of controlled length: two halves that agree with the whole, and the onset of impacts.
 
-A step in which nothing changes its speed, its contact modes or the direction of a contact is exact, and is not
-repeated in halves.
+A step in which nothing changes its speed, its contact modes or the direction of a contact is exact, and is
+not repeated in halves.
 """
 
 from __future__ import annotations

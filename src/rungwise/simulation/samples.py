@@ -174,8 +174,8 @@ def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: fl
 
 @kernel
 def _margin(outcome: int, best: float, danger: float, left: float) -> float:
-    """Signed margin of a run: with the goal reached, how far it stayed from what would have ended it (the part
-    of the time that was left, where nothing would); otherwise how near it came, negative."""
+    """Signed margin of a run: with the goal reached, how far it stayed from what would have ended it (the
+    part of the time that was left, where nothing would); otherwise how near it came, negative."""
     if outcome == GOAL:
         return -danger if danger > -math.inf else left
     return min(best, 0.0) if best > -math.inf else math.nan

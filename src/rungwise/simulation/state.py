@@ -74,8 +74,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end, and in
-    `undefined` (1,) the place of a number that is not finite at this time, or -1."""
+    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end,
+    and in `undefined` (1,) the place of a number that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
