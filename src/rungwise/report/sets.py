@@ -123,9 +123,10 @@ def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Labe
     places += [np.full(x.size, at[name]) for name in found.over[2:]]
     shown: Ints = found.labels(low + np.stack(places, axis=1) * (high - low))
     extent = (low[0], high[0], *((low[1], high[1]) if len(found.over) > 1 else (0.0, 1.0)))
+    colors = ListedColormap([COLORS[label] for label in Label])
     axis.imshow(
-        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto",
-        vmin=-0.5, vmax=len(Label) - 0.5, cmap=ListedColormap([COLORS[label] for label in Label]), interpolation="nearest",
+        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto", cmap=colors,
+        vmin=-0.5, vmax=len(Label) - 0.5, interpolation="nearest",
     )  # fmt: skip
     axis.set_xlabel(_unit_of(found, 0), fontsize=9)
     axis.set_ylabel(_unit_of(found, 1) if len(found.over) > 1 else "", fontsize=9)

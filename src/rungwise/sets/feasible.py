@@ -64,8 +64,8 @@ class FeasibleSet:
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
-    `probes` and `hits` those of the last round of random probes, and how many of them contradicted their leaf;
-    `complete` is false when the budget ended the refinement.
+    `probes` and `hits` those of the last round of random probes, and how many of them contradicted their
+    leaf; `complete` is false when the budget ended the refinement.
     """
 
     scene: Scene
