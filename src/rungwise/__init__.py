@@ -7,6 +7,9 @@ for model in rw.LADDER[1:]:
     print(model.name, run.outcome, run.worst_residual)
 """
 
+from rungwise.contact.mixed import Problem
+from rungwise.contact.solution import ContactSolution, Status
+from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
     DYNAMIC_RIGID,
@@ -24,7 +27,8 @@ from rungwise.simulation.trajectory import load as load_run
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Code", "InvalidScene", "ModelError", "Outcome", "Run",
-    "Rung", "Scene", "SceneError", "Simulation", "load", "load_run", "schema", "shipped", "simulate",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Code", "ContactSolution", "InvalidScene", "ModelError",
+    "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status", "load", "load_run",
+    "schema", "shipped", "simulate", "solve",
 ]  # fmt: skip
 __version__ = "0.1.0"
