@@ -1,18 +1,18 @@
 """Proofs that a problem has no solution, and their independent check.
 
-For every mode of a set that covers all solutions there is a vector p of multipliers of the rates y = A x + b:
-where the mode's laws say y_i = 0 it is free, where y_i >= 0 or y_i <= 0 it has that sign, elsewhere it is 0.
-Then p . y >= 0 for every solution in that mode. If also p . y <= p . b + p . A x < 0 for all x that the mode
-allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex Analysis, 1970, section 22).
+A mode says of some laws which of their pieces holds, and leaves the others at their convex hull. Modes are
+the leaves of a tree, and together they cover all solutions. For each there is a vector p of multipliers of
+the rates y = A x + b: where the mode says y_i = 0 it is free, where y_i >= 0 or y_i <= 0 it has that sign,
+elsewhere it is 0. So p . y >= 0 for every solution in the mode; and if p . b + p . A x < 0 for all x that the
+mode allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex Analysis, 1970, section 22).
+
 In floating point a remainder `left` multiplies x, and what is proved is that no solution has a scaled norm
 below gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -22,10 +22,10 @@ from rungwise.contact.system import System
 REACH = 1e6
 _ROUNDING = 2.0**-50
 
-COVER = 0
-"""The one mode that covers everything: each law's convex hull."""
-OPEN, CLOSED = 1, 2
-"""A contact's modes: no force, or no normal rate."""
+HULL = 0
+"""A law's convex hull: in the cone and y_n >= 0; within limits."""
+OPEN, CLOSED, STICK, FORWARD, BACKWARD = 1, 2, 3, 4, 5
+"""A contact's pieces. FORWARD slips along the tangent. In space CLOSED, y_n = 0, is not divided further."""
 LOWER, INSIDE, UPPER = 1, 2, 3
 """Another unknown's: at a limit, or between, where its rate is zero."""
 
@@ -34,89 +34,125 @@ Mode = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Infeasible:
-    """One vector p (N,) of the scaled system per mode; `kind` jammed or unsupported."""
+    """One vector p (N,) of the scaled system per mode; `kind` is jammed or unsupported."""
 
     kind: str
     modes: tuple[Mode, ...]
     vectors: tuple[Array, ...]
 
 
-def cover(system: System) -> Mode:
-    """The mode in which every law is its convex hull."""
-    return (COVER,) * (len(system.mu) + len(system.lower))
+def hull(system: System) -> Mode:
+    """The mode that says nothing: the root of the tree."""
+    return (HULL,) * (len(system.mu) + len(system.lower))
 
 
-def all_modes(system: System) -> Iterator[Mode]:
-    """Modes that together cover all solutions."""
-    others = [_modes_of(a, b) for a, b in zip(system.lower, system.upper, strict=True)]
-    return product(*[(OPEN, CLOSED)] * len(system.mu), *others)
-
-
-def mode_count(system: System) -> float:
-    count = 2.0 ** len(system.mu)
-    for a, b in zip(system.lower, system.upper, strict=True):
-        count *= len(_modes_of(a, b))
-    return count
-
-
-def _modes_of(lower: float, upper: float) -> tuple[int, ...]:
+def pieces(system: System, law: int, piece: int) -> tuple[int, ...]:
+    """What `piece` of a law (contacts first) divides into; empty when it does not."""
+    contacts = len(system.mu)
+    if law < contacts:
+        if piece == HULL:
+            return (OPEN, CLOSED)
+        if piece == CLOSED and system.directions == 2 and system.mu[law] > 0.0:
+            return (STICK, FORWARD, BACKWARD)
+        return ()
+    lower, upper = system.lower[law - contacts], system.upper[law - contacts]
+    if piece != HULL or (np.isneginf(lower) and np.isposinf(upper)):
+        return ()
     if lower == upper:
         return (LOWER,)
-    modes = [LOWER] if np.isfinite(lower) else []
-    modes.append(INSIDE)
-    return tuple(modes + ([UPPER] if np.isfinite(upper) else []))
+    ends = (LOWER,) * bool(np.isfinite(lower)) + (UPPER,) * bool(np.isfinite(upper))
+    return (INSIDE, *ends)
+
+
+def generators(system: System, k: int, piece: int, sides: int = 16) -> Array:
+    """Rays (g, d) whose cone holds all forces of contact k in the piece; exactly those, but in space."""
+    mu, d = system.mu[k], system.directions
+    if piece == OPEN:
+        return np.zeros((0, d))
+    if d == 1:
+        return np.ones((1, 1))
+    if d == 2:
+        slopes = {FORWARD: [-mu], BACKWARD: [mu]}.get(piece, [mu, -mu])
+        return np.array([[1.0, slope] for slope in slopes])
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    reach = mu / np.cos(np.pi / sides)
+    return np.column_stack([np.ones(sides), reach * np.cos(angle), reach * np.sin(angle)])
 
 
 def signs(system: System, mode: Mode) -> tuple[Array, Array]:
     """Least and greatest multiplier (N,) that the mode allows, as 0 or infinite."""
     s, d = system, system.directions
     least, most = np.zeros(s.size), np.zeros(s.size)
-    for k in range(len(s.mu)):
+    for k, piece in enumerate(mode[: len(s.mu)]):
         most[k * d] = np.inf
-        least[k * d] = -np.inf if mode[k] == CLOSED else 0.0
+        least[k * d] = 0.0 if piece in (HULL, OPEN) else -np.inf
+        if piece in (STICK, FORWARD):
+            most[k * d + 1] = np.inf
+        if piece in (STICK, BACKWARD):
+            least[k * d + 1] = -np.inf
     for j, (a, b) in enumerate(zip(s.lower, s.upper, strict=True)):
-        i, own = s.rows + j, mode[len(s.mu) + j]
-        if own == INSIDE or (own == COVER and np.isneginf(a) and np.isposinf(b)):
-            least[i], most[i] = -np.inf, np.inf
-        elif (own == LOWER and a < b) or (own == COVER and np.isposinf(b)):
+        i, piece = s.rows + j, mode[len(s.mu) + j]
+        if piece == INSIDE or (a < b and (piece == LOWER or (piece == HULL and np.isposinf(b)))):
             most[i] = np.inf
-        elif (own == UPPER and a < b) or (own == COVER and np.isneginf(a)):
+        if piece == INSIDE or (a < b and (piece == UPPER or (piece == HULL and np.isneginf(a)))):
             least[i] = -np.inf
     return least, most
 
 
-def range_of(system: System, mode: Mode) -> tuple[Array, Array]:
+def limits(system: System, mode: Mode) -> tuple[Array, Array]:
     """Limits of the other unknowns (m,) in the mode."""
-    own = np.array(mode[len(system.mu) :], int)
-    lower = np.where(own == UPPER, system.upper, system.lower)
-    return lower, np.where(own == LOWER, system.lower, system.upper)
+    piece = np.array(mode[len(system.mu) :], int)
+    return (
+        np.where(piece == UPPER, system.upper, system.lower),
+        np.where(piece == LOWER, system.lower, system.upper),
+    )
 
 
 def check(system: System, proof: Infeasible) -> bool:
     """Whether `proof` shows that the system has no solution of scaled norm below `REACH`."""
-    if not proof.vectors or len(proof.modes) != len(proof.vectors):
+    if len(proof.modes) != len(proof.vectors) or not _covers(system, hull(system), proof.modes):
         return False
-    covered = proof.modes == (cover(system),) or proof.modes == tuple(all_modes(system))
-    return covered and all(map(lambda mode, p: _excludes(system, mode, p), proof.modes, proof.vectors))
+    return all(_excludes(system, mode, p) for mode, p in zip(proof.modes, proof.vectors, strict=True))
+
+
+def _covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
+    """Whether the leaves are what `mode` divides into, one law at a time."""
+    if mode in leaves:
+        return True
+    for law, piece in enumerate(mode):
+        parts = pieces(system, law, piece)
+        if parts and all(leaf[law] != piece for leaf in leaves):
+            below = {part: tuple(x for x in leaves if _within(system, law, x[law], part)) for part in parts}
+            return all(
+                bool(below[part]) and _covers(system, (*mode[:law], part, *mode[law + 1 :]), below[part])
+                for part in parts
+            )
+    return False
+
+
+def _within(system: System, law: int, piece: int, part: int) -> bool:
+    return piece == part or piece in pieces(system, law, part)
 
 
 def _excludes(system: System, mode: Mode, p: Array) -> bool:
-    s, d, contacts = system, system.directions, len(system.mu)
+    s, d = system, system.directions
+    if p.shape != (s.size,) or not np.isfinite(p).all():
+        return False
     least, most = signs(s, mode)
-    if p.shape != (s.size,) or not np.isfinite(p).all() or (p < least).any() or (p > most).any():
+    if (p < least).any() or (p > most).any():
         return False
     A = s.matrix()
     pull = A.T @ p
     doubt = _ROUNDING * (abs(A).T @ np.abs(p))
     gain = -float(p @ s.b) - _ROUNDING * float(np.abs(p) @ np.abs(s.b))
     left = float(doubt.max(initial=0.0))
-    for k in range(contacts):
-        if mode[k] != OPEN:
-            own = pull[k * d : (k + 1) * d]
-            left = max(
-                left, own[0] + s.mu[k] * float(np.linalg.norm(own[1:])) + doubt[k * d : (k + 1) * d].sum()
-            )
-    lower, upper = range_of(s, mode)
+    for k, piece in enumerate(mode[: len(s.mu)]):
+        own = pull[k * d : (k + 1) * d]
+        if piece in (FORWARD, BACKWARD):
+            left = max(left, float((generators(s, k, piece) @ own).max()))
+        elif piece != OPEN:
+            left = max(left, own[0] + s.mu[k] * float(np.linalg.norm(own[1:])))
+    lower, upper = limits(s, mode)
     own = pull[s.rows :]
     bound = np.where(own > 0.0, upper, lower)
     inside = np.isfinite(bound)

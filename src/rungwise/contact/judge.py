@@ -17,7 +17,7 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms. The others tell where the fault is, in the problem's
+    imbalance of a free row over the sum of its terms, unit forces included. The others tell where the fault is, in the problem's
     own units: penetration [velocity] the greatest -u_n; cone [force] the greatest |r_t| - mu r_n, or -r_n;
     complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
     |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
@@ -57,7 +57,7 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
     pull, slip = np.linalg.norm(r[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
     return Residuals(
         float(natural),
-        _imbalance(problem, x, y),
+        _imbalance(problem, system, x, y),
         float((-u[:, 0]).max(initial=0.0)),
         float(np.maximum(pull - problem.mu * r[:, 0], -r[:, 0]).max(initial=0.0)),
         float(np.abs(r[:, 0] * u[:, 0]).max(initial=0.0)),
@@ -66,10 +66,12 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
     )
 
 
-def _imbalance(problem: Problem, x: Array, y: Array) -> float:
-    """The largest |y| of a free row, over the sum of the row's terms."""
+def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
+    """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it."""
     free = problem.rows + np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper))
     if len(free) == 0:
         return 0.0
-    terms = abs(problem.A[free]) @ np.abs(x) + np.abs(problem.b[free])
+    size = np.abs(x)
+    size[system.kept] += system.force
+    terms = abs(problem.A[free]) @ size + np.abs(problem.b[free])
     return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())

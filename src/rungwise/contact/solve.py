@@ -6,12 +6,11 @@ from types import ModuleType
 
 import numpy as np
 
-from rungwise.contact.infeasibility import prove_infeasible
 from rungwise.contact.judge import judge
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solution import Attempt, ContactSolution, Status
-from rungwise.contact.solvers import gauss_seidel, newton, pivoting, proximal_point
+from rungwise.contact.solvers import branching, gauss_seidel, newton, pivoting, proximal_point
 from rungwise.contact.solvers.proximal_point import natural
 from rungwise.contact.system import System, scaled
 
@@ -49,7 +48,18 @@ def solve(
             raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
         x = given[system.kept] / system.force
     x, attempts = _run(chain, system, x, tol)
-    return _answer(problem, system, x, tol, attempts)
+    full = system.recover(x * system.force)
+    residuals, proof = judge(problem, system, full), None
+    if residuals.worst > tol:
+        found = branching.search(system, x, _MARGIN * tol)
+        attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
+        full, proof = system.recover(found.x * system.force), found.proof
+        residuals = judge(problem, system, full)
+    status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
+    if residuals.worst <= tol:
+        status, proof = Status.SOLVED, None
+    rates = problem.A @ full + problem.b
+    return ContactSolution(problem, status, full, rates, residuals, tol, tuple(attempts), proof)
 
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
@@ -60,11 +70,10 @@ def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
     return SOLVERS if names is None else tuple(known[name] for name in names)
 
 
-def _run(
-    chain: tuple[ModuleType, ...], system: System, x: Array, tol: float
-) -> tuple[Array, tuple[Attempt, ...]]:
+def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) -> tuple[Array, list[Attempt]]:
     """The best x that the chain came to, and who did what."""
-    least, attempts = natural(system, x), []
+    attempts: list[Attempt] = []
+    least = natural(system, x)
     for solver in chain:
         if least <= tol:
             break
@@ -74,21 +83,4 @@ def _run(
             if found < least:
                 x, least = trial, found
             attempts.append(Attempt(solver.NAME, iterations, least))
-    return x, tuple(attempts)
-
-
-def _answer(
-    problem: Problem, system: System, x: Array, tol: float, attempts: tuple[Attempt, ...]
-) -> ContactSolution:
-    full = system.recover(x * system.force)
-    residuals = judge(problem, system, full)
-    status, proof = Status.NOT_CONVERGED, None
-    if residuals.worst <= tol:
-        status = Status.SOLVED
-    else:
-        proof = prove_infeasible(system)
-        if proof is not None:
-            status = Status(proof.kind)
-    return ContactSolution(
-        problem, status, full, problem.A @ full + problem.b, residuals, tol, attempts, proof
-    )
+    return x, attempts

@@ -23,6 +23,7 @@ from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
+_NOTHING = 2.0**-49
 _ROUNDS = 10
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
@@ -162,9 +163,10 @@ def _eliminate_dense(
     A: Array, b: Array, kept: Ints, gone: Ints
 ) -> tuple[Array, Array, Callable[[Array], Array]] | None:
     own = A[np.ix_(gone, gone)]
-    s = 1.0 / np.sqrt(np.abs(own).max(axis=1, initial=0.0) * np.abs(own).max(axis=0, initial=0.0))
-    if not np.isfinite(s).all():
+    size = np.abs(own).max(axis=1, initial=0.0) * np.abs(own).max(axis=0, initial=0.0)
+    if not (size > 0.0).all():
         return None
+    s = size**-0.25
     factor, exchanges, _ = dgetrf(own * s[:, None] * s)
     pivots = np.abs(np.diag(factor))
     if not pivots.min() > _REGULAR * pivots.max():
@@ -210,7 +212,8 @@ def _schur(
     sparse = sp.issparse(A)
     rows = A[gone] if sparse else A[gone, :]
     back = A[kept][:, gone] if sparse else A[np.ix_(kept, gone)]
-    left = (A[kept][:, kept] if sparse else A[np.ix_(kept, kept)]) - back @ response
+    front = A[kept][:, kept] if sparse else A[np.ix_(kept, kept)]
+    left = _without_rounding(front - back @ response, front, back, response)
     offset = b[kept] - back @ solve(b[gone])
 
     def recover(x: Array) -> Array:
@@ -221,3 +224,17 @@ def _schur(
         return full
 
     return left, offset, recover
+
+
+def _without_rounding(left: Matrix, front: Matrix, back: Matrix, response: Matrix) -> Matrix:
+    """`left` less the entries that are nothing beside the terms of which the diagonal was made."""
+    product = abs(back) * abs(response.T)
+    terms = np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
+    least = np.sqrt(_NOTHING * terms)
+    if not sp.issparse(left):
+        return np.where(np.abs(left) > least[:, None] * least, left, 0.0)
+    entries = sp.coo_array(left)
+    row, column = entries.coords
+    entries.data[np.abs(entries.data) <= least[row] * least[column]] = 0.0
+    entries.eliminate_zeros()
+    return sp.csr_array(entries)
