@@ -10,6 +10,8 @@ from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
 
+_ROUNDING = 2.0**-54
+
 
 @dataclass(frozen=True)
 class Residuals:
@@ -17,9 +19,9 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms, unit forces included. The others tell where the fault is, in the problem's
-    own units: penetration [velocity] the greatest -u_n; cone [force] the greatest |r_t| - mu r_n, or -r_n;
-    complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
+    imbalance of a free row over the sum of its terms, unit forces included. The others tell where the fault
+    is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
+    |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
     |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
     """
 
@@ -53,10 +55,12 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
         system.upper,
         np.empty(len(kept)),
     )
+    # What rounding leaves in the rates: no residual is known better than that.
+    doubt = _ROUNDING * float(np.linalg.norm((abs(problem.A) @ np.abs(x))[kept] / system.rate))
     r, u = x[:rows].reshape(-1, d), y[:rows].reshape(-1, d)
     pull, slip = np.linalg.norm(r[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
     return Residuals(
-        float(natural),
+        max(float(natural), doubt),
         _imbalance(problem, system, x, y),
         float((-u[:, 0]).max(initial=0.0)),
         float(np.maximum(pull - problem.mu * r[:, 0], -r[:, 0]).max(initial=0.0)),

@@ -2,7 +2,8 @@
 
 For contacts it is x - P(x - yhat), P the Euclidean projection on the friction cone |x_t| <= mu x_n and yhat
 the rate with mu |y_t| added to its normal part, which turns maximum dissipation and Signorini's law into one
-complementarity of a cone and its dual; for the others x - clip(x - y, lower, upper). Source: De Saxce and
+complementarity of a cone and its dual; for the others x - clip(x - y, lower, upper), computed
+without the difference where that is y. Source: De Saxce and
 Feng, Math. Comput. Modelling 28 (1998) 225-245.
 """
 
@@ -21,7 +22,8 @@ def natural_map(x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Real
         contact_map(x, y, mu[k], d, k * d, out)
     for j in range(len(lower)):
         i = rows + j
-        out[i] = x[i] - min(max(x[i] - y[i], lower[j]), upper[j])
+        ahead = x[i] - y[i]
+        out[i] = x[i] - lower[j] if ahead < lower[j] else x[i] - upper[j] if ahead > upper[j] else y[i]
     for i in range(rows + len(lower)):
         total += out[i] * out[i]
     return math.sqrt(total)

@@ -11,7 +11,7 @@ from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import branching, gauss_seidel, newton, pivoting, proximal_point
-from rungwise.contact.solvers.proximal_point import natural
+from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
 
 SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, newton, proximal_point)

@@ -5,8 +5,8 @@ linear program (HiGHS, through scipy) either finds multipliers that exclude the 
 that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Source: Land
 and Doig, Econometrica 28 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11
 (1990) 281-292. Accepts: everything; it goes beyond the root up to `LARGEST` unknowns. Promises: at most
-`NODES` linear programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a
-proof only where the hulls and open or closed contacts give one.
+`NODES` linear programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space
+a proof only where hulls, and contacts open or closed, give one.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import scipy.sparse as sp
 
 from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
 from rungwise.contact.mixed import Array
-from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers import newton
-from rungwise.contact.solvers.gauss_seidel import rates
+from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.system import System
 
 NAME = "branching"
@@ -45,7 +44,7 @@ class Found(NamedTuple):
 
 def search(system: System, start: Array, tol: float) -> Found:
     """A solution within tol, or a checked proof that there is none, or the best of what was met."""
-    best, least = start, _natural(system, start)[0]
+    best, least = start, natural(system, start)
     if system.size > LARGEST_ROOT:
         return Found(best, least, 0, None)
     waiting, leaves, vectors, proving = [hull(system)], [], [], True
@@ -59,7 +58,7 @@ def search(system: System, start: Array, tol: float) -> Found:
         elif system.size <= LARGEST and x is not None:
             trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS)
             for candidate in (x, trial):
-                found = _natural(system, candidate)[0]
+                found = natural(system, candidate)
                 if found < least:
                     best, least = candidate, found
             divided = _divide(system, mode, x)
@@ -84,9 +83,9 @@ def _kind(system: System, vectors: list[Array]) -> str:
 
 def _divide(system: System, mode: Mode, x: Array) -> list[Mode]:
     """Children by the law that x violates most, the likeliest last."""
-    size = _natural(system, x)[1]
+    size = natural_parts(system, x)
     d, contacts = system.directions, len(system.mu)
-    worst = [*np.abs(size[: system.rows]).reshape(-1, d).max(axis=1), *np.abs(size[system.rows :])]
+    worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
     for law in sorted(range(len(mode)), key=lambda law: -worst[law]):
         parts = pieces(system, law, mode[law])
         if parts:
@@ -96,15 +95,8 @@ def _divide(system: System, mode: Mode, x: Array) -> list[Mode]:
     return []
 
 
-def _natural(system: System, x: Array) -> tuple[float, Array]:
-    s, y, out = system, np.empty(system.size), np.empty(system.size)
-    rates(s.row_start, s.column, s.value, s.b, 0.0, x, y)
-    found = natural_map(x, y, s.mu, s.directions, s.lower, s.upper, out)
-    return (found if np.isfinite(found) else np.inf), out
-
-
 def _separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
-    """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, the program's dual."""
+    """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 
     s = system

@@ -17,6 +17,7 @@ import numpy as np
 
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
+from rungwise.contact.solvers.measure import rates
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -96,16 +97,6 @@ def sweep_until(
                 return done
             before = least
     return patience
-
-
-@kernel
-def rates(row_start: Ints, column: Ints, value: Reals, b: Reals, shift: float, x: Reals, y: Reals) -> None:
-    """y = (A + shift) x + b."""
-    for i in range(len(b)):
-        total = b[i] + shift * x[i]
-        for k in range(row_start[i], row_start[i + 1]):
-            total += value[k] * x[column[k]]
-        y[i] = total
 
 
 @kernel

@@ -20,7 +20,7 @@ from scipy.linalg.lapack import dgesv, dposv
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
-from rungwise.contact.solvers.gauss_seidel import rates
+from rungwise.contact.solvers.measure import rates
 from rungwise.contact.system import System
 from rungwise.kernel import Reals, kernel
 

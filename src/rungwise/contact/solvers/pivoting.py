@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.mixed import Array
-from rungwise.contact.solvers.proximal_point import natural
+from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 

@@ -9,11 +9,9 @@ convergence where A is monotone and friction does not couple too strongly, howev
 
 from __future__ import annotations
 
-import numpy as np
-
 from rungwise.contact.mixed import Array
-from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers import gauss_seidel, newton
+from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
@@ -50,12 +48,3 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         else:
             weight = min(weight * _HARDER, _HEAVIEST)
     return best, _OUTER
-
-
-def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
-    """Residual of x (N,) in the system A + shift with offset b."""
-    s = system
-    y = np.empty(s.size)
-    gauss_seidel.rates(s.row_start, s.column, s.value, s.b if b is None else b, shift, x, y)
-    found = natural_map(x, y, s.mu, s.directions, s.lower, s.upper, np.empty(s.size))
-    return found if np.isfinite(found) else np.inf
