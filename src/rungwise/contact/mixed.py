@@ -53,8 +53,7 @@ class Problem:
     velocities: int = 0
 
     def __post_init__(self) -> None:
-        if self.directions not in (1, 2, 3):
-            raise ValueError(f"directions: must be 1, 2 or 3, not {self.directions!r}")
+        _known(self.directions)
         for name in ("b", "mu", "lower", "upper"):
             object.__setattr__(self, name, vector(name, getattr(self, name), finite=name in ("b", "mu")))
         object.__setattr__(self, "A", matrix("A", self.A))
@@ -83,6 +82,7 @@ class Problem:
     @classmethod
     def local(cls, W: Matrix, q: ArrayLike, mu: ArrayLike, directions: int = 3) -> Problem:
         """u = W r + q: W (k d, k d) the Delassus matrix, symmetric or not, q (k d,), mu (k,)."""
+        _known(directions)
         W, q, mu = matrix("W", W), vector("q", q), vector("mu", mu)
         _sized("q", q, directions * len(mu))
         _shaped("W", W, (len(q), len(q)))
@@ -109,6 +109,7 @@ class Problem:
         H (n, n) may be singular; c (n,); W (k d, n); w (k d,); R (k d, k d); S (b, n); w_s, R_s, F (b,), and
         an infinite F (the default) is a joint. Unknowns are x = (r, v, tau).
         """
+        _known(directions)
         H, c, W, w, mu = matrix("H", H), vector("c", c), matrix("W", W), vector("w", w), vector("mu", mu)
         n, rows = len(c), directions * len(mu)
         tau_offset = vector("w_s", w_s)
@@ -199,6 +200,11 @@ def matrix(name: str, value: Matrix) -> Matrix:
     if not np.isfinite(entries).all():
         raise ValueError(f"{name}: has entries that are not finite numbers")
     return made
+
+
+def _known(directions: int) -> None:
+    if directions not in (1, 2, 3):
+        raise ValueError(f"directions: must be 1, 2 or 3, not {directions!r}")
 
 
 def _shaped(name: str, value: Matrix, shape: tuple[int, int]) -> None:

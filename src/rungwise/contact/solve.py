@@ -10,11 +10,24 @@ from rungwise.contact.judge import judge
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solution import Attempt, ContactSolution, Status
-from rungwise.contact.solvers import branching, gauss_seidel, newton, pivoting, proximal_point
+from rungwise.contact.solvers import (
+    branching,
+    gauss_seidel,
+    interior_point,
+    newton,
+    pivoting,
+    proximal_point,
+)
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
 
-SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, newton, proximal_point)
+SOLVERS: tuple[ModuleType, ...] = (
+    gauss_seidel,
+    pivoting,
+    newton,
+    interior_point,
+    proximal_point,
+)
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
 TOLERANCE = 1e-9
 _MARGIN = 0.3

@@ -23,7 +23,7 @@ from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "gauss-seidel"
 SWEEPS = 400
-_PATIENCE = 4000
+_PATIENCE = 1000
 _CHECK = 10
 
 

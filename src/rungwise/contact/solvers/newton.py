@@ -6,7 +6,7 @@ shortened until |F| decreases; where the Jacobian is singular or the step leads 
 and Marquardt, damped by |F|, are tried instead. Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng.
 92 (1991) 353-375; Qi and Sun, Math. Program. 58 (1993) 353-367; Fan and Yuan, Computing 74 (2005) 23-39.
 Accepts: everything: mixed forms with singular H, nonsymmetric, dense or sparse. Promises: |F| never grows;
-locally quadratic convergence, also to one of many solutions; from afar it may stall.
+locally quadratic convergence, also to one of many solutions; from afar it may stall, and then ends early.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rungwise.kernel import Reals, kernel
 NAME = "newton"
 _STEPS = 40
 _DENSE = 300
-_HALVINGS = 7
+_HALVINGS, _WINDOW = 7, 5
 _DAMPING = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 
 
@@ -59,10 +59,14 @@ def descend(
         rates(s.row_start, s.column, s.value, b, shift, x, y)
         return alart_curnier(x, y, s.mu, s.directions, s.lower, s.upper, rho, F, derivative)
 
-    size = merit(x)
+    size = earlier = merit(x)
     for done in range(steps):
         if size <= tol or not math.isfinite(size):
             return x, done
+        if done and done % _WINDOW == 0:
+            if size > 0.5 * earlier:
+                return x, done
+            earlier = size
         J = _jacobian(system, A, derivative, rho, shift)
         found = _step(J, F.copy(), x, size, merit)
         if found is None:

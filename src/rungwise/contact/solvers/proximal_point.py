@@ -15,7 +15,8 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
-_OUTER, _INNER, _SWEEPS = 60, 25, 20
+_OUTER, _OUTER_LARGE, _LARGE = 60, 15, 600
+_INNER, _SWEEPS = 25, 20
 _WEIGHT, _EASIER, _HARDER = 1e-2, 0.2, 5.0
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
@@ -32,7 +33,8 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     x = best = start
     found = least = natural(s, start)
     weight = _WEIGHT
-    for done in range(_OUTER):
+    outer = _OUTER if s.size <= _LARGE else _OUTER_LARGE
+    for done in range(outer):
         if least <= tol:
             return best, done
         offset = s.b - weight * x
@@ -47,4 +49,4 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             weight = max(weight * _EASIER, _LIGHTEST)
         else:
             weight = min(weight * _HARDER, _HEAVIEST)
-    return best, _OUTER
+    return best, outer
