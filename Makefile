@@ -36,6 +36,7 @@ test: lint
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py
+	$(BIN)/python benchmarks/race.py
 
 lint: $(INSTALLED_DEV)
 	$(BIN)/ruff format --check .

@@ -223,7 +223,12 @@ for text in ("0", "0.49", "1.01", "nan", "inf", "-1"):
 for text in ("-0.1", "1.1", "nan", "inf"):
     WRONG.append((("sim", "two_finger", "--model", "dynamic-rigid", "--inertia", text), ("inertia", "0..1")))
 WRONG += [
-    ((*SIM, "--inertia", "0.5"), ("inertia",)),
+    ((*SIM, "--inertia", "0.5"), ("inertia: the kinematic rung has none", "quasistatic")),
+    ((*SIM, "--inertia", "7"), ("inertia: the kinematic rung has none",)),
+    (
+        ("sim", "two_finger", "--model", "geometric", "--inertia", "1"),
+        ("inertia: the geometric rung has none",),
+    ),
     ((*SIM, "--theta", "abc"), ("--theta",)),
     ((*SIM, "--step", "0.1", "--tol", "0.1"), ("step and tol",)),
 ]
@@ -272,6 +277,18 @@ def test_overlap_at_the_start(
 ) -> None:
     answer = rungwise("sim", scene_file(), "--model", model, "--set", "gap0=-0.25", "--out", tmp_path / "run")
     refused(answer, "bodies.finger: overlaps block by 0.25 at the start")
+    assert not (tmp_path / "run").exists()
+
+
+def test_check_finds_overlap_at_the_start(rungwise: Command, scene_file: Callable[..., Path]) -> None:
+    path = scene_file()
+    assert rungwise("check", path, "--set", "gap0=0").code == 0
+    for as_json in ((), ("--json",)):
+        refused(
+            rungwise("check", path, "--set", "gap0=-0.25", *as_json),
+            "bodies.finger: overlaps block by 0.25 at the start",
+        )
+    refused(rungwise("check", "two_finger", "--set", "travel=0.3"), "finger", "overlaps part", "at the start")
 
 
 def test_a_scene_from_a_file(rungwise: Command, scene_file: Callable[..., Path]) -> None:
@@ -311,6 +328,18 @@ def test_out_that_cannot_be_written(rungwise: Command, tmp_path: Path) -> None:
     ):
         refused(rungwise(*SIM, "--out", folder), "out: ", "cannot be written")
     assert blocked.read_text() == "kept"
+    assert list(tmp_path.iterdir()) == [blocked]
+
+
+@pytest.mark.parametrize("wrong", ["--model zzz", "--set zzz=1", "--theta 7", "--step 0", "--set travel=0.1"])
+def test_out_is_left_alone_when_there_is_nothing_to_write(
+    rungwise: Command, tmp_path: Path, wrong: str
+) -> None:
+    kept = tmp_path / "kept"
+    kept.mkdir()
+    for folder in (kept, tmp_path / "deep" / "run", tmp_path / "deep" / ".." / "run"):
+        refused(rungwise(*SIM, *wrong.split(), "--out", folder))
+    assert list(tmp_path.iterdir()) == [kept] and not list(kept.iterdir())
 
 
 @pytest.mark.skipif(
@@ -328,11 +357,11 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     # A shell that starts the tests in the background has them ignore the signal; so would the child.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);" + MAIN[-1]
-    command = [*MAIN[:-1], listening, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
+    telling = "from rungwise import cli; watch = cli._watch;"
+    telling += "cli._watch = lambda *a, **k: (print('running', flush=True), watch(*a, **k))[1];"
+    command = [*MAIN[:-1], telling + listening, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 300.0
-        while not folder.exists() and process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.05)
+        assert process.stdout is not None and process.stdout.readline() == "running\n"
         time.sleep(3.0)
         process.send_signal(signal.SIGINT)
         began = time.monotonic()

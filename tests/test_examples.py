@@ -71,6 +71,21 @@ def test_benchmark_measures_every_rung(
     assert all(row["steps_per_s"] > 0.0 for row in rows)
 
 
+def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    race = script("benchmarks/race.py", monkeypatch)
+    # Some of them fail on import where every warning is an error.
+    monkeypatch.setattr(race.peers, "peers", list)
+    assert race.main(["--json"], ratios=(0.4, 1.3), steps=(5e-3,), repeats=1) == 0
+    found = json.loads(capsys.readouterr().out)
+    own = {rung.name for rung in rw.LADDER if rung.moves}
+    assert own <= {row["engine"] for row in found["grasps"]}
+    assert all(row["wrong"] == 0 for row in found["grasps"] if row["engine"] in own)
+    slid = {row["engine"]: row for row in found["slidings"]}
+    assert slid["dynamic-rigid"]["creep"] < 1e-12 and slid["dynamic-rigid"]["lift"] < 1e-12
+    assert slid["dynamic-compliant"]["creep"] < 1e-5 and slid["dynamic-compliant"]["lift"] == 0.0
+    assert all(slid[name]["acceleration_error"] < 5e-3 for name in ("dynamic-rigid", "dynamic-compliant"))
+
+
 def test_python_of_the_readme_runs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -7,6 +7,7 @@ for model in rw.LADDER[1:]:
     print(model.name, run.outcome, run.worst_residual)
 """
 
+from rungwise.contact.closure import Closure, force_closure, form_closure
 from rungwise.contact.mixed import Problem
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
@@ -23,12 +24,15 @@ from rungwise.models.ladder import (
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
+from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
+from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Code", "ContactSolution", "InvalidScene", "ModelError",
-    "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status", "load", "load_run",
-    "schema", "shipped", "simulate", "solve",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
+    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status",
+    "Touching", "ViewError", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
+    "simulate", "solve", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -8,6 +8,7 @@ itself.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 import numba
@@ -38,16 +39,30 @@ class Block:
         words: list[int] = []
         typed: list[tuple[str, types.Type, int]] = []
         for name, value in fields.items():
-            typed.append((name, numba.typeof(value), len(words)))
+            typed.append((name, _type_of(value), len(words)))
             words += _header(value)
             object.__setattr__(self, name, value)
         table = np.array(words, np.int64)
         object.__setattr__(self, "_table", table)
         object.__setattr__(self, "_address", table.ctypes.data)
-        object.__setattr__(self, "_type", BlockType(type(self).__name__, tuple(typed)))
+        object.__setattr__(self, "_type", _block_type(type(self).__name__, tuple(typed)))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__}.{name} is fixed; write into the array instead")
+
+
+def _type_of(value: np.ndarray[Any, Any] | Block) -> types.Type:
+    if isinstance(value, Block):
+        return value._type  # type: ignore[attr-defined, no-any-return]
+    return _array_type(value.dtype, value.ndim, value.flags.writeable)
+
+
+@cache
+def _array_type(dtype: np.dtype[Any], ndim: int, writeable: bool) -> types.Type:
+    """Numba's type of a C-contiguous array; asking numba for each array would take most of a run's set-up."""
+    array = np.zeros((1,) * ndim, dtype)
+    array.flags.writeable = writeable
+    return numba.typeof(array)  # type: ignore[no-any-return]
 
 
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
@@ -56,7 +71,8 @@ def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
         return [value._address]  # type: ignore[attr-defined]
     if not value.flags.c_contiguous:
         raise TypeError("a block holds C-contiguous arrays only")
-    return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+    address = value.__array_interface__["data"][0]
+    return [0, 0, value.size, value.itemsize, address, *value.shape, *value.strides]
 
 
 class BlockType(types.Type):
@@ -71,6 +87,11 @@ class BlockType(types.Type):
             if name == attribute:
                 return field_type, word
         return None
+
+
+@cache
+def _block_type(name: str, fields: tuple[tuple[str, types.Type, int], ...]) -> BlockType:
+    return BlockType(name, fields)
 
 
 @typeof_impl.register(Block)

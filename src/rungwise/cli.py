@@ -5,12 +5,11 @@ Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interru
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -76,19 +75,9 @@ def _print(text: str) -> None:
 
 
 def _print_json(value: object, indent: int | None = None) -> None:
-    _print(json.dumps(_finite(value), indent=indent, allow_nan=False))
+    from rungwise.plain import json_text
 
-
-def _finite(value: object) -> object:
-    """The same with null for infinity and NaN, which JSON does not have."""
-    match value:
-        case dict():
-            return {key: _finite(item) for key, item in value.items()}
-        case list() | tuple():
-            return [_finite(item) for item in value]
-        case float() if not math.isfinite(value):
-            return None
-    return value
+    _print(json_text(value, indent))
 
 
 @contextmanager
@@ -140,11 +129,18 @@ def scenes(
 @app.command()
 def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
+    from rungwise.models.ladder import KINEMATIC
+    from rungwise.outcome import Code
     from rungwise.report.describe import describe, describe_text
+    from rungwise.simulation.run import Simulation
 
     with _plain_errors():
         loaded = _load(scene)
-        report = describe(loaded, _parameters(loaded, values))
+        parameters = _parameters(loaded, values)
+        report = describe(loaded, parameters)
+        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3)
+    if start.outcome == Code.INVALID:
+        _refuse(start.reason)
     _print_json(report) if as_json else _print(describe_text(report))
     return 0
 
@@ -271,6 +267,73 @@ def solve(
     return 0 if solution.status is Status.SOLVED else 1
 
 
+@app.command()
+def view(
+    sources: Annotated[
+        list[str], typer.Argument(metavar="DIR|SCENE...", help="Folders that sim --out wrote, or one scene.")
+    ],
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--model", help="Rung to run the scene on; may be repeated. All that move if not given."
+        ),
+    ] = None,
+    values: SetOption = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Animation in one file, for a browser.")] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="Strip of frames.")] = None,
+    gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
+    frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
+    at: Annotated[
+        float | None,
+        typer.Option("--at", parser=_number, metavar="NUMBER", help="Time of the one frame in the PNG."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Draw saved runs, or a scene's runs on several rungs over each other; SCENE.html if no file is named."""
+    from rungwise.viewing.view import ViewError
+    from rungwise.viewing.view import view as draw
+
+    folders = [Path(source) for source in sources if Path(source).is_dir()]
+    runs: list[Run] = []
+    if folders and (len(folders) < len(sources) or model or values):
+        _refuse("view: give folders of saved runs, or one scene with --model and --set")
+    if not folders:
+        if len(sources) > 1:
+            _refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
+        runs = _runs(sources[0], model, values)
+    try:
+        written = draw(folders or runs, html=html, png=png, gif=gif, frames=frames, at=at)
+    except ViewError as error:
+        _refuse(str(error))
+    outcomes = [{"model": run.model.name, "outcome": str(run.outcome)} for run in runs]
+    if as_json:
+        _print_json({"files": [str(file) for file in written], "runs": outcomes})
+    else:
+        _print(
+            "\n".join(
+                [*(f"{o['model']}: {o['outcome']}" for o in outcomes), *(f"wrote {f}" for f in written)]
+            )
+        )
+    return 0
+
+
+def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[Run]:
+    """The scene's run on each of the rungs, for pictures."""
+    from rungwise.models.ladder import LADDER
+    from rungwise.simulation.run import simulate
+
+    with _plain_errors():
+        scene = _load(source)
+        parameters = _parameters(scene, values)
+        _announce_compilation()
+        chosen = models or [rung.name for rung in LADDER if rung.moves]
+        runs = [simulate(scene, name, parameters=parameters) for name in chosen]
+    for run in runs:
+        if run.outcome.name == "invalid":
+            _refuse(run.reason)
+    return runs
+
+
 def _load(source: str) -> Scene:
     from rungwise.scene import load
 
@@ -296,13 +359,19 @@ def _parameters(scene: Scene, values: list[str] | None) -> dict[str, float]:
 
 
 def _writable(folder: Path) -> None:
+    """Refuse a folder in which nothing can be written, by trying; what this makes is removed again."""
+    missing: list[Path] = []
     try:
+        missing = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         _refuse(f"out: {folder} cannot be written ({error.strerror or error})")
+    finally:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()
 
 
 def _announce_compilation() -> None:

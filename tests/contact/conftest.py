@@ -15,6 +15,7 @@ from rungwise.contact.solvers.enumerate_modes import solve_by_enumeration
 from rungwise.contact.solvers.lemke import solve_lemke
 from rungwise.contact.solvers.mode_newton import solve_by_modes
 from rungwise.contact.solvers.planar import TOLERANCE, matrix_size, solve_planar
+from rungwise.contact.solvers.proximal import solve_proximal
 
 Array = NDArray[np.float64]
 
@@ -103,18 +104,26 @@ def measure() -> Callable[..., float]:
 
 
 def _run(
-    solver: str, p: ContactProblem, mode: Sequence[int] | None = None, solves: int = 1
+    solver: str,
+    p: ContactProblem,
+    mode: Sequence[int] | None = None,
+    solves: int = 1,
+    forces: tuple[Array, Array] | None = None,
 ) -> tuple[int, Candidate]:
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
     size = matrix_size(n, contacts, limited)
     modes = np.ones(contacts + limited, np.int64) if mode is None else np.array(mode, np.int64)
-    out = (modes, np.zeros(n), np.zeros(2 * contacts), np.zeros(limited))
+    force, tau = forces or (np.zeros(2 * contacts), np.zeros(limited))
+    out = (modes, np.zeros(n), force.copy(), tau.copy())
     scratch = (np.zeros((size, size + 1)), np.zeros(size, np.int64))
     status = 0
     if solver == "planar":
         status, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
     elif solver == "lemke":
         status = solve_lemke(p, n, contacts, limited, *out)
+    elif solver == "proximal":
+        found = solve_proximal(p, n, contacts, limited, *out, *scratch, 0.1 * TOLERANCE)
+        status = int(found > TOLERANCE)
     elif solver == "modes":
         solve_by_modes(p, n, contacts, limited, *out, *scratch, solves)
     else:
@@ -125,5 +134,6 @@ def _run(
 
 @pytest.fixture
 def run() -> Solver:
-    """run("planar" | "lemke" | "modes" | "enumeration", problem, mode): (0 if solved, solution)."""
+    """run("planar" | "proximal" | "lemke" | "modes" | "enumeration", problem, mode, solves, (force, tau)):
+    (0 if solved, solution)."""
     return _run

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from rungwise.contact import certificate as module
 from rungwise.contact.certificate import Certificate, check
 from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.modes import ANY
 
 
 def walls(body, speed=-1.0):
@@ -61,7 +63,7 @@ def test_found_and_accepted(body, kind):
 def changed(found, row, vector):
     vectors = list(found.vectors)
     vectors[row] = vector
-    return Certificate(found.kind, tuple(vectors))
+    return replace(found, vectors=tuple(vectors))
 
 
 @pytest.mark.parametrize("kind", ["kinematic", "frictional"])
@@ -79,6 +81,21 @@ def test_an_unsupported_motion_must_not_move_joints_or_close_contacts(body):
     p, found = case(body, "unsupported")
     for x in (1e-2, -1e-2, np.nan):
         assert not check(p, changed(found, 0, found.vectors[0] + [x, 0.0]))
+
+
+def test_a_frictional_certificate_covers_every_mode(body):
+    p, found = case(body, "frictional")
+    assert len(found.modes) < 16
+    rows = range(len(found.modes))
+    for i in rows:
+        rest = [j for j in rows if j != i]
+        fewer = replace(
+            found, modes=tuple(found.modes[j] for j in rest), vectors=tuple(found.vectors[j] for j in rest)
+        )
+        assert not check(p, fewer)
+        assert not check(p, replace(found, modes=fewer.modes))
+        wider = tuple(ANY for _ in found.modes[i])
+        assert not check(p, replace(found, modes=(*found.modes[:i], wider, *found.modes[i + 1 :])))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -134,6 +151,20 @@ def test_unsupported_needs_more_than_the_drives_give(body):
     assert not check(p, found)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("value", [1e308, 5e-324, np.inf, np.nan])
+@pytest.mark.parametrize("name", ["H", "c", "W", "w"])
+def test_no_certificate_and_no_error_beyond_floating_point(body, kind, value, name):
+    p, _ = case(body, kind)
+    getattr(p, name)[...] = value
+    certify_infeasible(p)
+    certify_unsupported(p, np.zeros_like(p.H))
+    certify_unsupported(p, p.H)
+    if not np.isfinite(value):
+        assert certify_infeasible(p) is None or name in "Hc"
+        assert certify_unsupported(p, np.zeros_like(p.H)) is None or name == "H"
+
+
 def test_the_checker_imports_no_solver():
     tree = ast.parse(inspect.getsource(module))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
@@ -141,4 +172,4 @@ def test_the_checker_imports_no_solver():
         node.module if isinstance(node, ast.ImportFrom) else a.name for node in nodes for a in node.names
     }
     ours = {"rungwise.contact.modes", "rungwise.contact.problem"}
-    assert names == {"__future__", "dataclasses", "numpy", "numpy.typing"} | ours
+    assert names == {"__future__", "collections.abc", "dataclasses", "numpy", "numpy.typing"} | ours

@@ -46,7 +46,7 @@ def pressed(stiffness: float, damping: float) -> rw.Scene:
 
 
 def height(stiffness: float, damping: float, time: float) -> float:
-    return 1.0 + exact(lambda t, y: [y[1], -10.0 - stiffness * y[0] - damping * y[1]], [0.0, 0.0], time)
+    return 1.0 + exact(lambda _, y: [y[1], -10.0 - stiffness * y[0] - damping * y[1]], [0.0, 0.0], time)
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def pendulum(speed: float = 0.7) -> rw.Scene:
 def swung(time: float) -> float:
     """Angle of the pendulum."""
     about_pivot = 0.3 + 2.0 * 0.5**2
-    return exact(lambda t, y: [y[1], -2.0 * 9.81 * 0.5 * math.cos(y[0]) / about_pivot], [0.0, 0.7], time)
+    return exact(lambda _, y: [y[1], -2.0 * 9.81 * 0.5 * math.cos(y[0]) / about_pivot], [0.0, 0.7], time)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_order_on_springs_and_damping(theta: float, expected: float, limit: floa
     """A servo with a constant target, on a support with drag; a limit that is not met changes nothing."""
     servo = {"kind": "servo", "stiffness": 50.0, "damping": 2.0, "target": 0.4, "limit": limit}
     scene = slider(damping=3.0, speed=1.0, drive=servo)
-    reference = exact(lambda t, y: [y[1], (50.0 * (0.4 - y[0]) - 5.0 * y[1]) / 2.0], [0.0, 1.0], 1.0)
+    reference = exact(lambda _, y: [y[1], (50.0 * (0.4 - y[0]) - 5.0 * y[1]) / 2.0], [0.0, 1.0], 1.0)
     errors = [
         abs(
             rw.simulate(scene, rw.DYNAMIC_COMPLIANT, step=h, theta=theta, frames=3).final["body"]["s"]

@@ -201,3 +201,33 @@ def test_inertia_lies_between_the_rungs() -> None:
     for fixed in (rw.KINEMATIC, rw.GEOMETRIC):
         with pytest.raises(ValueError, match="inertia"):
             fixed.with_inertia(0.5)
+
+
+def test_coupled_stiffness_of_a_contact() -> None:
+    """A disc pressed on a floor with full K: at rest the deformation is K^-1 times the force."""
+    disc = {
+        "role": "object",
+        "mass": 1.0,
+        "inertia": 1.0,
+        "shape": {"kind": "disc", "radius": 1.0},
+        "pose": {"y": 1.0},
+        "motion": {"kind": "free"},
+        "force": [2.0, 0.0],
+        "torque": 2.0,
+    }
+    contact = {"between": ["disc", "floor"], "friction": 2.0, "stiffness": 4e3, "damping": 80.0}
+    contact |= {"tangential_stiffness": 2e3, "coupling_stiffness": 1e3, "coupling_damping": 10.0}
+    bodies = {"disc": disc, "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}}}
+    data = {"name": "coupled", "gravity": [0, -10], "bodies": bodies, "contacts": [contact], "duration": 6.0}
+    data["step"] = 2e-3
+    run = rw.simulate(data, rw.DYNAMIC_COMPLIANT)
+    assert run.worst_residual <= 1e-8
+    force = run.trajectory.contact_force.values[-1, 0]
+    assert force == pytest.approx([10.0, -2.0], abs=2e-3)
+    sunk = np.linalg.solve([[4e3, 1e3], [1e3, 2e3]], force)
+    assert run.final["disc"]["y"] == pytest.approx(1.0 - sunk[0], abs=1e-6)
+    # The contact point has moved by -sunk[1]: what the disc went and what it turned.
+    assert run.final["disc"]["x"] + run.final["disc"]["angle"] == pytest.approx(-sunk[1], abs=1e-4)
+    contact["coupling_stiffness"] = 3e3
+    with pytest.raises(rw.SceneError, match="contacts between disc and floor: coupling must be below"):
+        rw.load(data).bind()

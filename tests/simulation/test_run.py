@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
+import time
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +14,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation import trajectory
+from rungwise.simulation import loop, trajectory
 from rungwise.simulation.run import ModelError, Simulation
 
 from .conftest import MOVING
@@ -110,15 +114,85 @@ def test_prescribed_speed_into_a_wall_jams(model: rw.Rung) -> None:
     ],
 )
 def test_options_that_are_not_accepted(options: dict[str, Any], named: str) -> None:
-    with pytest.raises(ModelError, match=named):
+    with pytest.raises(ModelError, match=f"^{named}: must be"):
         rw.simulate("two_finger", rw.DYNAMIC_RIGID, **options)
+
+
+@pytest.mark.parametrize("option", ["step", "tol", "duration", "theta", "frames", "stride"])
+@pytest.mark.parametrize(
+    "value", ["a", "1", "a\nb", True, [1.0], {}, b"1", 1j, np.array([1.0]), 10**400, object()], ids=ascii
+)
+def test_options_of_the_wrong_type(option: str, value: object) -> None:
+    with pytest.raises(ModelError) as caught:
+        Simulation("two_finger", rw.DYNAMIC_RIGID, **{option: value})  # type: ignore[arg-type]
+    name = "time" if option == "duration" else option
+    assert str(caught.value).startswith(f"{name}: must be a ") and str(caught.value).isprintable()
+
+
+def test_options_that_are_too_many_or_of_no_value() -> None:
+    for options in (
+        {"theta": None},
+        {"frames": None},
+        {"frames": 3.5},
+        {"frames": 10**12},
+        {"stride": 10**30},
+    ):
+        with pytest.raises(ModelError, match=f"^{next(iter(options))}: must be a "):
+            Simulation("two_finger", rw.DYNAMIC_RIGID, **options)  # type: ignore[arg-type]
+
+
+def test_options_of_other_number_types() -> None:
+    options = {
+        "duration": np.float32(0.5),
+        "theta": np.float64(0.5),
+        "frames": np.int64(3),
+        "step": Fraction(1, 64),
+    }
+    run = rw.simulate("two_finger", rw.DYNAMIC_COMPLIANT, **options)
+    assert run.time == 0.5 and run.steps == 32 and run.trajectory.sizes["time"] <= 3
+
+
+def test_what_does_not_fit_into_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    def allocate(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("rungwise.simulation.run.allocate", allocate)
+    with pytest.raises(
+        ModelError, match=r"frames: 2000 states and 2 pairs of shapes .* do not fit into memory"
+    ):
+        Simulation("two_finger", rw.DYNAMIC_RIGID)
 
 
 def test_models_that_are_not_accepted() -> None:
     with pytest.raises(ModelError, match="geometric"):
         rw.simulate("two_finger", rw.GEOMETRIC)
-    with pytest.raises(ModelError, match="quasistatic-rigid"):
-        rw.simulate("two_finger", "rigid")
+    for model in ("rigid", "", None, 5, np.array(["kinematic"]), ["kinematic"]):
+        with pytest.raises(ModelError, match=r"^model: unknown .*quasistatic-rigid"):
+            rw.simulate("two_finger", model)  # type: ignore[arg-type]
+
+
+def test_inertia_that_is_not_accepted() -> None:
+    for rung in (rw.KINEMATIC, rw.GEOMETRIC):
+        with pytest.raises(ValueError, match=f"^inertia: the {rung.name} rung has none"):
+            rung.with_inertia(0.5)
+    for value in (-0.1, 1.1, math.nan, "a", None, True):
+        with pytest.raises(ValueError, match=r"^inertia: must be a number in 0..1, not "):
+            rw.DYNAMIC_RIGID.with_inertia(value)  # type: ignore[arg-type]
+    assert rw.DYNAMIC_RIGID.with_inertia(0.5).inertia == 0.5
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+@pytest.mark.parametrize("tiny", [1e-300, 5e-324])
+@pytest.mark.parametrize("option", ["tol", "step"])
+def test_demands_that_numbers_cannot_meet(model: rw.Rung, option: str, tiny: float) -> None:
+    """They end the run with a verdict or leave it going, and never raise."""
+    for scene in rw.shipped():
+        simulation = Simulation(scene, model, **{option: tiny})  # type: ignore[arg-type]
+        simulation._turn = 30
+        simulation.advance()
+        run = simulation.result()
+        assert run.outcome.name in ("not_converged", "running")
+        assert "(residual " in run.reason or run.outcome.name == "running"
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)
@@ -312,3 +386,79 @@ def test_long_steps_notice_a_condition_within_a_nominal_step(model: rw.Rung) -> 
     run = rw.simulate(scene, model, tol=1e-3)
     assert run.outcome.name == "goal" and run.steps < 100
     assert 3.7003 <= run.time <= 3.7003 + 1e-3
+
+
+FIELDS = {
+    "speed": {"kind": "speed", "speed": "{}"},
+    "force": {"kind": "force", "force": "{}"},
+    "target": {"kind": "servo", "stiffness": 1.0, "target": "{}"},
+    "target_speed": {"kind": "servo", "stiffness": 1.0, "target": 0.0, "target_speed": "{}"},
+}
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+@pytest.mark.parametrize("options", [{"step": 1 / 64}, {"tol": 1e-3}, {"tol": 1e-3, "theta": 0.5}], ids=str)
+@pytest.mark.parametrize("field", FIELDS)
+def test_numbers_of_time_that_stop_being_finite(
+    model: rw.Rung, options: dict[str, float], field: str
+) -> None:
+    drive = {
+        name: text.format("sqrt(0.5 - t)") if type(text) is str else text
+        for name, text in FIELDS[field].items()
+    }
+    run = rw.simulate(slider({"drive": drive, "damping": 1.0}), model, **options)
+    assert run.outcome.name == "invalid"
+    assert run.reason.startswith(
+        f"bodies.block.coordinates.s.drive.{field}: must be finite, not nan, at t = 0.5"
+    )
+    assert 0.5 - run.time <= 1 / 64 and run.trajectory.sizes["time"] > 1
+
+
+def test_a_load_that_stops_being_finite() -> None:
+    scene = slider({}).file.model_dump(mode="json")
+    scene["bodies"]["block"]["force"] = ["log(0.25 - t)", 0]
+    run = rw.simulate(rw.load(scene), rw.DYNAMIC_RIGID, step=1 / 64)
+    assert run.outcome.name == "invalid"
+    assert run.reason == "bodies.block.force.0: must be finite, not -inf, at t = 0.25"
+
+
+def test_a_speed_without_bound_is_seen_where_it_is_met() -> None:
+    scene = slider({"drive": {"kind": "speed", "speed": "1 / (t - 0.5)"}, "lower": -1e3})
+    for step, theta, before in ((1 / 64, 1.0, 31 / 64), (0.2, 0.5, 0.4)):
+        run = rw.simulate(scene, rw.DYNAMIC_COMPLIANT, step=step, theta=theta)
+        assert run.outcome.name == "invalid" and run.time == before
+        assert run.reason == "bodies.block.coordinates.s.drive.speed: must be finite, not inf, at t = 0.5"
+
+
+def test_goal_before_a_number_stops_being_finite() -> None:
+    """A long step that would reach past the end of what is defined is cut, not refused."""
+    scene = slider(
+        {"drive": {"kind": "speed", "speed": "0.2 + 0 * sqrt(0.5 - t)"}},
+        duration=10.0,
+        goal="block.s >= 0.0995",
+    )
+    assert rw.simulate(scene, rw.KINEMATIC, tol=1e-2).outcome.name == "goal"
+
+
+def test_wall_time_is_without_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first call, which compiles, is over before the clock starts."""
+    simulation = Simulation("two_finger", rw.KINEMATIC)
+    now, spent = [0.0], [60.0, 1.0, 1.0]
+    advance = loop.advance
+
+    def slow(*arguments: object) -> int:
+        now[0] += spent.pop(0)
+        return int(advance(*arguments))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(loop, "advance", slow)
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    simulation.advance()
+    assert simulation.result().wall_s == 1.0
+
+
+def test_summaries_are_json_without_nan(tmp_path: Path) -> None:
+    run = rw.simulate("two_finger", rw.KINEMATIC, duration=0.01)
+    broken = dataclasses.replace(run, worst_residual=math.inf, parameters={"v1": math.nan})
+    text = (broken.save(tmp_path) / trajectory.SUMMARY).read_text()
+    read = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+    assert read["worst_residual"] is None and read["parameters"] == {"v1": None}

@@ -67,6 +67,8 @@ def test_damped_compliant_threshold(two_finger: rw.Scene, mu: float, coarse: flo
     ]
     assert at[0] == pytest.approx(coarse, abs=1e-4)
     assert at[1] == pytest.approx(exact, rel=1e-3)
+    controlled = threshold(two_finger, rw.DYNAMIC_COMPLIANT, 0.45, 0.65, tol=1e-6, parameters={"mu": mu})
+    assert controlled == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])

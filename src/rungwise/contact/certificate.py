@@ -2,7 +2,8 @@
 
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
   that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
-* frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0.
+* frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
+  mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
 
@@ -14,12 +15,13 @@ all in the problem's natural units; rounding in the check itself is charged agai
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.modes import all_modes, linear_system, natural_units
+from rungwise.contact.modes import ANY, choices, linear_system, natural_units
 from rungwise.contact.problem import ContactProblem
 
 REACH = 1e3
@@ -28,11 +30,12 @@ _ROUNDING = 2.0**-52
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row per mode
-    (frictional)."""
+    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row for each of `modes`
+    (frictional), which together cover all."""
 
     kind: str
     vectors: tuple[NDArray[np.float64], ...]
+    modes: tuple[tuple[int, ...], ...] = ()
 
 
 def check(
@@ -50,7 +53,7 @@ def check(
         case "kinematic":
             return _check_kinematic(problem, certificate.vectors[0])
         case "frictional":
-            return _check_frictional(problem, certificate.vectors)
+            return _check_frictional(problem, certificate)
         case "unsupported":
             rest = np.zeros_like(problem.H) if resisting is None else resisting
             return _check_unsupported(problem, certificate.vectors[0], rest)
@@ -77,9 +80,11 @@ def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float
 
 def _free_motion(problem: ContactProblem) -> float:
     """One more than the size of the motion that the loads alone would cause, in natural units."""
-    return 1.0 + float(
-        np.abs(np.linalg.solve(problem.H, problem.c) / natural_units(problem).coordinates).sum()
-    )
+    try:
+        motion = np.linalg.solve(problem.H, problem.c)
+    except np.linalg.LinAlgError:
+        return np.inf
+    return 1.0 + float(np.abs(motion / natural_units(problem).coordinates).sum())
 
 
 def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> bool:
@@ -91,20 +96,39 @@ def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> boo
     return _excludes(-force * offset / units.velocity, left, _free_motion(problem))
 
 
-def _check_frictional(problem: ContactProblem, vectors: tuple[NDArray[np.float64], ...]) -> bool:
-    modes = list(all_modes(problem))
-    if problem.R.shape[1] != 2 or len(modes) != len(vectors):
+def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64]) -> bool:
+    """Whether the Farkas vector proves that no solution is in a completion of `mode`."""
+    equal, value, lower, bound = linear_system(problem, mode)
+    if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
         return False
-    least = _free_motion(problem)
-    for mode, vector in zip(modes, vectors, strict=True):
-        equal, value, lower, bound = linear_system(problem, mode)
-        if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
-            return False
-        if not _excludes(
-            vector * np.concatenate([value, bound]), vector[:, None] * np.vstack([equal, lower]), least
-        ):
-            return False
-    return True
+    return _excludes(
+        vector * np.concatenate([value, bound]),
+        vector[:, None] * np.vstack([equal, lower]),
+        _free_motion(problem),
+    )
+
+
+def _check_frictional(problem: ContactProblem, certificate: Certificate) -> bool:
+    options, modes = choices(problem), certificate.modes
+    if problem.R.shape[1] != 2 or len(modes) != len(certificate.vectors):
+        return False
+    if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):
+        return False
+    return all(excludes_mode(problem, *pair) for pair in zip(modes, certificate.vectors, strict=True))
+
+
+def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: list[tuple[int, ...]]) -> bool:
+    """Whether every completion of `part` is a completion of one of `modes`."""
+    compatible = [
+        mode for mode in modes if all(m in (ANY, p) or p == ANY for m, p in zip(mode, part, strict=True))
+    ]
+    if not compatible:
+        return False
+    undecided = [i for i, p in enumerate(part) if p == ANY and compatible[0][i] != ANY]
+    if not undecided:
+        return True
+    i = undecided[0]
+    return all(_cover(compatible, (*part[:i], option, *part[i + 1 :]), options) for option in options[i])
 
 
 def _check_unsupported(

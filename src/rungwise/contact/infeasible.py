@@ -5,26 +5,36 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.certificate import Certificate, check, rigid_rows
-from rungwise.contact.modes import all_modes, linear_system, mode_count, natural_units
+from rungwise.contact.certificate import Certificate, check, excludes_mode, rigid_rows
+from rungwise.contact.modes import ANY, choices, linear_system, natural_units
 from rungwise.contact.problem import ContactProblem
 
-MAX_MODES = 5000
+MAX_NODES = 2000
+"""Partial modes that are looked at before a frictional certificate is given up."""
+_SOLVES = 1e-9
 
 
 def certify_infeasible(problem: ContactProblem) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
-    Frictional certificates are looked for only up to `MAX_MODES` modes.
+    The search for a frictional one ends after `MAX_NODES` partial modes. There is none for a problem whose
+    numbers, in its natural units, are beyond what floating point holds.
     """
-    for certificate in (_kinematic(problem), _frictional(problem)):
-        if certificate is not None and check(problem, certificate):
-            return certificate
+    with np.errstate(all="ignore"):
+        for certificate in (_kinematic(problem), _frictional(problem)):
+            if certificate is not None and check(problem, certificate):
+                return certificate
     return None
 
 
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
+    with np.errstate(all="ignore"):
+        certificate = _unsupported(problem, resisting)
+        return certificate if certificate is not None and check(problem, certificate, resisting) else None
+
+
+def _unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     units = natural_units(problem)
     n, d = len(problem.c), problem.R.shape[1]
     finite = np.isfinite(problem.F)
@@ -39,16 +49,13 @@ def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64])
     stiffness = resisting * speed * speed[:, None]
     still = np.vstack([stiffness / max(float(np.abs(stiffness).max(initial=0.0)), 1e-300), rows[~finite]])
     least = np.vstack(upper)
-    found = _minimise(
+    found, _ = _minimise(
         cost,
         [(-1.0, 1.0)] * n + [(0.0, 1e6)] * limited,
         np.hstack([still, np.zeros((len(still), limited))]),
         least,
     )
-    if found is None:
-        return None
-    certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
-    return certificate if check(problem, certificate, resisting) else None
+    return None if found is None else Certificate("unsupported", (found[:n] * units.coordinates,))
 
 
 def _minimise(
@@ -56,15 +63,20 @@ def _minimise(
     bounds: list[tuple[float, float]],
     equal: NDArray[np.float64],
     upper: NDArray[np.float64] | None = None,
-) -> NDArray[np.float64] | None:
-    """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding; None when no cost is below
-    zero."""
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding, or None when no cost is
+    below zero, or when the numbers are not finite; and the multipliers of the equations."""
     from scipy.optimize import linprog
 
+    if not all(np.isfinite(given).all() for given in (cost, equal, 0.0 if upper is None else upper)):
+        return None, np.zeros(len(equal))
     right = None if upper is None else np.zeros(len(upper))
     found = linprog(cost, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
-    if not found.success or found.fun >= 0.0:
-        return None
+    if not found.success:
+        return None, np.zeros(len(equal))
+    multipliers = -np.asarray(found.eqlin.marginals)
+    if found.fun >= 0.0:
+        return None, multipliers
     x = np.asarray(found.x)
     inside = np.abs(x) > 1e-9
     x = np.where(inside, x, 0.0)
@@ -72,7 +84,7 @@ def _minimise(
         # The solver stops at its own tolerance; the vertex itself balances to rounding.
         for _ in range(2):
             x[inside] -= np.linalg.lstsq(equal[:, inside], equal @ x, rcond=None)[0]
-    return x
+    return x, multipliers
 
 
 def _kinematic(problem: ContactProblem) -> Certificate | None:
@@ -81,19 +93,67 @@ def _kinematic(problem: ContactProblem) -> Certificate | None:
         return None
     units = natural_units(problem)
     bounds = [(0.0, 1.0)] * contacts + [(-1.0, 1.0)] * (len(offset) - contacts)
-    found = _minimise(offset / units.velocity, bounds, (rows * (units.coordinates / units.velocity)).T)
+    found, _ = _minimise(offset / units.velocity, bounds, (rows * (units.coordinates / units.velocity)).T)
     return None if found is None else Certificate("kinematic", (found,))
 
 
 def _frictional(problem: ContactProblem) -> Certificate | None:
-    if problem.R.shape[1] != 2 or mode_count(problem) > MAX_MODES:
+    """Branch and bound over partial modes: one that no solution is in is not split any further."""
+    if problem.R.shape[1] != 2:
         return None
-    vectors = []
-    for mode in all_modes(problem):
-        equal, value, least, bound = linear_system(problem, mode)
-        bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
-        found = _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
-        if found is None:
+    options = choices(problem)
+    waiting = [tuple(own[0] if len(own) == 1 else ANY for own in options)]
+    modes: list[tuple[int, ...]] = []
+    vectors: list[NDArray[np.float64]] = []
+    for _ in range(MAX_NODES):
+        if not waiting:
+            return Certificate("frictional", tuple(vectors), tuple(modes))
+        mode = waiting.pop()
+        vector, point = _farkas(problem, mode)
+        if vector is not None and excludes_mode(problem, mode, vector):
+            modes.append(mode)
+            vectors.append(vector)
+            continue
+        contradicts = _contradictions(problem, mode, point)
+        if ANY not in mode or (vector is None and contradicts.max() <= _SOLVES):
             return None
-        vectors.append(found)
-    return Certificate("frictional", tuple(vectors))
+        i = int(np.argmax(contradicts))
+        waiting += [(*mode[:i], option, *mode[i + 1 :]) for option in options[i]]
+    return None
+
+
+def _farkas(
+    problem: ContactProblem, mode: tuple[int, ...]
+) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
+    """The vector that combines the rows of `mode` to the largest contradiction, if any, and the unknowns that
+    satisfy them best."""
+    equal, value, least, bound = linear_system(problem, mode)
+    bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
+    return _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
+
+
+def _contradictions(
+    problem: ContactProblem, mode: tuple[int, ...], point: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """How far each undecided contact and limited row is from all its modes at `point`; -1 for the others."""
+    p = problem
+    n, contacts = len(p.c), len(p.mu)
+    units = natural_units(p)
+    v, forces = point[:n] * units.coordinates, point[n:] * units.force
+    force, tau = forces[: 2 * contacts], forces[2 * contacts :]
+    own = np.einsum("kij,kj->ki", p.R, force.reshape(-1, 2)).ravel()
+    rate = (p.W @ v + own + p.w) / units.velocity
+    slip = (p.S @ v + p.R_s * tau + p.w_s) / units.velocity
+    normal, tangential = force[::2] / units.force, force[1::2] / units.force
+    friction = _dissipates(rate[1::2], tangential, p.mu * normal)
+    apart = np.concatenate(
+        [np.minimum(rate[::2], normal) + friction, _dissipates(slip, tau / units.force, p.F / units.force)]
+    )
+    return np.where(np.array(mode) == ANY, np.maximum(apart, 0.0), -1.0)
+
+
+def _dissipates(
+    slip: NDArray[np.float64], force: NDArray[np.float64], limit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """0 where there is no slip, or the force is at its limit against it."""
+    return np.minimum(np.abs(slip), limit + np.sign(slip) * force)

@@ -5,8 +5,6 @@ A force-limited row uses the same numbers: STICK it holds, FORWARD and BACKWARD 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +12,9 @@ from numpy.typing import NDArray
 
 from rungwise.contact.problem import ContactProblem
 
-OPEN, STICK, FORWARD, BACKWARD = 0, 1, 2, 3
+ANY, OPEN, STICK, FORWARD, BACKWARD = -1, 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
-"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it."""
+"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided."""
 
 _FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
 
@@ -24,23 +22,14 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 """E, e, G, g of the system E x = e, G x >= g."""
 
 
-def all_modes(problem: ContactProblem) -> Iterator[tuple[int, ...]]:
-    """Every mode of a planar problem: contacts first, then limited rows."""
-    contacts = [(OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu]
-    limited = [
-        (STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,) for F in problem.F
+def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
+    """The modes that each contact, then each limited row, of a planar problem can be in."""
+    modes: list[tuple[int, ...]] = [
+        (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu
     ]
-    return product(*contacts, *limited)
-
-
-def mode_count(problem: ContactProblem) -> float:
-    """How many modes there are (a float: it grows fast)."""
-    sliding = int(np.sum(problem.mu > 0.0))
-    return float(
-        4.0**sliding
-        * 2.0 ** (len(problem.mu) - sliding)
-        * 3.0 ** int(np.sum(np.isfinite(problem.F) & (problem.F > 0.0)))
-    )
+    for F in problem.F:
+        modes.append((STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))
+    return modes
 
 
 class Units(NamedTuple):
@@ -65,15 +54,17 @@ def natural_units(problem: ContactProblem) -> Units:
     lever = np.where(lever > 1e-9 * longest * inertia, lever, longest * inertia)
     velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0))) or 1.0
     load = float((np.abs(p.c) / lever).max(initial=0.0))
+    heaviest = float((inertia / lever).max(initial=0.0))
     return Units(
         velocity / lever,
         velocity,
-        max(load, float((inertia / lever).max(initial=0.0)) ** 2 * velocity) or 1.0,
+        max(load, heaviest * heaviest * velocity) or 1.0,
     )
 
 
 def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
-    """Equations and inequalities that a planar solution in this mode satisfies.
+    """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY, those
+    that it satisfies in every mode.
 
     Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
     units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
@@ -107,18 +98,27 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
 
     for k in range(contacts):
         normal, tangent = own_force[2 * k], own_force[2 * k + 1]
-        if mode[k] == OPEN:
+        if mode[k] == ANY:
+            add(rates[2 * k], -offset[2 * k], True)
+            add(normal, 0.0, True)
+            if p.mu[k] > 0.0:
+                add(p.mu[k] * normal - tangent, 0.0, True)
+                add(p.mu[k] * normal + tangent, 0.0, True)
+            else:
+                add(tangent, 0.0)
+        elif mode[k] == OPEN:
             add(normal, 0.0)
             add(tangent, 0.0)
             add(rates[2 * k], -offset[2 * k], True)
-            continue
-        add(rates[2 * k], -offset[2 * k])
-        add(normal, 0.0, True)
-        if mode[k] == STICK and p.mu[k] > 0.0:
+        elif mode[k] == STICK and p.mu[k] > 0.0:
+            add(rates[2 * k], -offset[2 * k])
+            add(normal, 0.0, True)
             add(rates[2 * k + 1], -offset[2 * k + 1])
             add(p.mu[k] * normal - tangent, 0.0, True)
             add(p.mu[k] * normal + tangent, 0.0, True)
         else:
+            add(rates[2 * k], -offset[2 * k])
+            add(normal, 0.0, True)
             sign = _FORCE_SIGN.get(mode[k], 0.0)
             add(tangent - sign * p.mu[k] * normal, 0.0)
             if p.mu[k] > 0.0:
@@ -126,8 +126,9 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
     for r in range(limited):
         row, own, limit = rates[2 * contacts + r], own_force[2 * contacts + r], p.F[r] / force
         right = -offset[2 * contacts + r]
-        if mode[contacts + r] == STICK and limit > 0.0:
-            add(row, right)
+        if mode[contacts + r] in (ANY, STICK) and limit > 0.0:
+            if mode[contacts + r] == STICK:
+                add(row, right)
             if np.isfinite(limit):
                 add(own, -limit, True)
                 add(-own, -limit, True)

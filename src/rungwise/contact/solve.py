@@ -24,8 +24,8 @@ from rungwise.contact.system import System, scaled
 SOLVERS: tuple[ModuleType, ...] = (
     gauss_seidel,
     pivoting,
-    newton,
     interior_point,
+    newton,
     proximal_point,
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""

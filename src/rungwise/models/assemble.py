@@ -8,7 +8,7 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
     w_t = -(R K delta)_t + W_p v_p
 
-    rigid contact: R = 0, w_n = psi / h + W_p v_p
+    rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree)
     restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
@@ -65,16 +65,18 @@ def assemble(
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
                 bounced = True
-            else:
+            elif abs(terms.gap[k]) > terms.rounding[0]:
                 problem.w[k * d] = terms.gap[k] / h
         for r in range(k * d, k * d + d):
-            problem.w[r] += _carried(terms.rows, r, free, n, speed)
+            problem.w[r] += _carried(terms.rows, r, speed)
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
         problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
-        problem.w_s[r] += _carried(terms.limited, r, free, n, speed)
+        if math.isinf(stiff):
+            problem.w_s[r] = -terms.error[r, 0] / h
+        problem.w_s[r] += _carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):
             problem.S[r, i] = terms.limited[r, free[i]]
@@ -120,7 +122,7 @@ def _fill_balance(
 
 
 @kernel
-def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
+def _carried(rows: Reals, r: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0
     for j in range(speed.shape[0]):
@@ -131,7 +133,7 @@ def _carried(rows: Reals, r: int, free: Ints, n: int, speed: Reals) -> float:
 @kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause."""
-    g = _carried(terms.rows, r, free, n, speed)
+    g = _carried(terms.rows, r, speed)
     loaded = 0.0
     for i in range(n):
         a = free[i]

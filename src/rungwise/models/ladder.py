@@ -7,6 +7,7 @@ momentum, 0 is the limit 0+ (quasistatic), and values between give the models in
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from numbers import Real
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,10 +44,12 @@ class Rung:
     inertia: float = 0.0
 
     def with_inertia(self, inertia: float) -> Rung:
-        """The model at another epsilon in [0, 1]; 0 is the quasistatic limit."""
-        if not 0.0 <= inertia <= 1.0 or self.metric or not self.moves:
-            raise ValueError(f"inertia: {inertia:g} must lie in 0..1, on a quasistatic or dynamic rung")
-        return replace(self, inertia=inertia)
+        """The model at another epsilon in [0, 1]; 0 is the quasistatic limit. Raises ValueError."""
+        if self.metric or not self.moves:
+            raise ValueError(f"inertia: the {self.name} rung has none; take a quasistatic or dynamic rung")
+        if isinstance(inertia, bool) or not isinstance(inertia, Real) or not 0.0 <= inertia <= 1.0:
+            raise ValueError(f"inertia: must be a number in 0..1, not {str(inertia)[:60]!r}")
+        return replace(self, inertia=float(inertia))
 
     def record(self, theta: float = 1.0) -> NDArray[np.void]:
         """The rung as kernels read it: a record array of length 1."""
@@ -84,6 +87,6 @@ def rung(model: str | Rung) -> Rung:
     if isinstance(model, Rung):
         return model
     for candidate in LADDER:
-        if candidate.name == model:
+        if isinstance(model, str) and candidate.name == model:
             return candidate
     raise ValueError(f"model: unknown {str(model)[:60]!r}; valid: {', '.join(r.name for r in LADDER)}")

@@ -39,11 +39,15 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
         | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
+    joints = {
+        name: {"kind": joint.kind, "between": list(joint.between)} for name, joint in file.joints.items()
+    }
     world = records.world[0]
     return {
         "scene": scene.name,
         "about": file.about,
         "bodies": bodies,
+        "joints": joints,
         "contacts": contacts,
         "parameters": {
             name: {
@@ -80,6 +84,10 @@ def describe_text(report: Mapping[str, Any]) -> str:
                 f"    {name}.{coordinate}: starts at {c['start']:.6g},"
                 f" travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
             )
+    if report["joints"]:
+        lines.append("joints")
+    for name, joint in report["joints"].items():
+        lines.append(f"  {name:12s} {joint['kind']:6s} {' | '.join(joint['between'])}")
     lines.append("contacts")
     for c in report["contacts"]:
         a, b = c["between"]

@@ -12,16 +12,18 @@ from rungwise.scene.expression import evaluate
 from rungwise.scene.records import BOX, CAPSULE, FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT
 
-BOUND, OUT_OF_RANGE, NOT_CONVEX, NO_NORMAL, NO_AXIS, NO_MASS, NO_INERTIA, OUT_OF_TRAVEL = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    6,
-    7,
-)
+(
+    BOUND,
+    OUT_OF_RANGE,
+    NOT_CONVEX,
+    NO_NORMAL,
+    NO_AXIS,
+    NO_MASS,
+    NO_INERTIA,
+    OUT_OF_TRAVEL,
+    NO_JOINT_AXIS,
+    NOT_POSITIVE,
+) = range(10)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",
@@ -29,10 +31,12 @@ FAULTS = {
     NO_MASS: "a body that forces move needs a mass greater than 0 (give mass, or a shape with area)",
     NO_INERTIA: "a body that turns freely needs an inertia greater than 0"
     " (give inertia, or a shape with area)",
+    NO_JOINT_AXIS: "the axis has no length",
+    NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
-"""Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body or
-coordinate."""
+"""Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
+coordinate, joint or contact."""
 
 
 @kernel
@@ -52,22 +56,37 @@ def bind(
     coordinates: RecordArray,
     shapes: RecordArray,
     vertices: RecordArray,
+    contacts: RecordArray,
+    joints: RecordArray,
+    measures: RecordArray,
 ) -> tuple[int, int]:
     """Numbers into `buffer`, checked, then all that follows from them. Returns (fault, index)."""
     evaluate_numbers(code, constants, table, targets, values, stack, buffer)
     wrong = _check(slots, low, high, kinds, buffer)
     if wrong >= 0:
         return OUT_OF_RANGE, wrong
-    return _derive(bodies, coordinates, shapes, vertices)
+    for k in range(contacts.shape[0]):
+        c = contacts[k]
+        definite = c.coupling_stiffness**2 < c.stiffness * c.tangential_stiffness
+        if not (definite and c.coupling_damping**2 <= c.damping * c.tangential_damping):
+            return NOT_POSITIVE, k
+    fault, place = _derive(bodies, coordinates, shapes, vertices)
+    return _joints(joints, measures, bodies, shapes) if fault == BOUND else (fault, place)
 
 
 @kernel
 def evaluate_numbers(
     code: Ints, constants: Reals, table: Ints, targets: Ints, values: Reals, stack: Reals, buffer: Reals
-) -> None:
-    """Run every program and store its value at its target."""
+) -> int:
+    """Run every program and store its value at its target; returns the first target whose value is not
+    finite, or -1."""
+    wrong = -1
     for i in range(targets.shape[0]):
-        buffer[targets[i]] = evaluate(code, constants, table[i, 0], table[i, 1], values, stack)
+        value = evaluate(code, constants, table[i, 0], table[i, 1], values, stack)
+        buffer[targets[i]] = value
+        if wrong < 0 and not math.isfinite(value):
+            wrong = targets[i]
+    return wrong
 
 
 @kernel
@@ -329,3 +348,42 @@ def _centre_frame(body: Record, shapes: RecordArray, vertices: RecordArray) -> N
             vertices[k].y -= body.centre_y
             reach = max(reach, math.hypot(vertices[k].x, vertices[k].y))
         shapes[i].reach = math.inf if shapes[i].kind == HALFPLANE else reach + shapes[i].radius
+
+
+@kernel
+def _joints(
+    joints: RecordArray, measures: RecordArray, bodies: RecordArray, shapes: RecordArray
+) -> tuple[int, int]:
+    """Anchors and axis of each joint in the frames of its bodies. Returns (fault, index)."""
+    for k in range(joints.shape[0]):
+        joint = joints[k]
+        a, b = bodies[joint.body_a], bodies[joint.body_b]
+        norm = math.hypot(joint.axis_x, joint.axis_y)
+        if not norm > 0.0:
+            return NO_JOINT_AXIS, k
+        joint.axis_x, joint.axis_y = _turned(-a.angle, joint.axis_x / norm, joint.axis_y / norm)
+        joint.a_x, joint.a_y = _turned(-a.angle, joint.at_x - a.x, joint.at_y - a.y)
+        joint.b_x, joint.b_y = _turned(-b.angle, joint.at_x - b.x, joint.at_y - b.y)
+        joint.angle = b.angle - a.angle
+        joint.lever = max(_longest(a, shapes), _longest(b, shapes))
+        if not joint.lever > 0.0:
+            joint.lever = 1.0
+    for m in range(measures.shape[0]):
+        if measures[m].drive == SERVO:
+            measures[m].limited = math.isfinite(measures[m].limit)
+    return BOUND, 0
+
+
+@kernel
+def _turned(angle: float, x: float, y: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+@kernel
+def _longest(body: Record, shapes: RecordArray) -> float:
+    longest = 0.0
+    for i in range(body.first_shape, body.end_shape):
+        if math.isfinite(shapes[i].reach):
+            longest = max(longest, shapes[i].reach)
+    return longest

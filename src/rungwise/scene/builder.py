@@ -2,40 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from itertools import combinations, islice
 
 import numpy as np
 
 from rungwise.scene import records as rec
-from rungwise.scene.expression import (
-    CONSTANTS,
-    FUNCTIONS,
-    Code,
-    ExpressionError,
-    Programs,
-    compile_expression,
-)
+from rungwise.scene.bind import evaluate_numbers
+from rungwise.scene.expression import STACK, Code, Programs
 from rungwise.scene.fields import (
     Box,
     Capsule,
     Contact,
     Coordinate,
     Disc,
+    Drive,
     Force,
     HalfPlane,
     Hinge,
-    Number,
+    JointCoordinate,
+    Outline,
     Polygon,
     SceneFile,
     Servo,
     Shape,
     Slide,
     Speed,
-    shown,
 )  # fmt: skip
+from rungwise.scene.names import Names, listed
+from rungwise.scene.outline import convex_pieces
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, Template
+from rungwise.scene.values import Number, shown
 
 INF = float("inf")
 MAX_PAIRS = 100_000
@@ -51,15 +49,15 @@ class _Builder:
     def __init__(self, scene: SceneFile) -> None:
         self.scene = scene
         self.parameters = tuple(scene.parameters)
-        for name in self.parameters:
-            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "gap", "force", "speed"):
-                raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.bodies = tuple(scene.bodies)
         self.coordinates = tuple(
             f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
         )
+        self.joints = tuple(scene.joints)
         self.matched = list(self._match_contacts())
         self.contacts = tuple(pair for pair, _, _ in self.matched)
+        self.names = Names(self.parameters, self.coordinates, self.contacts)
+        self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
         if len(self.pairs) > MAX_PAIRS:
             raise SceneError(
@@ -68,17 +66,18 @@ class _Builder:
         self.static: list[tuple[Code, int]] = []
         self.timed: list[tuple[Code, int]] = []
         self.checks: list[tuple[int, float, float, int, str]] = []
-        self.watched: set[int] = set()
         self.counts = (
             1,
             len(self.bodies),
             len(self.coordinates),
-            sum(len(body.shapes) for body in scene.bodies.values()),
-            sum(_vertex_count(shape) for body in scene.bodies.values() for shape in body.shapes),
+            sum(len(shapes) for shapes in self.shapes.values()),
+            sum(_vertex_count(shape) for shapes in self.shapes.values() for _, shape in shapes),
             len(self.contacts),
             len(self.pairs),
             len(scene.potentials),
             len(scene.potentials) * len(self.coordinates),
+            len(scene.joints),
+            3 * len(scene.joints),
         )
         self.buffer = rec.allocate(self.counts)
         self.records = rec.views(self.buffer, self.counts)
@@ -95,10 +94,14 @@ class _Builder:
         for index, (contact_index, a, b) in enumerate(self.pairs):
             self.records.pairs[index] = (contact_index, a, b)
         self._unused_contacts()
+        for index in range(len(self.joints)):
+            self._joint(index)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
-        conditions = Programs([self._condition(name) for name in ("goal", "unsafe", "doomed")])
-        for index in self.watched:
+        conditions = Programs(
+            [self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")]
+        )
+        for index in self.names.watched:
             self.records.contacts[index]["watched"] = 1
         slots, low, high, kinds, paths = zip(*self.checks, strict=True)
         return Template(
@@ -116,6 +119,7 @@ class _Builder:
             bodies=self.bodies,
             coordinates=self.coordinates,
             contacts=self.contacts,
+            joints=self.joints,
         )
 
     def put(
@@ -135,7 +139,7 @@ class _Builder:
         """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
         target = rec.slot(self.counts, kind, index, field)
         if isinstance(value, str):
-            code = self._program(value, path, timed)
+            code = self.names.number(value, path, timed)
             self.static.append((code, target))
             if len(self.parameters) in code.reads:
                 self.timed.append((code, target))
@@ -144,55 +148,6 @@ class _Builder:
         low = at_least if above is None else above
         kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
         self.checks.append((target, low, at_most, kinds, path))
-
-    def _program(self, text: str, path: str, timed: bool = False) -> Code:
-        try:
-            return compile_expression(text, self._number_lookup(timed), lambda: _listed(self._names(timed)))
-        except ExpressionError as error:
-            raise SceneError(f"{path}: {error}") from None
-
-    def _names(self, timed: bool) -> tuple[str, ...]:
-        return (*self.parameters, "t") if timed else self.parameters
-
-    def _number_lookup(self, timed: bool) -> Callable[[str, tuple[str, ...]], int | None]:
-        names = self._names(timed)
-
-        def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
-            return names.index(dotted[0]) if not function and dotted[0] in names else None
-
-        return lookup
-
-    def _condition(self, field: str) -> Code:
-        text = getattr(self.scene, field)
-        if text is None:
-            return Code()
-        try:
-            return compile_expression(text, self._state_lookup, self._state_names, condition=True)
-        except ExpressionError as error:
-            raise SceneError(f"{field}: {error}") from None
-
-    def _state_names(self) -> str:
-        names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
-        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
-        return _listed(names)
-
-    def _state_lookup(self, function: str, dotted: tuple[str, ...]) -> int | None:
-        time = len(self.parameters)
-        n, contacts = len(self.coordinates), len(self.contacts)
-        if function in ("", "speed") and len(dotted) == 1:
-            if dotted[0] in self.coordinates:
-                return time + 1 + self.coordinates.index(dotted[0]) + (n if function else 0)
-            if not function and dotted[0] in (*self.parameters, "t"):
-                return (*self.parameters, "t").index(dotted[0])
-            if not function and dotted[0] == "tolerance":
-                return time + 1 + 2 * n + 2 * contacts
-        if function in ("gap", "force") and len(dotted) == 2:
-            for pair in (dotted, dotted[::-1]):
-                if pair in self.contacts:
-                    index = self.contacts.index(pair)
-                    self.watched.add(index)
-                    return time + 1 + 2 * n + index + (contacts if function == "force" else 0)
-        return None
 
     def _body(self, index: int) -> None:
         name = self.bodies[index]
@@ -219,7 +174,7 @@ class _Builder:
         record["centre_given"] = body.centre is not None
         for k, value in enumerate(body.centre or (0.0, 0.0)):
             self.put("bodies", index, ("centre_x", "centre_y")[k], value, f"{path}.centre.{k}")
-        self._shapes(index, body.shapes, path)
+        self._shapes(index)
         self._coordinates(index, path)
 
     def _coordinates(self, index: int, path: str) -> None:
@@ -247,12 +202,14 @@ class _Builder:
         self.put(
             "coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0
         )
-        drive = given.drive
-        path += ".drive"
+        self._drive("coordinates", index, given.drive, f"{path}.drive")
+
+    def _drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
+        record = getattr(self.records, kind)[index]
 
         def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:
             self.put(
-                "coordinates", index, field, value, f"{path}.{source}",
+                kind, index, field, value, f"{path}.{source}",
                 at_least=at_least, timed=timed, infinite=field == "limit",
             )  # fmt: skip
 
@@ -273,16 +230,60 @@ class _Builder:
                 record["drive"] = rec.FORCE
                 put("force", force, "force", timed=True)
 
-    def _shapes(self, body: int, shapes: tuple[Shape, ...], path: str) -> None:
-        earlier = [self.scene.bodies[name].shapes for name in self.bodies[:body]]
+    def _convex_shapes(self, name: str) -> Iterator[tuple[str, Shape]]:
+        """The body's shapes with the paths of their fields, outlines in convex pieces."""
+        body = self.scene.bodies[name]
+        for index, shape in enumerate(body.shapes):
+            path = f"bodies.{name}.shape" + (f".{index}" if isinstance(body.shape, tuple) else "")
+            if not isinstance(shape, Outline):
+                yield path, shape
+                continue
+            places = [
+                (
+                    self._at_defaults(x, f"{path}.vertices.{k}.0"),
+                    self._at_defaults(y, f"{path}.vertices.{k}.1"),
+                )
+                for k, (x, y) in enumerate(shape.vertices)
+            ]
+            try:
+                pieces = convex_pieces(places)
+            except ValueError as error:
+                raise SceneError(f"{path}: {error}") from None
+            for piece in pieces:
+                vertices = tuple(shape.vertices[k] for k in piece)
+                yield path, Polygon(kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle)
+
+    def _at_defaults(self, value: Number, path: str) -> float:
+        """A number of the scene with every parameter at its default."""
+        if not isinstance(value, str):
+            return value
+        program = Programs([self.names.number(value, path)])
+        values = np.array([*(p.default for p in self.scene.parameters.values()), 0.0])
+        found = np.zeros(1)
+        evaluate_numbers(
+            program.code,
+            program.constants,
+            program.table,
+            np.zeros(1, np.int64),
+            values,
+            np.zeros(STACK),
+            found,
+        )
+        if not np.isfinite(found[0]):
+            raise SceneError(
+                f"{path}: must be {'a number' if np.isnan(found[0]) else 'finite'}, not {found[0]:g}"
+            )
+        return float(found[0])
+
+    def _shapes(self, body: int) -> None:
+        earlier = [self.shapes[name] for name in self.bodies[:body]]
+        shapes = self.shapes[self.bodies[body]]
         first = sum(len(many) for many in earlier)
-        vertex = sum(_vertex_count(shape) for many in earlier for shape in many)
-        listed = self.scene.bodies[self.bodies[body]].shape
+        vertex = sum(_vertex_count(shape) for many in earlier for _, shape in many)
         self.records.bodies[body]["first_shape"] = first
         self.records.bodies[body]["end_shape"] = first + len(shapes)
-        for offset, shape in enumerate(shapes):
+        for offset, (where, shape) in enumerate(shapes):
             index = first + offset
-            where = f"{path}.shape" + (f".{offset}" if isinstance(listed, tuple) else "")
             outline = _vertices(shape)
             record = self.records.shapes[index]
             record["body"] = body
@@ -307,28 +308,31 @@ class _Builder:
     def _match_contacts(self) -> Iterator[tuple[tuple[str, str], int, Contact]]:
         bodies = self.scene.bodies
         for entry, contact in enumerate(self.scene.contacts):
+            if contact.between[0] == contact.between[1] and contact.between[0] in bodies:
+                raise SceneError(f"contacts.{entry}.between: must name two bodies")
             for k, pattern in enumerate(contact.between):
                 if not any(fnmatchcase(name, pattern) for name in bodies):
                     path = f"contacts.{entry}.between.{k}"
-                    raise SceneError(
-                        f"{path}: {shown(pattern)} names no body; valid: {_listed(bodies)}, or *"
-                    )
+                    raise SceneError(f"{path}: {shown(pattern)} names no body; valid: {listed(bodies)}, or *")
         for pair in combinations(bodies, 2):
             if all(not bodies[name].coordinate_names for name in pair):
                 continue
+            jointed = any(set(joint.between) == set(pair) for joint in self.scene.joints.values())
             for entry, contact in enumerate(self.scene.contacts):
                 a, b = contact.between
+                if jointed and {a, b} != set(pair):
+                    continue
                 if any(fnmatchcase(x, a) and fnmatchcase(y, b) for x, y in (pair, pair[::-1])):
                     yield pair, entry, contact
                     break
 
     def _shape_pairs(self) -> Iterator[tuple[int, int, int]]:
-        bodies = list(self.scene.bodies.values())
-        first = np.cumsum([0] + [len(body.shapes) for body in bodies])
+        shapes = list(self.shapes.values())
+        first = np.cumsum([0] + [len(many) for many in shapes])
         for index, pair in enumerate(self.contacts):
             a, b = (self.bodies.index(name) for name in pair)
-            for i, shape_a in enumerate(bodies[a].shapes):
-                for j, shape_b in enumerate(bodies[b].shapes):
+            for i, (_, shape_a) in enumerate(shapes[a]):
+                for j, (_, shape_b) in enumerate(shapes[b]):
                     if not (isinstance(shape_a, HalfPlane) and isinstance(shape_b, HalfPlane)):
                         yield index, int(first[a]) + i, int(first[b]) + j
 
@@ -349,6 +353,8 @@ class _Builder:
         put("tangential_stiffness", contact.stiffness if tangential is None else tangential, above=0.0)
         tangential = contact.tangential_damping
         put("tangential_damping", contact.damping if tangential is None else tangential)
+        for field in ("coupling_stiffness", "coupling_damping"):
+            self.put("contacts", index, field, getattr(contact, field), f"{path}.{field}")
 
     def _unused_contacts(self) -> None:
         """Expressions of entries that hold for no pair must be right, too."""
@@ -356,7 +362,50 @@ class _Builder:
         for entry, contact in enumerate(self.scene.contacts):
             for field, value in contact:
                 if entry not in used and isinstance(value, str):
-                    self._program(value, f"contacts.{entry}.{field}")
+                    self.names.number(value, f"contacts.{entry}.{field}")
+
+    def _joint(self, index: int) -> None:
+        name = self.joints[index]
+        joint = self.scene.joints[name]
+        path = f"joints.{name}"
+        record = self.records.joints[index]
+        for k, body in enumerate(joint.between):
+            if body not in self.bodies:
+                raise SceneError(
+                    f"{path}.between.{k}: unknown body {shown(body)}; valid: {listed(self.bodies)}"
+                )
+        if all(not self.scene.bodies[body].coordinate_names for body in joint.between):
+            raise SceneError(f"{path}.between: of {' and '.join(joint.between)} neither moves")
+        if joint.between[0] == joint.between[1]:
+            raise SceneError(f"{path}.between: must name two bodies")
+        record["body_a"], record["body_b"] = (self.bodies.index(body) for body in joint.between)
+        record["kind"] = ("weld", "hinge", "slide").index(joint.kind)
+        for k, field in enumerate("xy"):
+            self.put("joints", index, f"at_{field}", joint.at[k], f"{path}.at.{k}")
+            self.put("joints", index, f"axis_{field}", joint.axis[k], f"{path}.axis.{k}")
+        free = {"weld": None, "hinge": rec.ANGLE, "slide": rec.ALONG}[joint.kind]
+        for which in (rec.ALONG, rec.ACROSS, rec.ANGLE):
+            measure = 3 * index + which
+            record = self.records.measures[measure]
+            record["joint"], record["which"], record["held"] = index, which, which != free
+            if which == free:
+                self._freedom(measure, joint.coordinate or JointCoordinate(), f"{path}.coordinate")
+                continue
+            prefix = "angular_" if which == rec.ANGLE else ""
+            for field, above, default in (("stiffness", 0.0, INF), ("damping", None, 0.0)):
+                value = getattr(joint, prefix + field)
+                self.put(
+                    "measures", measure, field, default if value is None else value,
+                    f"{path}.{prefix}{field}",
+                    above=above, at_least=0.0, infinite=default == INF,
+                )  # fmt: skip
+
+    def _freedom(self, measure: int, given: JointCoordinate, path: str) -> None:
+        self.put("measures", measure, "lower", given.lower, f"{path}.lower", at_most=0.0, infinite=True)
+        self.put("measures", measure, "upper", given.upper, f"{path}.upper", at_least=0.0, infinite=True)
+        for field in ("damping", "dry_friction"):
+            self.put("measures", measure, field, getattr(given, field), f"{path}.{field}", at_least=0.0)
+        self._drive("measures", measure, given.drive, f"{path}.drive")
 
     def _potential(self, index: int) -> None:
         potential = self.scene.potentials[index]
@@ -368,7 +417,7 @@ class _Builder:
         for field, name in named:
             if name not in self.coordinates:
                 raise SceneError(
-                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {_listed(self.coordinates)}"
+                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {listed(self.coordinates)}"
                 )
         for place, name in enumerate(self.coordinates):
             row = index * len(self.coordinates) + place
@@ -376,11 +425,6 @@ class _Builder:
             acts = robot if potential.on is None else name in potential.on
             self.put("terms", row, "factor", potential.terms.get(name, 0.0), f"{path}.terms.{name}")
             self.records.terms[row]["acts"] = acts
-
-
-def _listed(names: Iterable[str]) -> str:
-    many = list(names)
-    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"
 
 
 _SIZES = {"box": ("width", "height"), "capsule": ("length",)}

@@ -6,103 +6,15 @@ Every `Number` is a number or an expression of the scene's parameters (see `expr
 
 from __future__ import annotations
 
-import keyword
-import math
-import re
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    WithJsonSchema,
-    model_validator,
-)  # fmt: skip
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit, shown
+
 ONE, MANY = "<one>", "<many>"
 """Tags of a field that takes one thing or a list; pydantic puts them into the place of an error."""
-
-_UNIT = re.compile(r"1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*")
-_BASE_UNITS = {"m", "g", "s", "N", "J", "W", "Pa", "Hz", "rad", "deg"}
-_PREFIXES = ("", "k", "M", "G", "c", "m", "u", "µ", "n")
-
-
-def _no_keyword(name: str) -> str:
-    if keyword.iskeyword(name):
-        raise PydanticCustomError("keyword", "the name is taken by the expression language")
-    return name
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise PydanticCustomError("text", "must be a text")
-    try:
-        value.encode()
-    except UnicodeEncodeError:
-        raise PydanticCustomError("text", "must be a text of valid characters") from None
-    return value
-
-
-def _number(value: object) -> object:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float | str)
-        or value == ""
-        or str(value).isspace()
-    ):
-        raise PydanticCustomError("number", "must be a number or an expression of the parameters")
-    return value if isinstance(value, str) else _finite(value)
-
-
-def _finite(value: object) -> float:
-    if isinstance(value, str):
-        try:
-            value = float(value)
-        except ValueError:
-            raise PydanticCustomError("finite", "must be a number") from None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PydanticCustomError("finite", "must be a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise PydanticCustomError("finite", "must be finite")
-    return number
-
-
-def _unit(value: object) -> object:
-    if not isinstance(value, str) or not _UNIT.fullmatch(value):
-        raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
-    for symbol in re.findall(r"[A-Za-zµ]+", value):
-        if not any(symbol == prefix + base for prefix in _PREFIXES for base in _BASE_UNITS):
-            raise PydanticCustomError(
-                "unit",
-                "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}",
-                {
-                    "symbol": repr(symbol[:60]),
-                    "bases": " ".join(sorted(_BASE_UNITS)),
-                    "prefixes": " ".join(_PREFIXES[1:]),
-                },
-            )
-    return value
-
-
-Text = Annotated[str, BeforeValidator(_text)]
-Name = Annotated[str, Field(pattern=NAME, max_length=60), AfterValidator(_no_keyword), BeforeValidator(_text)]
-Pattern = Annotated[str, Field(min_length=1, max_length=200), BeforeValidator(_text)]
-Number = Annotated[
-    float | str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
-]
-Finite = Annotated[float, BeforeValidator(_finite)]
-Unit = Annotated[str, BeforeValidator(_unit)]
-Pair = tuple[Number, Number]
 
 
 def _kinds(*models: type[BaseModel]) -> BeforeValidator:
@@ -129,28 +41,6 @@ def _kinds(*models: type[BaseModel]) -> BeforeValidator:
         return value
 
     return BeforeValidator(known)
-
-
-def shown(value: object) -> str:
-    """A wrong value as a message shows it: short, on one line, in the words of a scene file."""
-    match value:
-        case None:
-            return "null"
-        case bool():
-            return str(value).lower()
-        case int() if value.bit_length() > 200:
-            return "so large an integer"
-        case int() | float():
-            return str(value)
-        case str() if len(value) > 60:
-            return f"{value[:57]!r}..."
-        case str():
-            return repr(value)
-        case list() | tuple():
-            return "a list"
-        case dict():
-            return "a mapping"
-    return f"an object of type {type(value).__name__}"
 
 
 class Strict(BaseModel):
@@ -234,6 +124,15 @@ class Polygon(Strict):
     angle: Number = 0.0
 
 
+class Outline(Strict):
+    """Simple polygon that need not be convex; it is split into convex pieces at the parameters' defaults."""
+
+    kind: Literal["outline"]
+    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
 class HalfPlane(Strict):
     """All points behind the line through `at` whose outward normal is `normal`."""
 
@@ -243,9 +142,9 @@ class HalfPlane(Strict):
 
 
 Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | HalfPlane,
+    Point | Disc | Capsule | Box | Polygon | Outline | HalfPlane,
     Field(discriminator="kind"),
-    _kinds(Point, Disc, Capsule, Box, Polygon, HalfPlane),
+    _kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
 ]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
@@ -329,6 +228,16 @@ class Coordinate(Strict):
     drive: Drive | None = None
 
 
+class JointCoordinate(Strict):
+    """What a joint leaves free: travel, support and drive."""
+
+    lower: Number = "-inf"
+    upper: Number = "inf"
+    damping: Number = 0.0
+    dry_friction: Number = 0.0
+    drive: Drive | None = None
+
+
 class Pose(Strict):
     x: Number = 0.0
     y: Number = 0.0
@@ -364,6 +273,36 @@ class Body(Strict):
         return ()
 
 
+class Joint(Strict):
+    """Holds two bodies together where they are in their poses, at the point `at` of the world.
+
+    A weld leaves no freedom, a hinge the angle, a slide the distance along `axis`; that is the joint's
+    coordinate, 0 in the poses. What is held is rigid, or yields with stiffness and damping: translation, and
+    (weld, slide) the angle. On the kinematic rung all of it is rigid.
+    """
+
+    kind: Literal["weld", "hinge", "slide"]
+    between: tuple[Name, Name]
+    at: Pair
+    axis: Pair = (1.0, 0.0)
+    stiffness: Number = "inf"
+    damping: Number = 0.0
+    angular_stiffness: Number | None = None
+    angular_damping: Number | None = None
+    coordinate: JointCoordinate | None = None
+
+    @model_validator(mode="after")
+    def _fits_its_kind(self) -> Joint:
+        if self.kind == "weld" and self.coordinate is not None:
+            raise PydanticCustomError("joint", "a weld has no coordinate")
+        angular = self.angular_stiffness is not None or self.angular_damping is not None
+        if self.kind == "hinge" and angular:
+            raise PydanticCustomError(
+                "joint", "a hinge does not hold the angle: no angular_stiffness or _damping"
+            )
+        return self
+
+
 class Contact(Strict):
     """Which bodies may touch, and how. Names may use ``*``; the first entry that names a pair holds."""
 
@@ -374,6 +313,8 @@ class Contact(Strict):
     damping: Number = 0.0
     tangential_stiffness: Number | None = None
     tangential_damping: Number | None = None
+    coupling_stiffness: Number = 0.0
+    coupling_damping: Number = 0.0
 
 
 class Potential(Strict):
@@ -396,6 +337,7 @@ class SceneFile(Strict):
     parameters: dict[Name, Parameter] = {}
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
+    joints: Annotated[dict[Name, Joint], Field(max_length=500)] = {}
     contacts: tuple[Contact, ...] = ()
     potentials: tuple[Potential, ...] = ()
     goal: Text | None = None

@@ -18,6 +18,8 @@ def _record(integers: str, reals: str) -> np.dtype[np.void]:
 
 FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
 NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
+WELDED, HINGED, SLIDING = 0, 1, 2
+ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
 
 WORLD = _record("", "gravity_x gravity_y tolerance duration step")
@@ -43,12 +45,26 @@ VERTEX = _record("", "x y normal_x normal_y length")
 
 CONTACT = _record(
     "body_a body_b watched",
-    "friction restitution stiffness tangential_stiffness damping tangential_damping",
+    "friction restitution stiffness tangential_stiffness coupling_stiffness"
+    " damping tangential_damping coupling_damping",
 )
 PAIR = _record("contact shape_a shape_b", "")
 POTENTIAL = _record("", "stiffness target")
 TERM = _record("acts", "factor")
 """Factor of a coordinate in a potential (one row per coordinate), and whether the potential acts on it."""
+
+JOINT = _record(
+    "body_a body_b kind",
+    "at_x at_y axis_x axis_y a_x a_y b_x b_y angle lever",
+)
+"""at: in the world at the poses. Bound, a and b: the same in the bodies' frames; axis: in that of a; angle:
+that of b less that of a; lever: a length that makes angles comparable with distances."""
+
+MEASURE = _record(
+    "joint which held drive has_target limited",
+    "stiffness damping dry_friction lower upper drive_speed force drive_damping target target_speed limit",
+)
+"""One of the three coordinates of b in the frame of a (along and across the axis, angle), held or free."""
 
 
 class Records(Block):
@@ -63,9 +79,11 @@ class Records(Block):
     pairs: NDArray[np.void]
     potentials: NDArray[np.void]
     terms: NDArray[np.void]
+    joints: NDArray[np.void]
+    measures: NDArray[np.void]
 
 
-DTYPES = (WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM)
+DTYPES = (WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM, JOINT, MEASURE)
 
 
 def allocate(counts: tuple[int, ...]) -> NDArray[np.float64]:

@@ -19,8 +19,9 @@ from rungwise.scene import bind as binding
 from rungwise.scene import records as rec
 from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
-from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile, shown
+from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
+from rungwise.scene.values import shown
 
 MAX_FILE = 2_000_000
 LIBRARY = files("rungwise.scene") / "library"
@@ -80,7 +81,8 @@ class Scene:
         fault, index = binding.bind(
             programs.code, programs.constants, programs.table, template.targets,
             checks.slots, checks.low, checks.high, checks.kinds, values, np.zeros(STACK), buffer,
-            records.bodies, records.coordinates, records.shapes, records.vertices,
+            records.bodies, records.coordinates, records.shapes, records.vertices, records.contacts,
+            records.joints, records.measures,
         )  # fmt: skip
         if fault == binding.OUT_OF_RANGE:
             raise InvalidScene(self._out_of_range(index, float(buffer[checks.slots[index]])))
@@ -107,6 +109,10 @@ class Scene:
             return f"bodies.{body}.coordinates.{coordinate}"
         if fault in (binding.NOT_CONVEX, binding.NO_NORMAL):
             return f"bodies.{template.bodies[int(records.shapes[index]['body'])]}.shape"
+        if fault == binding.NOT_POSITIVE:
+            return f"contacts between {' and '.join(template.contacts[index])}"
+        if fault == binding.NO_JOINT_AXIS:
+            return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
 
 
@@ -150,7 +156,17 @@ WORDING = {
 }
 """Type of a pydantic error -> what a scene's author reads."""
 
-_COMPLETE = {"missing", "too_short", "too_long", "unknown_field", "kind", "mapping", "keyword", "range"}
+_COMPLETE = {
+    "missing",
+    "too_short",
+    "too_long",
+    "unknown_field",
+    "kind",
+    "mapping",
+    "keyword",
+    "range",
+    "joint",
+}
 """Errors whose text does not go on with the value that was given."""
 
 

@@ -47,6 +47,7 @@ class Template:
     bodies: tuple[str, ...]
     coordinates: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]
+    joints: tuple[str, ...]
 
     @property
     def value_count(self) -> int:

@@ -9,11 +9,12 @@ from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity, solve_step
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
-TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE = 0, 1, 2, 3
+TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
@@ -34,6 +35,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
             state.q, state.v, state.start, clock.time, h, rung[0].theta, state.passive, terms,
         )  # fmt: skip
+    if records.joints.shape[0] > 0:
+        _join(records, rung, workspace, h)
     remember(state, workspace.before)
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
@@ -57,7 +60,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = ABSORBED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
-        _move(records, rung, workspace, h)
+        _move(records, workspace, h)
         allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
         if rung[0].compliant or clock.least_gap >= allowed:
             _finish(records, rung, h, contacts, workspace)
@@ -66,12 +69,25 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = UNSOLVED
             break
         contacts = gather(records, workspace)
-        _shift(h, contacts, terms, scratch)
+        if records.joints.shape[0] > 0:
+            _join(records, rung, workspace, h)
+        _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
     if status == ABSORBED:
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Rows of the joints where the bodies are placed."""
+    state = workspace.state
+    clock = state.clock[0]
+    joints.rows(
+        records.joints, records.measures, records.bodies, state.pose, state.q, clock.time + rung[0].theta * h,
+        h, rung[0].metric, clock.drives, workspace.terms, workspace.scratch.row,
+    )  # fmt: skip
 
 
 @kernel
@@ -95,15 +111,18 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
 
 
 @kernel
-def _shift(h: float, contacts: int, terms: Terms, scratch: Scratch) -> None:
-    """Linearise about the trial state: gap less what the trial velocity contributed."""
+def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scratch: Scratch) -> None:
+    """Linearise about the trial state: gaps and errors of joints less what the trial velocity contributed."""
+    for r in range(drives, limited):
+        for j in range(scratch.v_new.shape[0]):
+            terms.error[r, 0] += h * terms.limited[r, j] * scratch.v_new[j]
     for k in range(contacts):
         for j in range(scratch.v_new.shape[0]):
             terms.gap[k] -= h * terms.rows[2 * k, j] * scratch.v_new[j]
 
 
 @kernel
-def _move(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+def _move(records: Records, workspace: Workspace, h: float) -> None:
     """Place the bodies at q + h v and look for contacts there."""
     state, scratch = workspace.state, workspace.scratch
     for i in range(state.q.shape[0]):

@@ -7,7 +7,7 @@ import math
 from rungwise.contact.modes import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import HINGE, Records
-from rungwise.simulation.attempt import TAKEN, TOO_COARSE, attempt
+from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.memory import bring_back, keep, remember, restore
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
@@ -51,8 +51,10 @@ def take(
         length = h if part == 0 else 0.5 * h
         if part > 0 or allowed > 0.0 or clock.bounces:
             length, _ = set_speeds(records, timed, buffer, rung, workspace, length)
-        status = attempt(records, rung, workspace, length, SOON * control[0].step)
-        clock.attempts += 1
+        status = UNDEFINED
+        if workspace.scratch.undefined[0] < 0:
+            status = attempt(records, rung, workspace, length, SOON * control[0].step)
+            clock.attempts += 1
         if status != TAKEN:
             if part > 0:
                 restore(records, workspace)
@@ -137,6 +139,7 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
     clock.drive_work += clock.drive_work - far.drive_work
     clock.load_work += clock.load_work - far.load_work
     clock.support_work += clock.support_work - far.support_work
+    clock.joint_work += clock.joint_work - far.joint_work
 
 
 @kernel

@@ -9,6 +9,7 @@ from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.simulation.verdicts import time_slot
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 
 
@@ -16,17 +17,24 @@ from rungwise.system.planar import terms as planar
 def set_speeds(
     records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
-    """Speeds of prescribed coordinates for a step of at most h; returns the step that ends at the first
-    travel limit, and the greatest prescribed speed."""
+    """Numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns the
+    step that ends at the first travel limit, and the greatest prescribed speed, joints included.
+
+    Where one of the numbers is not finite, its place in `buffer` goes to `scratch.undefined`, and nothing
+    else is done.
+    """
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
     if timed[3].shape[0] > 0:
         state.values[time_slot(state)] = clock.time + rung[0].theta * h
-        evaluate_numbers(
-            timed[0], timed[1], timed[2], timed[3], state.values, workspace.scratch.stack, buffer
+        scratch = workspace.scratch
+        scratch.undefined[0] = evaluate_numbers(
+            timed[0], timed[1], timed[2], timed[3], state.values, scratch.stack, buffer
         )
-    moving = 0.0
+        if scratch.undefined[0] >= 0:
+            return h, 0.0
+    moving = joints.fastest(records.joints, records.measures)
     shortest = h
     for i in range(n):
         state.speed[i] = 0.0

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.state import Frames, Workspace
+from rungwise.system.planar import joints
 from rungwise.system.planar.terms import potential_energy
 
 
@@ -33,6 +36,15 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
     copy(state.force, frames.force[k])
     copy(state.impulse, frames.impulse[k])
     copy(state.reaction, frames.reaction[k])
+    if records.joints.shape[0] > 0:
+        joints.values(
+            records.joints, records.measures, records.bodies, state.pose, state.q, workspace.scratch.row,
+            frames.joint[k],
+        )  # fmt: skip
+        joints.forces(
+            records.joints, records.measures, rung[0].metric, clock.drives, workspace.scratch.limited_force,
+            frames.joint_force[k],
+        )  # fmt: skip
     _scalars(records, rung, workspace, frames.scalars[k])
     state.impulse[:, :] = 0.0
     clock.frames += 1
@@ -56,13 +68,15 @@ def _thin(frames: Frames) -> None:
         copy(frames.force[2 * k], frames.force[k])
         copy(frames.impulse[2 * k], frames.impulse[k])
         copy(frames.reaction[2 * k], frames.reaction[k])
+        copy(frames.joint[2 * k], frames.joint[k])
+        copy(frames.joint_force[2 * k], frames.joint_force[k])
         copy(frames.scalars[2 * k], frames.scalars[k])
 
 
 @kernel
 def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Reals) -> None:
     """Residual, energies and work, in the order of `state.SCALARS`."""
-    state, terms = workspace.state, workspace.terms
+    state, terms, frames = workspace.state, workspace.terms, workspace.frames
     clock = state.clock[0]
     kinetic = 0.0
     for i in range(state.v.shape[0]):
@@ -75,6 +89,10 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
             for slot in range(2 * p, 2 * p + 2):
                 normal, tangent = state.deformation[slot, 0], state.deformation[slot, 1]
                 elastic += 0.5 * (contact.stiffness * normal**2 + contact.tangential_stiffness * tangent**2)
+                elastic += contact.coupling_stiffness * normal * tangent
+    for m in range(records.measures.shape[0]):
+        if records.measures[m].held and math.isfinite(records.measures[m].stiffness):
+            elastic += 0.5 * records.measures[m].stiffness * frames.joint[clock.frames, m] ** 2
     out[0] = clock.residual
     out[1] = kinetic
     out[2] = potential_energy(records.world, records.bodies, state.pose)
@@ -83,3 +101,4 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
     out[5] = clock.load_work
     out[6] = clock.contact_work
     out[7] = clock.support_work
+    out[8] = clock.joint_work

@@ -6,12 +6,12 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import SERVO, SPEED, Records
-from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, TOO_COARSE
+from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
-from rungwise.simulation.nearby import look
+from rungwise.simulation.nearby import fastest_pair, look
 from rungwise.simulation.state import Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
@@ -24,6 +24,7 @@ from rungwise.simulation.verdicts import (
     judge,
     spent,
 )
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
 
@@ -57,6 +58,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     else:
         for i in range(n):
             terms.metric[i, i] = records.coordinates[i].metric
+    clock.drives = clock.limited
+    clock.limited = joints.constants(records.joints, records.measures, rung[0].metric, clock.drives, terms)
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
@@ -75,9 +78,24 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.margin = control[0].tolerance
     look(records, workspace)
     clock.next = control[0].step
-    if clock.least_gap < -1e-9 * clock.reach:
+    if clock.least_gap < -1e-9 * clock.reach or _comes_apart(records, workspace):
         return INVALID
     return RUNNING
+
+
+@kernel
+def _comes_apart(records: Records, workspace: Workspace) -> bool:
+    """Whether the start is not that of a closed joint, or lies outside its travel."""
+    state, places = workspace.state, workspace.scratch.measures
+    measures, apart = records.measures, False
+    joints.values(
+        records.joints, measures, records.bodies, state.pose, state.q, workspace.scratch.row, places
+    )
+    for m in range(measures.shape[0]):
+        slack = 1e-9 * state.clock[0].reach
+        low, high = (0.0, 0.0) if measures[m].held else (measures[m].lower, measures[m].upper)
+        apart |= not low - slack <= places[m] <= high + slack
+    return apart
 
 
 @kernel
@@ -142,12 +160,17 @@ def _step(
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict
-            return spent(records, rung, control, workspace, moving, timed)
+            return spent(records, control, workspace, moving, timed)
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
-        if status == REFUSED and h * moving < 0.25 * control[0].tolerance and moving > 0.0:
-            return JAMMED
-        h = following if status == TOO_COARSE else _shorter(records, rung, control, workspace, h)
+        if status == REFUSED and moving > 0.0:
+            # What is pushed may move faster than what pushes it.
+            fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
+            if h * max(moving, fastest) < control[0].jam:
+                return JAMMED
+        if status == UNDEFINED and h <= control[0].step:
+            return INVALID
+        h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
 
 

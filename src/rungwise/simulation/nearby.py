@@ -7,6 +7,7 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.state import State, Workspace
+from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count
@@ -21,7 +22,7 @@ def look(records: Records, workspace: Workspace) -> None:
     """Contacts at the placed bodies, within clock.margin."""
     state = workspace.state
     state.clock[0].least_gap = find_contacts(
-        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline,
+        records.shapes, records.contacts, records.pairs, state.pose, state.outline,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
         workspace.scratch.fresh,
     )  # fmt: skip
@@ -42,11 +43,15 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
 
 @kernel
 def gather(records: Records, workspace: Workspace) -> int:
-    state, scratch = workspace.state, workspace.scratch
-    return planar.gather(
+    state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
+    contacts = planar.gather(
         records.bodies, records.coordinates, records.contacts, records.pairs, state.pose, state.points,
         state.features, state.deformation, state.q, state.prescribed, state.clock[0].near, workspace.terms,
         scratch.slots,
+    )  # fmt: skip
+    return joints.stops(
+        records.joints, records.measures, records.bodies, state.pose, state.q, contacts,
+        2 * records.pairs.shape[0] + 2 * n, workspace.terms, scratch.slots, scratch.row,
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.scene import records as rec
+from rungwise.scene.values import shown
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.state import CONTROL, Workspace, allocate
 
@@ -31,6 +33,12 @@ TURN_S = 0.1
 
 LONGEST = 100
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
+MANY = 10**9
+"""Most frames, and most steps between two of them."""
+
+JAM, CLOSER, LOOKS = 0.25, 0.1, 4
+"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
+where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
 
 
 class ModelError(ValueError):
@@ -42,7 +50,9 @@ class Run:
     """How a run ended and what it recorded.
 
     `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
-    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of.
+    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
+    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
+    run left them.
     """
 
     scene: Scene
@@ -57,14 +67,14 @@ class Run:
     wall_s: float
     certificate: Certificate | None
     problem: ContactProblem | None
-    _workspace: Workspace | None
+    workspace: Workspace | None
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
         """Coordinates at the end, by body and name."""
         places: dict[str, dict[str, float]] = {}
-        if self._workspace is not None:
-            for name, value in zip(self.scene.template.coordinates, self._workspace.state.q, strict=True):
+        if self.workspace is not None:
+            for name, value in zip(self.scene.template.coordinates, self.workspace.state.q, strict=True):
                 body, coordinate = name.split(".")
                 places.setdefault(body, {})[coordinate] = float(value)
         return places
@@ -72,9 +82,9 @@ class Run:
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
-        if self._workspace is None:
+        if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        frames, clock = self._workspace.frames, self._workspace.state.clock[0]
+        frames, clock = self.workspace.frames, self.workspace.state.clock[0]
         labels = _pair_labels(self.scene)
         data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
@@ -111,6 +121,29 @@ def _pair_labels(scene: Scene) -> list[str]:
         several = int(np.sum(contact_of == contact)) > 1
         labels.append(f"{name}/{int(np.sum(contact_of[:index] == contact))}" if several else name)
     return labels
+
+
+def _positive(name: str, value: object) -> float:
+    number = _real(value)
+    if not 0.0 < number < math.inf:
+        raise ModelError(f"{name}: must be a finite number greater than 0, not {shown(value)}")
+    return number
+
+
+def _real(value: object) -> float:
+    """A number as float, and NaN for anything else."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _count(name: str, value: object, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MANY:
+        raise ModelError(f"{name}: must be a whole number in {least}..{MANY}, not {shown(value)}")
+    return int(value)
 
 
 class Simulation:
@@ -152,13 +185,13 @@ class Simulation:
             raise ModelError(
                 "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
             )
-        for name, value in (("step", step), ("tol", tol), ("time", duration)):
-            if value is not None and not 0.0 < value < float("inf"):
-                raise ModelError(f"{name}: {value!r} must be a finite number greater than 0")
-        if not 0.5 <= theta <= 1.0:
-            raise ModelError(f"theta: {theta!r} must lie in 0.5..1")
-        if frames < 3 or (stride is not None and stride < 1):
-            raise ModelError("frames: at least 3, and stride: at least 1")
+        step = None if step is None else _positive("step", step)
+        tol = None if tol is None else _positive("tol", tol)
+        duration = None if duration is None else _positive("time", duration)
+        if not 0.5 <= _real(theta) <= 1.0:
+            raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
+        frames = _count("frames", frames, 3)
+        stride = None if stride is None else _count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
         self.reason = ""
         self.wall_s = 0.0
@@ -166,7 +199,7 @@ class Simulation:
         self.certificate: Certificate | None = None
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
-        self._turn = 500
+        self._turn = 10
         try:
             self._bound = self.scene.bind(self.parameters)
         except InvalidScene as error:
@@ -177,21 +210,28 @@ class Simulation:
         self._control["step"] = world["step"] if step is None else step
         self._control["duration"] = world["duration"] if duration is None else duration
         self._control["tolerance"] = world["tolerance"]
+        self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
             self._control["step"] if tol is None else self._control["duration"] / LONGEST
         )
         self._control["error"] = 0.0 if tol is None else tol
-        self._rung = self.model.record(theta)
-        self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
-        expected = float(self._control[0]["duration"] / self._control[0]["step"]) if tol is None else 1.0
-        self.workspace.state.clock["stride"] = math.ceil(expected / frames) if stride is None else stride
+        self._rung = self.model.record(_real(theta))
+        try:
+            self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
+        except MemoryError:
+            pairs = len(self._bound.records.pairs)
+            raise ModelError(
+                f"frames: {frames} states and {pairs} pairs of shapes that may touch do not fit into memory"
+            ) from None
+        if stride is None:
+            steps = float(self._control[0]["duration"]) / float(self._control[0]["step"])
+            stride = 1 if tol is not None else math.ceil(min(steps / frames, MANY))
+        self.workspace.state.clock["stride"] = stride
         template = self.scene.template
         timed, conditions = template.timed, template.conditions
         self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
         self._conditions = (conditions.code, conditions.constants, conditions.table)
-        began = time.perf_counter()
         code = loop.begin(self._bound.records, self._rung, self._control, self.workspace)
-        self.wall_s += time.perf_counter() - began
         if code == Code.INVALID:
             self.outcome, self.reason = Code.INVALID, self._overlap()
 
@@ -209,8 +249,20 @@ class Simulation:
         """Take steps for about `TURN_S`; returns whether the run goes on."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
+        self._take(0, self.workspace)  # compiles, or loads what is compiled, before the clock starts
         began = time.perf_counter()
-        self.outcome = Code(
+        self.outcome = self._take(self._turn, self.workspace)
+        took = time.perf_counter() - began
+        self.wall_s += took
+        self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
+        if self.outcome != Code.RUNNING:
+            self._explain()
+        if self.outcome == Code.NOT_CONVERGED and self._looks_closer():
+            self.outcome, self.reason = Code.RUNNING, ""
+        return self.outcome == Code.RUNNING
+
+    def _take(self, turns: int, workspace: Workspace) -> Code:
+        return Code(
             loop.advance(
                 self._bound.records,
                 self._timed,
@@ -218,16 +270,10 @@ class Simulation:
                 self._bound.buffer,
                 self._rung,
                 self._control,
-                self.workspace,
-                self._turn,
+                workspace,
+                turns,
             )
         )
-        took = time.perf_counter() - began
-        self.wall_s += took
-        self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
-        if self.outcome != Code.RUNNING:
-            self._explain()
-        return self.outcome == Code.RUNNING
 
     def result(self) -> Run:
         """The run as far as it has come."""
@@ -245,23 +291,44 @@ class Simulation:
             wall_s=self.wall_s,
             certificate=self.certificate,
             problem=self.problem,
-            _workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
+            workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
         )
 
     def _overlap(self) -> str:
         assert self.workspace is not None
         gaps = self.workspace.state.gaps
+        measures = self._bound.records.measures
+        places = self.workspace.scratch.measures
+        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
+        off = np.maximum(low - places, places - high)
+        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
+            worst = int(np.argmax(off))
+            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
+            return f"joints.{name} is off by {off[worst]:.3g} at the start"
         a, b = self.scene.template.contacts[int(np.argmin(gaps))]
         return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
+
+    def _undefined(self) -> str:
+        """Which number that depends on time is not finite, and when."""
+        assert self.workspace is not None
+        slot = int(self.workspace.scratch.undefined[0])
+        checks = self.scene.template.checks
+        path = checks.paths[checks.slots.tolist().index(slot)]
+        value, now = self._bound.buffer[slot], self._bound.values[len(self.parameters)]
+        return f"{path}: must be finite, not {value:g}, at t = {now:g}"
 
     def _explain(self) -> None:
         """Reason of the outcome; a jam or a missing support must be proved, or it is only not converged."""
         assert self.workspace is not None
         outcome = OUTCOMES[self.outcome]
+        clock = self.workspace.state.clock[0]
         self.reason = f"{outcome.meaning}. {outcome.advice}"
+        if self.outcome == Code.INVALID:
+            self.reason = self._undefined()
+        if self.outcome == Code.NOT_CONVERGED:
+            self._give_up()
         if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED):
             return
-        clock = self.workspace.state.clock[0]
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
         self.problem = trim(self.workspace.problem, n, contacts, limited)
         if self.outcome == Code.JAMMED:
@@ -273,11 +340,30 @@ class Simulation:
                 f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
             )
         else:
-            self.outcome = Code.NOT_CONVERGED
-            residual = float(clock["residual"])
-            self.reason = (
-                f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). {OUTCOMES[self.outcome].advice}"
-            )
+            self._give_up()
+
+    def _give_up(self) -> None:
+        assert self.workspace is not None
+        self.outcome, outcome = Code.NOT_CONVERGED, OUTCOMES[Code.NOT_CONVERGED]
+        residual = float(self.workspace.state.clock[0]["residual"])
+        self.reason = f"{outcome.meaning} (residual {residual:.1e}). {outcome.advice}"
+
+    def _looks_closer(self) -> bool:
+        """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
+
+        Where a contact is about to close in just this step, neither is quite true.
+        """
+        assert self.workspace is not None
+        state, frames = self.workspace.state, self.workspace.frames
+        clock, least = state.clock[0], JAM * CLOSER**LOOKS * self._control[0]["tolerance"]
+        if clock["outcome"] != Code.JAMMED or self._control[0]["jam"] * CLOSER < 0.99 * least:
+            return False
+        self._control["jam"] *= CLOSER
+        state.clock["outcome"] = Code.RUNNING
+        # The frame recorded as the last one is not.
+        state.clock["frames"] -= 1
+        state.impulse[:] += frames.impulse[int(clock["frames"])]
+        return True
 
     def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """H of the last problem without its inertia."""

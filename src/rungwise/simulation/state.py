@@ -8,6 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.solvers.planar import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
@@ -22,24 +23,30 @@ Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 CLOCK = np.dtype(
     [(name, np.int64) for name in (
         "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
+        "drives",
     )]
     + [(name, np.float64) for name in (
         "time", "taken", "tried", "next", "eps", "theta", "margin", "near", "least_gap", "residual",
         "worst_residual", "reach", "size", "drive_work", "load_work", "contact_work", "support_work",
+        "joint_work",
     )]
 )  # fmt: skip
 """Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
 try next; `reach` is the longest lever arm."""
 
-CONTROL = np.dtype([(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error")])
+CONTROL = np.dtype(
+    [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
+)
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
-per step, 0 for steps of fixed length."""
+per step, 0 for steps of fixed length; jam: motion, of anything, in a step below which one without solution is
+a jam."""
 
 
 class State(Block):
     """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
 
-    Per slot (two for each pair of shapes, then two travel limits for each coordinate): features, deformation
+    Per slot (two for each pair of shapes, then two travel limits for each coordinate and for each measure of
+    a joint): features, deformation
     (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
     the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
     """
@@ -67,7 +74,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix."""
+    """Workspace of one step: the solution, the solver's matrix, and in `undefined` (1,) the place of a number
+    that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
@@ -80,7 +88,10 @@ class Scratch(Block):
     order: Ints
     fresh: Ints
     after: Reals
+    row: Reals
+    measures: Reals
     stack: Reals
+    undefined: Ints
 
 
 class Whole(Block):
@@ -116,12 +127,14 @@ class Frames(Block):
     force: Reals
     impulse: Reals
     reaction: Reals
+    joint: Reals
+    joint_force: Reals
     scalars: Reals
 
 
 SCALARS = (
     "residual", "kinetic_energy", "potential_energy", "elastic_energy",
-    "drive_work", "load_work", "contact_work", "support_work",
+    "drive_work", "load_work", "contact_work", "support_work", "joint_work",
 )  # fmt: skip
 
 
@@ -141,8 +154,8 @@ class Workspace(Block):
 def allocate(records: Records, values: Reals, parameters: int, frames: int) -> Workspace:
     """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them."""
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
-    slots = 2 * pairs + 2 * n
-    rows, limited, d = slots, 2 * n, 2
+    slots = 2 * pairs + 2 * n + 2 * len(records.measures)
+    rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
     at = parameters + 1
     problem = allocate_problem(n, rows, limited)
     state = State(
@@ -167,7 +180,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         force=np.zeros((slots, d)),
         impulse=np.zeros((slots, d)),
     )
-    size = n + rows * d + limited
+    size = matrix_size(n, rows, limited)
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
@@ -180,7 +193,10 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         order=np.zeros(size, np.int64),
         fresh=np.zeros(2, np.int64),
         after=np.zeros(d),
+        row=np.zeros(n),
+        measures=np.zeros(len(records.measures)),
         stack=np.zeros(STACK),
+        undefined=np.full(1, -1, np.int64),
     )
     before, kept = (
         Snapshot(
@@ -205,6 +221,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         force=np.zeros((frames, slots, d)),
         impulse=np.zeros((frames, slots, d)),
         reaction=np.zeros((frames, n)),
+        joint=np.zeros((frames, len(records.measures))),
+        joint_force=np.zeros((frames, len(records.measures))),
         scalars=np.zeros((frames, len(SCALARS))),
     )
     return Workspace(

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.modes import OPEN
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import assemble, deform, limit_inertia
 from rungwise.simulation.state import Scratch, State
-from rungwise.system.terms import Terms
+from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 _UNBALANCED = 1e-4
@@ -27,7 +28,7 @@ def solve_step(
 ) -> int:
     """Velocities after a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
-    Contact modes start from those of the slots, and `state.modes` is left as it was.
+    Contact modes and forces start from those of the slots, and `state.modes` is left as it was.
     """
     clock = state.clock[0]
     n, limited = clock.free, clock.limited
@@ -60,9 +61,11 @@ def solve_step(
             bounced = False
     if status != SOLVED:
         return UNSOLVED
-    if _is_free_of_load(rung, n, limited, clock.eps, problem):
+    if _is_free_of_load(rung, n, clock.eps, problem):
         for r in range(contacts * terms.contact_stiffness.shape[1]):
             scratch.contact_force[r] = 0.0
+        for r in range(limited):
+            scratch.limited_force[r] = 0.0
     for i in range(state.v.shape[0]):
         scratch.v_new[i] = state.speed[i]
     for i in range(n):
@@ -78,7 +81,10 @@ def _solve(
     contacts: int, limited: int, n: int, state: State, scratch: Scratch, problem: ContactProblem
 ) -> int:
     for k in range(contacts):
-        scratch.mode[k] = state.modes[scratch.slots[k]]
+        slot = scratch.slots[k]
+        scratch.mode[k] = state.modes[slot]
+        for i in range(2):
+            scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     status, found = solve_planar(
@@ -100,8 +106,8 @@ def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> boo
     for k in range(contacts):
         held |= math.isinf(terms.contact_stiffness[k, 0, 0]) and scratch.contact_force[k * d] > 0.0
     for r in range(limited):
-        resists = terms.gains[r, 0] > 0.0 or terms.gains[r, 1] > 0.0
-        held |= not resists and abs(scratch.limited_force[r]) < terms.limit[r]
+        yields = 0.0 < terms.gains[r, 0] < math.inf or terms.gains[r, 1] > 0.0
+        held |= not yields and abs(scratch.limited_force[r]) < terms.limit[r]
     return held
 
 
@@ -112,9 +118,9 @@ def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> 
 
 
 @kernel
-def _is_free_of_load(rung: RecordArray, n: int, limited: int, eps: float, problem: ContactProblem) -> bool:
+def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProblem) -> bool:
     """Whether contact forces vanish in the limit eps -> 0+, where those found belong to eps = 1."""
-    loaded = rung[0].inertia > 0.0 or not rung[0].loads or rung[0].compliant or eps < 1.0 or limited > 0
+    loaded = rung[0].inertia > 0.0 or not rung[0].loads or rung[0].compliant or eps < 1.0
     for i in range(n):
         loaded |= problem.c[i] != 0.0
     return not loaded
@@ -147,7 +153,7 @@ def accept_forces(
     d = state.force.shape[1]
     state.force[:, :] = 0.0
     if rung[0].compliant:
-        _relax(h, rung, terms, contacts, state, scratch, problem)
+        _relax(h, terms, contacts, state, scratch, problem)
     for k in range(contacts):
         slot = slots[k]
         state.modes[slot] = scratch.mode[k]
@@ -160,7 +166,6 @@ def accept_forces(
 @kernel
 def _relax(
     h: float,
-    rung: RecordArray,
     terms: Terms,
     contacts: int,
     state: State,
@@ -191,13 +196,15 @@ def account(
         contact = 0.0
         for r in range(contacts * d):
             contact += terms.rows[r, i] * scratch.contact_force[r]
-        limited, support = 0.0, 0.0
+        limited, support, joint = 0.0, 0.0, 0.0
         for r in range(clock.limited):
             force = terms.limited[r, i] * scratch.limited_force[r]
-            if terms.gains[r, 0] > 0.0 or terms.gains[r, 1] > 0.0:
+            if terms.account[r] == DRIVE:
                 limited += force
-            else:
+            elif terms.account[r] == SUPPORT:
                 support += force
+            else:
+                joint += force
         elastic = 0.0
         inertial = 0.0
         for j in range(n):
@@ -208,7 +215,7 @@ def account(
                 inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
-            drive = inertial - state.passive[i] - contact - support
+            drive = inertial - state.passive[i] - contact - support - joint
         lever = scratch.v_new[i]
         if momentum:
             end = end_velocity(theta, v_old[i], scratch.v_new[i], state.prescribed[i])
@@ -218,3 +225,4 @@ def account(
         clock.load_work += h * lever * state.passive[i]
         clock.contact_work += h * lever * contact
         clock.support_work += h * lever * support
+        clock.joint_work += h * lever * joint

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.contact.modes import NAMES
+from rungwise.plain import json_text
 from rungwise.simulation.state import SCALARS
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from rungwise.scene import Scene
     from rungwise.simulation.state import Frames
 
+MEASURES = ("along", "across", "angle")
 STORE = "trajectory.zarr"
 SUMMARY = "run.json"
 
@@ -33,14 +35,17 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     for each pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work.
     Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
     since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
-    neither.
+    neither. A scene with joints has, for each of their three measures (along and across the axis of the
+    first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
+    `scene_file` is the scene as JSON, as `load` takes it once decoded.
     """
     import xarray as xr
 
     template = scene.template
     contacts = [f"{a}|{b}" for a, b in template.contacts]
     points = [f"{pair}/{k}" for pair in pairs for k in (0, 1)]
-    points += [f"{name}/{side}" for name in template.coordinates for side in ("lower", "upper")]
+    measures = [f"{joint}.{measure}" for joint in template.joints for measure in MEASURES]
+    points += [f"{name}/{side}" for name in (*template.coordinates, *measures) for side in ("lower", "upper")]
     cut = slice(0, count)
     variables: dict[str, Any] = {
         "position": (("time", "coordinate"), frames.q[cut]),
@@ -48,6 +53,10 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
         "gap": (("time", "contact"), frames.gap[cut]),
         "mode": (("time", "point"), frames.mode[cut].astype(np.int8), {"flags": list(NAMES)}),
     }
+    if measures:
+        variables["joint_position"] = (("time", "measure"), frames.joint[cut])
+        if model.loads:
+            variables["joint_force"] = (("time", "measure"), frames.joint_force[cut])
     if model.loads:
         variables["drive_force"] = (("time", "coordinate"), frames.reaction[cut])
         impacts = model.inertia > 0.0 and not model.compliant
@@ -62,9 +71,14 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
             "coordinate": _labels(template.coordinates),
             "contact": _labels(contacts),
             "point": _labels(points),
+            **({"measure": _labels(measures)} if measures else {}),
             "direction": _labels(("normal", "tangent")),
         },
-        attrs={"scene": scene.name, "model": model.name},
+        attrs={
+            "scene": scene.name,
+            "model": model.name,
+            "scene_file": scene.file.model_dump_json(exclude_unset=True),
+        },
     )
 
 
@@ -81,11 +95,10 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
     mark = f".{uuid.uuid4().hex[:8]}"
-    store = target / (STORE + mark)
+    store, text = target / (STORE + mark), target / (SUMMARY + mark)
     try:
         trajectory.to_zarr(store, mode="w", consolidated=False)
-        text = target / (SUMMARY + mark)
-        text.write_text(json.dumps(summary, indent=1), "utf-8")
+        text.write_text(json_text(summary, indent=1), "utf-8")
         old = target / (STORE + mark + ".old")
         if (target / STORE).exists():
             os.replace(target / STORE, old)
@@ -94,6 +107,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(store, ignore_errors=True)
+        text.unlink(missing_ok=True)
     return target
 
 

@@ -7,6 +7,7 @@ from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import FORCE, SERVO, Records
 from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
+from rungwise.system.planar import joints
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
 JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
@@ -44,7 +45,6 @@ def has_sunk(state: State) -> bool:
 @kernel
 def spent(
     records: Records,
-    rung: RecordArray,
     control: RecordArray,
     workspace: Workspace,
     moving: float,
@@ -54,6 +54,7 @@ def spent(
     state = workspace.state
     clock = state.clock[0]
     driven, others = clock.free < state.q.shape[0], timed[3].shape[0] + records.potentials.shape[0]
+    others += joints.any_driven(records.measures)
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:
         return MISSED if driven and moving == 0.0 else TIMEOUT

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 
+DRIVE, SUPPORT, JOINT = 0, 1, 2
+"""Accounts of energy that the work of a limited row may belong to."""
+
 
 class Terms(Block):
     """What a system says about one state. Units: force F, length L, time T of the scene.
@@ -30,8 +33,9 @@ class Terms(Block):
     deformation (c d,)   delta at the start of the step
     limited    (b, n)    rows S^T of force-limited drives and dry friction
     limit      (b,)      F
-    gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction)
+    gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
+    account    (b,)      whose work that of the row is: DRIVE, SUPPORT or JOINT
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     """
@@ -52,6 +56,7 @@ class Terms(Block):
     limit: NDArray[np.float64]
     gains: NDArray[np.float64]
     error: NDArray[np.float64]
+    account: NDArray[np.int64]
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
 
@@ -76,6 +81,7 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         limit=np.zeros(b),
         gains=np.zeros((b, 2)),
         error=np.zeros((b, 2)),
+        account=np.zeros(b, np.int64),
         rounding=np.zeros(1),
         pause=np.zeros(1),
     )

@@ -52,7 +52,7 @@ class Planar:
         self.place(q)
         records = self.records
         return find_contacts(
-            records.bodies, records.shapes, records.contacts, records.pairs, self.pose, self.outline, margin,
+            records.shapes, records.contacts, records.pairs, self.pose, self.outline, margin,
             self.points, self.features, self.deformation, self.modes, self.gaps, np.zeros(2, np.int64),
         )  # fmt: skip
 

@@ -1,7 +1,9 @@
-"""Gaussian elimination with complete pivoting, for the small and possibly singular systems of contact modes.
+"""Gaussian elimination.
 
-Promises the solution of a regular system to rounding, and for a singular but consistent one a solution whose
-dependent unknowns are zero; whether it is one is for the residual to say.
+With complete pivoting, for the small and possibly singular systems of contact modes: promises the solution of
+a regular system to rounding, and for a singular but consistent one a solution whose dependent unknowns are
+zero; whether it is one is for the residual to say. With row pivoting and factors that are kept, for regular
+systems; it skips zeros.
 """
 
 from __future__ import annotations
@@ -86,3 +88,50 @@ def _restore_order(a: Reals, size: int, columns: int, order: Ints) -> None:
             a[order[i], 0] = a[i, c]
         for i in range(size):
             a[i, c] = a[i, 0]
+
+
+@kernel
+def factorise(a: Reals, size: int, order: Ints) -> bool:
+    """Replace a[:size, :size] by its triangular factors, rows exchanged as `order` (size,) says; False if
+    singular."""
+    for k in range(size):
+        row = k
+        for i in range(k + 1, size):
+            if abs(a[i, k]) > abs(a[row, k]):
+                row = i
+        order[k] = row
+        if not abs(a[row, k]) > 0.0:
+            return False
+        if row != k:
+            for j in range(size):
+                x = a[k, j]
+                a[k, j] = a[row, j]
+                a[row, j] = x
+        inverse = 1.0 / a[k, k]
+        for i in range(k + 1, size):
+            if a[i, k] != 0.0:
+                factor = a[i, k] * inverse
+                a[i, k] = factor
+                for j in range(k + 1, size):
+                    a[i, j] -= factor * a[k, j]
+    return True
+
+
+@kernel
+def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
+    """Solve with the factors of `factorise` for the right-hand side x (size,), in place."""
+    for k in range(size):
+        row = order[k]
+        value = x[row]
+        x[row] = x[k]
+        x[k] = value
+    for i in range(size):
+        total = x[i]
+        for j in range(i):
+            total -= a[i, j] * x[j]
+        x[i] = total
+    for i in range(size - 1, -1, -1):
+        total = x[i]
+        for j in range(i + 1, size):
+            total -= a[i, j] * x[j]
+        x[i] = total / a[i, i]

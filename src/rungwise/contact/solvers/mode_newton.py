@@ -18,9 +18,6 @@ from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.kernel import Ints, Reals, kernel
 
 MAX_FLIPS = 12
-PROXIMAL = 1e-7
-"""Yield of forces, relative to the inertia, by which a mode of dependent contacts picks its least forces."""
-PROXIMAL_STEPS = 3
 _TOLERANCE = 1e-12
 
 
@@ -39,11 +36,16 @@ def solve_by_modes(
     flips: int,
 ) -> float:
     """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
-    found."""
+    found. It ends at a mode that does not determine the forces."""
+    still = matrix[matrix.shape[0] - 1]
+    for r in range(2 * contacts + limited):
+        still[r] = 0.0
     for i in range(flips):
-        solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
+        regular = solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         # The last solution keeps the mode that it belongs to.
-        if i + 1 == flips or not _flip(problem, n, contacts, limited, mode, v, force, tau):
+        if not regular or i + 1 == flips:
+            break
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, still, still, contacts + limited):
             break
     return residual(problem, n, contacts, limited, v, force, tau)
 
@@ -60,21 +62,12 @@ def solve_mode(
     tau: Reals,
     matrix: Reals,
     order: Ints,
-) -> None:
-    """The one solution of the linear equations of `mode`, inequalities aside."""
-    p = problem
-    size = _assemble(p, n, contacts, limited, mode, 0.0, v, force, tau, matrix)
+) -> bool:
+    """A solution of the linear equations of `mode`, inequalities aside; whether it is the only one."""
+    size = _assemble(problem, n, contacts, limited, mode, v, force, tau, matrix)
     regular = solve_in_place(matrix, size, 1, order) == size
-    _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau)
-    if not regular:
-        for r in range(2 * contacts):
-            force[r] = 0.0
-        for r in range(limited):
-            tau[r] = 0.0
-        for _ in range(PROXIMAL_STEPS):
-            _assemble(p, n, contacts, limited, mode, PROXIMAL, v, force, tau, matrix)
-            solve_in_place(matrix, size, 1, order)
-            _unpack(p, n, contacts, limited, mode, size, matrix, v, force, tau)
+    _unpack(problem, n, contacts, limited, mode, size, matrix, v, force, tau)
+    return regular
 
 
 @kernel
@@ -104,17 +97,17 @@ def _unpack(
             force[2 * k + 1] *= matrix[at, size]
             at += 1
         else:
-            force[2 * k + 1] = _sign(mode[k]) * p.mu[k] * force[2 * k]
+            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
     for r in range(limited):
         if mode[contacts + r] == STICK:
             tau[r] *= matrix[at, size]
             at += 1
         else:
-            tau[r] = _sign(mode[contacts + r]) * p.F[r]
+            tau[r] = sign(mode[contacts + r]) * p.F[r]
 
 
 @kernel
-def _sign(mode: int) -> float:
+def sign(mode: int) -> float:
     """Sign of the friction force."""
     if mode == BACKWARD:
         return 1.0
@@ -128,7 +121,6 @@ def _assemble(
     contacts: int,
     limited: int,
     mode: Ints,
-    proximal: float,
     v: Reals,
     force: Reals,
     tau: Reals,
@@ -138,8 +130,7 @@ def _assemble(
 
     Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
     the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
-    row is lost beside another; the units are left in v, force and tau. A `proximal` > 0 lets each force yield
-    by so much, in its own unit, about its present value.
+    row is lost beside another; the units are left in v, force and tau.
     """
     size = n
     for k in range(contacts):
@@ -162,18 +153,18 @@ def _assemble(
         if mode[k] == OPEN:
             continue
         row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
-        slope = 0.0 if sticks else _sign(mode[k]) * p.mu[k]
+        slope = 0.0 if sticks else sign(mode[k]) * p.mu[k]
         unit = _unit(p.W, row, n, p.R[k, 0, 0], v)
         _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
-        a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit + proximal
-        a[at, size] = -p.w[row] * unit + proximal * force[row] / unit
+        a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit
+        a[at, size] = -p.w[row] * unit
         force[row] = unit
         if sticks:
             other = _unit(p.W, row + 1, n, p.R[k, 1, 1], v)
             _unknown(p.W, row + 1, n, 0.0, row, other, v, at + 1, a)
             a[at, at + 1], a[at + 1, at] = p.R[k, 0, 1] * unit * other, p.R[k, 1, 0] * unit * other
-            a[at + 1, at + 1] = p.R[k, 1, 1] * other * other + proximal
-            a[at + 1, size] = -p.w[row + 1] * other + proximal * force[row + 1] / other
+            a[at + 1, at + 1] = p.R[k, 1, 1] * other * other
+            a[at + 1, size] = -p.w[row + 1] * other
             force[row + 1] = other
             at += 1
         at += 1
@@ -181,13 +172,13 @@ def _assemble(
         if mode[contacts + r] == STICK:
             unit = _unit(p.S, r, n, p.R_s[r], v)
             _unknown(p.S, r, n, 0.0, r, unit, v, at, a)
-            a[at, at] = p.R_s[r] * unit * unit + proximal
-            a[at, size] = -p.w_s[r] * unit + proximal * tau[r] / unit
+            a[at, at] = p.R_s[r] * unit * unit
+            a[at, size] = -p.w_s[r] * unit
             tau[r] = unit
             at += 1
         else:
             for i in range(n):
-                a[i, size] += p.S[r, i] * v[i] * _sign(mode[contacts + r]) * p.F[r]
+                a[i, size] += p.S[r, i] * v[i] * sign(mode[contacts + r]) * p.F[r]
     return size
 
 
@@ -232,22 +223,37 @@ def _unknown(
 
 
 @kernel
-def _flip(
-    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals
+def flip(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    give: Reals,
+    centre: Reals,
+    most: int,
 ) -> bool:
-    """Move every contact that contradicts its mode to the mode it asks for; returns whether any did."""
+    """Move at most `most` contacts that contradict their modes to those they ask for; whether any did.
+
+    Row r yields by give[r] for each force beyond centre[r] (2 contacts + limited,), beside what R says.
+    """
     velocity, largest = p.quantum[0], 0.0
     for r in range(2 * contacts):
         velocity = max(velocity, abs(p.w[r]))
         largest = max(largest, abs(force[r]))
         for i in range(n):
             velocity = max(velocity, abs(p.W[r, i] * v[i]))
+        velocity = max(velocity, give[r] * abs(centre[r]))
     slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
-    changed = False
+    changed = 0
     for k in range(contacts):
-        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny)
-        changed |= wanted != mode[k]
-        mode[k] = wanted
+        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny, give, centre)
+        if wanted != mode[k] and changed < most:
+            changed += 1
+            mode[k] = wanted
     for r in range(limited):
         at = contacts + r
         wanted = mode[at]
@@ -255,29 +261,42 @@ def _flip(
             if abs(tau[r]) > p.F[r] * (1.0 + _TOLERANCE):
                 wanted = BACKWARD if tau[r] > 0.0 else FORWARD
         else:
-            s = p.R_s[r] * tau[r] + p.w_s[r]
+            own = 2 * contacts + r
+            s = p.R_s[r] * tau[r] + p.w_s[r] + give[own] * (tau[r] - centre[own])
             for i in range(n):
                 s += p.S[r, i] * v[i]
             if s * tau[r] > 0.0:
                 wanted = STICK
-        changed |= wanted != mode[at]
-        mode[at] = wanted
-    return changed
+        if wanted != mode[at] and changed < most:
+            changed += 1
+            mode[at] = wanted
+    return changed > 0
 
 
 @kernel
 def _contact_mode(
-    p: ContactProblem, n: int, k: int, mode: int, v: Reals, force: Reals, slack: float, tiny: float
+    p: ContactProblem,
+    n: int,
+    k: int,
+    mode: int,
+    v: Reals,
+    force: Reals,
+    slack: float,
+    tiny: float,
+    give: Reals,
+    centre: Reals,
 ) -> int:
     normal, tangential = force[2 * k], force[2 * k + 1]
     if mode == OPEN:
-        rate = p.w[2 * k]
+        rate = p.w[2 * k] - give[2 * k] * centre[2 * k]
         for i in range(n):
             rate += p.W[2 * k, i] * v[i]
         if rate >= -slack:
             return OPEN
         return STICK if p.mu[k] > 0.0 else FORWARD
     if normal < -tiny:
+        if mode == STICK and abs(tangential) > -p.mu[k] * normal:
+            return BACKWARD if tangential > 0.0 else FORWARD
         return OPEN
     if p.mu[k] == 0.0:
         return mode
@@ -286,6 +305,7 @@ def _contact_mode(
             return STICK
         return BACKWARD if tangential > 0.0 else FORWARD
     slip = p.w[2 * k + 1] + p.R[k, 1, 0] * normal + p.R[k, 1, 1] * tangential
+    slip += give[2 * k + 1] * (tangential - centre[2 * k + 1])
     for i in range(n):
         slip += p.W[2 * k + 1, i] * v[i]
-    return STICK if slip * _sign(mode) > slack else mode
+    return STICK if slip * sign(mode) > slack else mode

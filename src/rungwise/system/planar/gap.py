@@ -16,7 +16,6 @@ from rungwise.system.planar.place import X, Y
 
 @kernel
 def find_contacts(
-    bodies: RecordArray,
     shapes: RecordArray,
     contacts: RecordArray,
     pairs: RecordArray,

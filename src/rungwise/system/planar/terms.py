@@ -9,7 +9,7 @@ from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import X, Y
-from rungwise.system.terms import Terms
+from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 
 @kernel
@@ -28,10 +28,12 @@ def constants(coordinates: RecordArray, potentials: RecordArray, factors: Record
             terms.limited[count, i] = 1.0
             terms.limit[count] = c.limit
             terms.gains[count, 0], terms.gains[count, 1] = c.stiffness, c.drive_damping
+            terms.account[count] = DRIVE
             count += 1
         if c.dry_friction > 0.0 and c.drive != SPEED:
             terms.limited[count, i] = 1.0
             terms.limit[count] = c.dry_friction
+            terms.account[count] = SUPPORT
             count += 1
     for p in range(potentials.shape[0]):
         for i in range(n):
@@ -162,6 +164,10 @@ def gather(
                 terms.contact_stiffness[count, 1, 1] = contact.tangential_stiffness
                 terms.contact_damping[count, 0, 0] = contact.damping
                 terms.contact_damping[count, 1, 1] = contact.tangential_damping
+                coupling = contact.coupling_stiffness
+                terms.contact_stiffness[count, 0, 1] = terms.contact_stiffness[count, 1, 0] = coupling
+                coupling = contact.coupling_damping
+                terms.contact_damping[count, 0, 1] = terms.contact_damping[count, 1, 0] = coupling
                 terms.deformation[2 * count] = deformation[slot, 0]
                 terms.deformation[2 * count + 1] = deformation[slot, 1]
                 slots[count] = slot
@@ -170,25 +176,27 @@ def gather(
         if not prescribed[i]:
             slot = 2 * pairs.shape[0] + 2 * i
             if math.isfinite(coordinates[i].lower):
-                _stop(q[i] - coordinates[i].lower, i, 1.0, count, terms)
+                stop(q[i] - coordinates[i].lower, count, terms)
+                terms.rows[2 * count, i] = 1.0
                 slots[count] = slot
                 count += 1
             if math.isfinite(coordinates[i].upper):
-                _stop(coordinates[i].upper - q[i], i, -1.0, count, terms)
+                stop(coordinates[i].upper - q[i], count, terms)
+                terms.rows[2 * count, i] = -1.0
                 slots[count] = slot + 1
                 count += 1
     return count
 
 
 @kernel
-def _stop(gap: float, i: int, sign: float, count: int, terms: Terms) -> None:
-    """A travel limit: a rigid frictionless contact on one coordinate (infinite stiffness means rigid)."""
+def stop(gap: float, count: int, terms: Terms) -> None:
+    """A travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to fill."""
     terms.rows[2 * count, :] = 0.0
     terms.rows[2 * count + 1, :] = 0.0
-    terms.rows[2 * count, i] = sign
     terms.gap[count] = gap
     terms.friction[count] = terms.restitution[count] = 0.0
     for d in range(2):
         terms.contact_stiffness[count, d, d] = math.inf
         terms.contact_damping[count, d, d] = 0.0
+        terms.contact_stiffness[count, d, 1 - d] = terms.contact_damping[count, d, 1 - d] = 0.0
         terms.deformation[2 * count + d] = 0.0

@@ -1,0 +1,291 @@
+"""Proximal point method for redundant contacts: forces that may be shared in many ways start from a guess.
+
+Algorithm: a sequence of problems in which each force yields a little about its last value, R + rho and
+w - rho lambda, so that its contact modes have one answer each; every one is solved by Newton's method on the
+modes, in velocities alone (W^T (R + rho)^-1 W + H is as large as there are coordinates, however many contacts
+there are). rho falls while the modes settle and rises when they do not; what it adds vanishes at the end.
+Sources: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; Carpentier, Montaut, Le Lidec: From compliant
+to rigid contact simulation, RSS 2024.
+Accepts: planar problems (d = 2), H positive definite. Promises: nothing but the residual that it returns; it
+keeps the given forces as far as they solve the problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.modes import OPEN, STICK
+from rungwise.contact.problem import ContactProblem
+from rungwise.contact.residual import residual
+from rungwise.contact.solvers.linear import factorise, substitute
+from rungwise.contact.solvers.mode_newton import flip, sign
+from rungwise.kernel import Ints, Reals, kernel
+
+FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
+"""Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
+MAX_ROUNDS = 40
+MAX_FLIPS = 12
+TARGET = 1e-11
+STILL = 1e-3
+"""Forces that change by more from round to round may be growing without bound, which hides any error."""
+
+
+@kernel
+def solve_proximal(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    enough: float,
+) -> float:
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when it came to no rest."""
+    rows = 2 * contacts + limited
+    flat = matrix.reshape(matrix.size)
+    at = n * n
+    factors = flat[:at].reshape(n, n)
+    centre, give, rate = (
+        flat[at : at + rows],
+        flat[at + rows : at + 2 * rows],
+        flat[at + 2 * rows : at + 3 * rows],
+    )
+    at += 3 * rows
+    push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
+    for i in range(n):
+        v[i] = 0.0
+    collect(contacts, limited, force, tau, centre)
+    rho, found, before, factored = FIRST, math.inf, math.inf, -1.0
+    for _ in range(MAX_ROUNDS):
+        settled = False
+        for flips in range(2 * MAX_FLIPS):
+            if factored != rho:
+                _impose(problem, contacts, limited, mode, force, tau)
+                _give(problem, n, contacts, limited, rho, give)
+                _push(problem, contacts, limited, mode, give, push)
+                if not _factorise(problem, n, contacts, limited, push, factors, order):
+                    break
+                factored = rho
+            for _ in range(2):
+                _correct(
+                    problem,
+                    n,
+                    contacts,
+                    limited,
+                    give,
+                    centre,
+                    push,
+                    factors,
+                    order,
+                    v,
+                    force,
+                    tau,
+                    rate,
+                    step,
+                )
+            settled = not flip(
+                problem,
+                n,
+                contacts,
+                limited,
+                mode,
+                v,
+                force,
+                tau,
+                give,
+                centre,
+                rows if flips < MAX_FLIPS else 1,
+            )
+            if settled:
+                break
+            factored = -1.0
+        if not settled:
+            if rho >= MOST:
+                break
+            rho = min(100.0 * rho, MOST)
+            for i in range(n):
+                v[i] = 0.0
+            spread(contacts, limited, centre, force, tau)
+            continue
+        found = residual(problem, n, contacts, limited, v, force, tau)
+        rests = _moved(contacts, limited, force, tau, centre) <= STILL
+        if rests and (found <= TARGET or (found <= enough and found > 0.5 * before)):
+            return found
+        collect(contacts, limited, force, tau, centre)
+        if found > enough and found > 0.1 * before:
+            rho = max(0.01 * rho, LEAST)
+        before = found
+    return math.inf
+
+
+@kernel
+def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> float:
+    """Greatest change of a force from its centre, relative to the greatest force."""
+    moved, largest = 0.0, 0.0
+    for r in range(2 * contacts + limited):
+        now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
+        moved, largest = max(moved, abs(now - centre[r])), max(largest, abs(now))
+    return moved / largest if largest > 0.0 else 0.0
+
+
+@kernel
+def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
+    """What each row must yield to its own force beside R: at least rho of what the bodies yield."""
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        own, bodies = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c], 0.0
+        for i in range(n):
+            row = p.W[r, i] if c < 0 else p.S[c, i]
+            bodies += row * row / p.H[i, i]
+        give[r] = max(rho * (bodies if bodies > 0.0 else 1.0) - own, 0.0)
+
+
+@kernel
+def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
+    for r in range(2 * contacts):
+        centre[r] = force[r]
+    for r in range(limited):
+        centre[2 * contacts + r] = tau[r]
+
+
+@kernel
+def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals) -> None:
+    for r in range(2 * contacts):
+        force[r] = centre[r]
+    for r in range(limited):
+        tau[r] = centre[2 * contacts + r]
+
+
+@kernel
+def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: Reals, tau: Reals) -> None:
+    """Give the forces that follow from the modes their values."""
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            force[2 * k] = force[2 * k + 1] = 0.0
+        elif mode[k] != STICK or p.mu[k] == 0.0:
+            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
+    for r in range(limited):
+        if mode[contacts + r] != STICK:
+            tau[r] = sign(mode[contacts + r]) * p.F[r]
+
+
+@kernel
+def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Reals, push: Reals) -> None:
+    """Force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited row."""
+    for k in range(contacts):
+        at = 4 * k
+        a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
+        push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
+        if mode[k] == STICK and p.mu[k] > 0.0:
+            b, c = p.R[k, 0, 1], p.R[k, 1, 0]
+            inverse = 1.0 / (a * d - b * c)
+            push[at], push[at + 1], push[at + 2], push[at + 3] = (
+                d * inverse,
+                -b * inverse,
+                -c * inverse,
+                a * inverse,
+            )
+        elif mode[k] != OPEN:
+            slope = sign(mode[k]) * p.mu[k]
+            push[at] = 1.0 / (a + slope * p.R[k, 0, 1])
+            push[at + 2] = slope * push[at]
+    for r in range(limited):
+        held = mode[contacts + r] == STICK
+        push[4 * contacts + r] = 1.0 / (p.R_s[r] + give[2 * contacts + r]) if held else 0.0
+
+
+@kernel
+def _factorise(
+    p: ContactProblem, n: int, contacts: int, limited: int, push: Reals, factors: Reals, order: Ints
+) -> bool:
+    """Factors of H + W^T push W + S^T push S."""
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] = p.H[i, j]
+    for k in range(contacts):
+        at = 4 * k
+        if push[at] == 0.0:
+            continue
+        for i in range(n):
+            a, b = p.W[2 * k, i], p.W[2 * k + 1, i]
+            if a == 0.0 and b == 0.0:
+                continue
+            normal = a * push[at] + b * push[at + 2]
+            tangential = a * push[at + 1] + b * push[at + 3]
+            for j in range(n):
+                factors[i, j] += normal * p.W[2 * k, j] + tangential * p.W[2 * k + 1, j]
+    for r in range(limited):
+        if push[4 * contacts + r] == 0.0:
+            continue
+        for i in range(n):
+            a = p.S[r, i] * push[4 * contacts + r]
+            if a != 0.0:
+                for j in range(n):
+                    factors[i, j] += a * p.S[r, j]
+    return factorise(factors, n, order)
+
+
+@kernel
+def _correct(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    give: Reals,
+    centre: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    rate: Reals,
+    step: Reals,
+) -> None:
+    """One Newton step of all equations of the modes, from what is left of each."""
+    for i in range(n):
+        step[i] = p.c[i]
+        for j in range(n):
+            step[i] -= p.H[i, j] * v[j]
+    for k in range(contacts):
+        for d in range(2):
+            r = 2 * k + d
+            x = p.w[r] + p.R[k, d, 0] * force[2 * k] + p.R[k, d, 1] * force[2 * k + 1]
+            x += give[r] * (force[r] - centre[r])
+            for i in range(n):
+                x += p.W[r, i] * v[i]
+            rate[r] = -x
+        normal = push[4 * k] * rate[2 * k] + push[4 * k + 1] * rate[2 * k + 1]
+        tangential = push[4 * k + 2] * rate[2 * k] + push[4 * k + 3] * rate[2 * k + 1]
+        normal += force[2 * k]
+        tangential += force[2 * k + 1]
+        for i in range(n):
+            step[i] += p.W[2 * k, i] * normal + p.W[2 * k + 1, i] * tangential
+    for r in range(limited):
+        at = 2 * contacts + r
+        x = p.w_s[r] + p.R_s[r] * tau[r] + give[at] * (tau[r] - centre[at])
+        for i in range(n):
+            x += p.S[r, i] * v[i]
+        rate[at] = -x
+        x = tau[r] - push[4 * contacts + r] * x
+        for i in range(n):
+            step[i] += p.S[r, i] * x
+    substitute(factors, n, order, step)
+    for i in range(n):
+        v[i] += step[i]
+    for k in range(contacts):
+        normal, tangential = rate[2 * k], rate[2 * k + 1]
+        for i in range(n):
+            normal -= p.W[2 * k, i] * step[i]
+            tangential -= p.W[2 * k + 1, i] * step[i]
+        force[2 * k] += push[4 * k] * normal + push[4 * k + 1] * tangential
+        force[2 * k + 1] += push[4 * k + 2] * normal + push[4 * k + 3] * tangential
+    for r in range(limited):
+        x = rate[2 * contacts + r]
+        for i in range(n):
+            x -= p.S[r, i] * step[i]
+        tau[r] += push[4 * contacts + r] * x

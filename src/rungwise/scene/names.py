@@ -1,0 +1,74 @@
+"""What a scene's expressions may name, and the programs that they compile to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rungwise.scene.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
+from rungwise.scene.template import SceneError
+
+
+class Names:
+    """Names of a scene and their slots among the values that programs read (see `Template`).
+
+    `watched` collects the contacts whose gap or force some condition reads.
+    """
+
+    def __init__(
+        self, parameters: tuple[str, ...], coordinates: tuple[str, ...], contacts: tuple[tuple[str, str], ...]
+    ) -> None:
+        for name in parameters:
+            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "gap", "force", "speed"):
+                raise SceneError(f"parameters.{name}: the name is taken by the expression language")
+        self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
+        self.watched: set[int] = set()
+
+    def number(self, text: str, path: str, timed: bool = False) -> Code:
+        """Program of a number of the parameters, and of t if it is timed. Raises SceneError at `path`."""
+        names = (*self.parameters, "t") if timed else self.parameters
+
+        def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
+            return names.index(dotted[0]) if not function and dotted[0] in names else None
+
+        try:
+            return compile_expression(text, lookup, lambda: listed(names))
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def condition(self, text: str | None, path: str) -> Code:
+        """Program of a condition on the state; an empty one where none is stated. Raises SceneError."""
+        if text is None:
+            return Code()
+        try:
+            return compile_expression(text, self._of_state, self._listed_state, condition=True)
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def _listed_state(self) -> str:
+        names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
+        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
+        return listed(names)
+
+    def _of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
+        time = len(self.parameters)
+        n, contacts = len(self.coordinates), len(self.contacts)
+        if function in ("", "speed") and len(dotted) == 1:
+            if dotted[0] in self.coordinates:
+                return time + 1 + self.coordinates.index(dotted[0]) + (n if function else 0)
+            if not function and dotted[0] in (*self.parameters, "t"):
+                return (*self.parameters, "t").index(dotted[0])
+            if not function and dotted[0] == "tolerance":
+                return time + 1 + 2 * n + 2 * contacts
+        if function in ("gap", "force") and len(dotted) == 2:
+            for pair in (dotted, dotted[::-1]):
+                if pair in self.contacts:
+                    index = self.contacts.index(pair)
+                    self.watched.add(index)
+                    return time + 1 + 2 * n + index + (contacts if function == "force" else 0)
+        return None
+
+
+def listed(names: Iterable[str]) -> str:
+    """Valid names as a message lists them: the first forty."""
+    many = list(names)
+    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"

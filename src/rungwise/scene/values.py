@@ -1,0 +1,110 @@
+"""Kinds of values that the fields of a scene file take, and how messages show a wrong one."""
+
+from __future__ import annotations
+
+import keyword
+import math
+import re
+from typing import Annotated
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
+_UNIT = re.compile(r"1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*")
+_BASE_UNITS = {"m", "g", "s", "N", "J", "W", "Pa", "Hz", "rad", "deg"}
+_PREFIXES = ("", "k", "M", "G", "c", "m", "u", "µ", "n")
+
+
+def _no_keyword(name: str) -> str:
+    if keyword.iskeyword(name):
+        raise PydanticCustomError("keyword", "the name is taken by the expression language")
+    return name
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise PydanticCustomError("text", "must be a text")
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        raise PydanticCustomError("text", "must be a text of valid characters") from None
+    return value
+
+
+def _number(value: object) -> object:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, int | float | str)
+        or value == ""
+        or str(value).isspace()
+    ):
+        raise PydanticCustomError("number", "must be a number or an expression of the parameters")
+    return value if isinstance(value, str) else _finite(value)
+
+
+def _finite(value: object) -> float:
+    if isinstance(value, str):
+        try:
+            value = float(value)
+        except ValueError:
+            raise PydanticCustomError("finite", "must be a number") from None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("finite", "must be a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise PydanticCustomError("finite", "must be finite")
+    return number
+
+
+def _unit(value: object) -> object:
+    if not isinstance(value, str) or not _UNIT.fullmatch(value):
+        raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
+    for symbol in re.findall(r"[A-Za-zµ]+", value):
+        if not any(symbol == prefix + base for prefix in _PREFIXES for base in _BASE_UNITS):
+            raise PydanticCustomError(
+                "unit",
+                "unknown unit {symbol}; valid: 1 and products of {bases}, with a prefix {prefixes}",
+                {
+                    "symbol": repr(symbol[:60]),
+                    "bases": " ".join(sorted(_BASE_UNITS)),
+                    "prefixes": " ".join(_PREFIXES[1:]),
+                },
+            )
+    return value
+
+
+Text = Annotated[str, BeforeValidator(_text)]
+Name = Annotated[str, Field(pattern=NAME, max_length=60), AfterValidator(_no_keyword), BeforeValidator(_text)]
+Pattern = Annotated[str, Field(min_length=1, max_length=200), BeforeValidator(_text)]
+Number = Annotated[
+    float | str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
+]
+Finite = Annotated[float, BeforeValidator(_finite)]
+Unit = Annotated[str, BeforeValidator(_unit)]
+Pair = tuple[Number, Number]
+
+
+def shown(value: object) -> str:
+    """A wrong value as a message shows it: short, on one line, in the words of a scene file."""
+    match value:
+        case None:
+            return "null"
+        case bool():
+            return str(value).lower()
+        case int() if value.bit_length() > 200:
+            return "so large an integer"
+        case int() | float():
+            return str(value)
+        case str() if len(value) > 60:
+            return f"{value[:57]!r}..."
+        case str():
+            return repr(value)
+        case list() | tuple():
+            return "a list"
+        case dict():
+            return "a mapping"
+    return f"an object of type {type(value).__name__}"

@@ -1,0 +1,243 @@
+"""What a run looked like: outlines, poses and contact points of each frame, derived from its trajectory.
+
+A trajectory holds coordinates, modes and forces, but no places: bodies and contact points are placed again
+here, by the kernels that placed them in the run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.scene import Scene, SceneError, load
+from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
+from rungwise.simulation import trajectory as saved
+from rungwise.simulation.run import Run
+from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.system.planar.place import X, Y, place
+
+if TYPE_CHECKING:
+    import xarray
+
+NEAR = 0.02
+"""Open contact points are shown up to this fraction of the largest shape's reach."""
+EXACT = 500
+"""Up to so many pairs of shapes every gap is exact; beyond, far ones are lower bounds, as in the run."""
+
+SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP = 0, 1, 2
+"""Modes as they are drawn; those that slip differ in the direction."""
+_SHOWN = np.zeros(4, np.int64)
+_SHOWN[[OPEN, STICK, FORWARD, BACKWARD]] = SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP, SHOWN_SLIP
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A shape in the frame of its body's centre of mass: core vertices (k, 2) counter-clockwise, with the
+    normals (k, 2) of the edges that start there, grown by `radius`. A half-plane is one point and its normal.
+    """
+
+    body: int
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    radius: float
+    halfplane: bool
+
+
+@dataclass(frozen=True)
+class Touches:
+    """Contact points of all frames, one row each, in the order of frames.
+
+    frame, contact (numbers); place (k, 2); force (k, 2) on the first body of the contact, world
+    axes; mode: one of `SHOWN_OPEN`, `SHOWN_STICK`, `SHOWN_SLIP`.
+    """
+
+    frame: NDArray[np.int64]
+    contact: NDArray[np.int64]
+    place: NDArray[np.float64]
+    force: NDArray[np.float64]
+    mode: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A run, ready to be drawn.
+
+    `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
+    (frames, contacts) are the least gap and the normal force of each contact; `push_is` says what they are.
+    A joint is a body and a point of it, in its own frame.
+    """
+
+    scene: str
+    model: str
+    outcome: str
+    reason: str
+    parameters: dict[str, float]
+    bodies: tuple[str, ...]
+    roles: tuple[str, ...]
+    moving: NDArray[np.bool_]
+    contacts: tuple[str, ...]
+    outlines: tuple[Outline, ...]
+    joints: tuple[tuple[int, float, float], ...]
+    time: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    push: NDArray[np.float64]
+    push_is: str
+    touches: Touches
+
+    def thinned(self, frames: NDArray[np.int64]) -> Clip:
+        """The same with these frames only."""
+        new = np.full(len(self.time), -1)
+        new[frames] = np.arange(len(frames))
+        t = self.touches
+        kept = new[t.frame] >= 0
+        touches = Touches(new[t.frame[kept]], t.contact[kept], t.place[kept], t.force[kept], t.mode[kept])
+        changed: dict[str, Any] = {
+            "time": self.time[frames],
+            "pose": self.pose[frames],
+            "gap": self.gap[frames],
+            "push": self.push[frames],
+            "touches": touches,
+        }
+        return Clip(**{**self.__dict__, **changed})
+
+
+def clip(source: Run | str | Path) -> Clip:
+    """Clip of a run, or of the folder of a saved one.
+
+    Raises SceneError when the folder holds no run, or one that does not tell its scene.
+    """
+    if isinstance(source, Run):
+        try:
+            return of_trajectory(source.scene, source.parameters, source.trajectory)
+        except ValueError as error:
+            raise SceneError(f"view: {error}") from None
+    try:
+        data, summary = saved.load(source)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"view: {error}") from None
+    file = data.attrs.get("scene_file")
+    scene = load(json.loads(file) if file is not None else summary["scene"])
+    return of_trajectory(scene, summary["parameters"], data)
+
+
+def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
+    """Clip of what a run recorded (see `trajectory.dataset`)."""
+    bound = scene.bind(parameters)
+    template, records = scene.template, bound.records
+    time = data["time"].to_numpy()
+    q = np.ascontiguousarray(data["position"].to_numpy(), float)
+    force, push_is = _forces(data, time)
+    pose, touches, gap = _replay(records, q, data["mode"].to_numpy().astype(np.int64), force)
+    return Clip(
+        scene=scene.name,
+        model=data.attrs["model"],
+        outcome=data.attrs.get("outcome", ""),
+        reason=data.attrs.get("reason", ""),
+        parameters=dict(parameters),
+        bodies=template.bodies,
+        roles=tuple(scene.file.bodies[name].role for name in template.bodies),
+        moving=records.bodies["motion"] != FIXED,
+        contacts=tuple(" | ".join(pair) for pair in template.contacts),
+        outlines=_outlines(records),
+        joints=tuple((int(j["body_b"]), float(j["b_x"]), float(j["b_y"])) for j in records.joints),
+        time=time,
+        pose=pose,
+        gap=gap,
+        push=_pushes(records, force),
+        push_is=push_is,
+        touches=touches,
+    )
+
+
+def _forces(data: xarray.Dataset, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Force (frames, points, 2) in normal and tangent, and what it is."""
+    if "contact_force" in data:
+        return data["contact_force"].to_numpy(), "normal force"
+    shape = (*data["mode"].shape, 2)
+    if "contact_impulse" not in data:
+        return np.zeros(shape), ""
+    since = np.diff(time, prepend=-np.inf)
+    impulse = data["contact_impulse"].to_numpy()
+    return impulse / np.where(since > 0.0, since, np.inf)[:, None, None], "mean normal force"
+
+
+def _pushes(records: Records, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    total = np.zeros((len(force), len(records.contacts)))
+    for p, contact in enumerate(records.pairs["contact"]):
+        total[:, contact] += force[:, 2 * p : 2 * p + 2, 0].sum(axis=1)
+    return total
+
+
+def _outlines(records: Records) -> tuple[Outline, ...]:
+    found = []
+    for shape in records.shapes:
+        halfplane = bool(shape["kind"] == HALFPLANE)
+        first = int(shape["first"])
+        v = records.vertices[first : first + 1 if halfplane else int(shape["end"])]
+        found.append(
+            Outline(
+                body=int(shape["body"]),
+                vertices=np.column_stack([v["x"], v["y"]]),
+                normals=np.column_stack([v["normal_x"], v["normal_y"]]),
+                radius=float(shape["radius"]),
+                halfplane=halfplane,
+            )
+        )
+    return tuple(found)
+
+
+def _replay(
+    records: Records, q: NDArray[np.float64], mode: NDArray[np.int64], force: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], Touches, NDArray[np.float64]]:
+    """Poses, contact points and gaps of each frame, by the kernels of the planar system."""
+    count, slots = len(q), 2 * len(records.pairs)
+    if len(records.pairs) <= EXACT:
+        records.contacts["watched"] = 1
+    where, outline = np.zeros((len(records.bodies), 4)), np.zeros((len(records.vertices), 4))
+    points, features = np.zeros((slots, 5)), np.full(slots, ABSENT, np.int64)
+    unused = np.zeros((slots, 2)), np.zeros(slots, np.int64)
+    least, fresh = np.zeros(len(records.contacts)), np.zeros(2, np.int64)
+    reach = records.shapes["reach"]
+    margin = NEAR * float(reach[np.isfinite(reach)].max(initial=0.0))
+    contact_of = np.repeat(records.pairs["contact"], 2)
+    pose = np.zeros((count, len(records.bodies), 3))
+    gap = np.zeros((count, len(records.contacts)))
+    rows: list[tuple[NDArray[Any], ...]] = []
+    for k in range(count):
+        place(records.bodies, records.shapes, records.vertices, q[k], where, outline, k == 0)
+        pose[k, :, 0], pose[k, :, 1] = where[:, X], where[:, Y]
+        find_contacts(
+            records.shapes, records.contacts, records.pairs, where, outline, margin, points,
+            features, *unused, least, fresh,
+        )  # fmt: skip
+        gap[k] = least
+        active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)
+        at = np.flatnonzero((features != ABSENT) & (active | (points[:, GAP] <= margin)))
+        nx, ny = points[at, NORMAL_X], points[at, NORMAL_Y]
+        along, across = force[k, at].T
+        world = np.column_stack([along * nx + across * ny, along * ny - across * nx])
+        spot = points[at][:, [POINT_X, POINT_Y]]
+        rows.append((np.full(len(at), k), contact_of[at], spot, world, _SHOWN[mode[k, at]]))
+    pose[:, :, 2] = _angles(records, q)
+    return pose, Touches(*(np.concatenate(column) for column in zip(*rows, strict=True))), gap
+
+
+def _angles(records: Records, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles (frames, bodies) with whole turns counted, so that one between two frames lies between."""
+    angles = np.tile(records.bodies["angle"], (len(q), 1))
+    for b, body in enumerate(records.bodies):
+        first = int(body["coordinate"])
+        if body["motion"] == HINGE:
+            angles[:, b] += q[:, first]
+        elif body["motion"] == FREE:
+            angles[:, b] = q[:, first + 2]
+    return angles

@@ -1,0 +1,97 @@
+"""Runs to files: which pictures, of which runs, where to."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from rungwise.scene import SceneError
+from rungwise.simulation.run import Run
+from rungwise.viewing import draw
+from rungwise.viewing.clip import Clip, clip
+from rungwise.viewing.html import page
+
+Source = Run | str | Path
+
+
+class ViewError(ValueError):
+    """A picture cannot be made; the text is one line that says why."""
+
+
+def view(
+    runs: Source | Sequence[Source],
+    *,
+    html: str | Path | None = None,
+    png: str | Path | None = None,
+    gif: str | Path | None = None,
+    frames: int = 6,
+    at: float | None = None,
+) -> list[Path]:
+    """Write pictures of a run, or of several of one scene over each other; returns the files written.
+
+    Args:
+        runs: runs, or folders that `Run.save` wrote.
+        html: an animation in one file that any browser plays, without a network.
+        png: a strip of `frames` pictures, or the one at time `at` (needs the extra `view`).
+        gif: a short animation (needs the extra `view`).
+
+    Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
+    cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
+    """
+    sources = [runs] if isinstance(runs, Run | str | Path) else list(runs)
+    if not sources:
+        raise ViewError("runs: at least one is needed")
+    if frames < 1:
+        raise ViewError(f"frames: {frames!r} must be at least 1")
+    try:
+        clips = [clip(source) for source in sources]
+    except SceneError as error:
+        raise ViewError(str(error)) from None
+    _same_bodies(clips)
+    if html is None and png is None and gif is None:
+        html = f"{clips[0].scene}.html"
+    made: list[tuple[str, str | Path, Callable[[Path], object]]] = []
+    if html is not None:
+        text = page(clips)
+        made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
+    if png is not None:
+        _needs_matplotlib("png")
+        made.append(("png", png, lambda file: draw.save_png(clips, file, frames, at)))
+    if gif is not None:
+        _needs_matplotlib("gif")
+        made.append(("gif", gif, lambda file: draw.save_gif(clips, file)))
+    return [_write(*one) for one in made]
+
+
+def _same_bodies(clips: Sequence[Clip]) -> None:
+    for other in clips[1:]:
+        if (other.bodies, other.contacts) != (clips[0].bodies, clips[0].contacts):
+            raise ViewError(
+                f"runs: {clips[0].scene} and {other.scene} do not have the same bodies; view them one by one"
+            )
+
+
+def _needs_matplotlib(field: str) -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise ViewError(f"{field}: needs matplotlib (pip install 'rungwise[view]')") from None
+
+
+def _write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
+    """Make the file beside its place and rename it there: it is whole or not there."""
+    file = Path(target)
+    draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        make(draft)
+        os.replace(draft, file)
+    except OSError as error:
+        raise ViewError(f"{field}: {file} cannot be written ({error.strerror or error})") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+    return file
