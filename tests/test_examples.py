@@ -71,6 +71,16 @@ def test_benchmark_measures_every_rung(
     assert all(row["steps_per_s"] > 0.0 for row in rows)
 
 
+def test_solver_benchmark_prints_a_table(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    solvers = script("benchmarks/solvers.py", monkeypatch)
+    monkeypatch.setattr("sys.argv", ["solvers.py", "--only", "stack of 3", "--repeats", "1"])
+    solvers.main()
+    printed = capsys.readouterr().out.splitlines()
+    assert len(printed) >= 3 and all("solved" in line for line in printed if line.startswith("stack"))
+
+
 def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     race = script("benchmarks/race.py", monkeypatch)
     # Some of them fail on import where every warning is an error.

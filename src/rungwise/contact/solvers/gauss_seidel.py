@@ -22,7 +22,8 @@ from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "gauss-seidel"
-SWEEPS = 400
+SWEEPS = 100
+_WINDOW = 50
 _PATIENCE = 1000
 _CHECK = 10
 
@@ -90,8 +91,8 @@ def sweep_until(
                 best[i] = x[i]
         if found <= tol or not found < math.inf:
             return done
-        if done % 100 == 0:
-            if done >= sweeps and not (patience - done) / 100.0 * math.log(before / least) > math.log(
+        if done % _WINDOW == 0:
+            if done >= sweeps and not (patience - done) / _WINDOW * math.log(before / least) > math.log(
                 least / tol
             ):
                 return done

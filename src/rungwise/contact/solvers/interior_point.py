@@ -3,9 +3,10 @@
 Algorithm: in coordinates in which the friction cone is Lorentz's, forces z and rates w stay inside it and its
 dual (the same), w_n being the normal rate plus mu times the slip, and follow the path on which their product
 is a multiple of the unit, down to zero; the slip is linearised with the rest. Nesterov and Todd's scaling; a
-predictor chooses the next multiple, one factorisation serves both. Whenever the residual has fallen tenfold,
-`newton` tries to finish. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42; Vandenberghe, The
-CVXOPT linear and quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim. Methods Softw. (2023).
+predictor chooses the next multiple, one factorisation serves both. At the start, and whenever the residual
+has fallen tenfold, `newton` tries to finish. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42;
+Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim.
+Methods Softw. (2023), for friction.
 Accepts: everything but upper limits. Promises: tens of iterations whatever the rank of A, where A is monotone
 and friction does not couple too strongly; among many solutions one in the midst of them.
 """
@@ -33,7 +34,7 @@ _DENSE = 600
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
-_FINISH, _NEWTON = 1e-2, 5
+_FINISH, _NEWTON, _DAMPINGS = 1e-2, 5, (1e-4,)
 _STALLED, _WINDOW = 0.5, 8
 
 
@@ -63,6 +64,9 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     centre[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
     z, w = _FORCE * centre, _RATE * centre
     best, least, finish = start, natural(system, start), _FINISH
+    if least < finish:
+        best, _ = newton.descend(system, whole, start, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
+        least = natural(system, best)
     history: list[tuple[float, float]] = []
     for done in range(_STEPS):
         x = (z + cones.offset) / cones.D
@@ -71,7 +75,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             best, least = x, found
         if found < finish:
             finish = 0.1 * found
-            trial, _ = newton.descend(system, whole, x, system.b, 0.0, tol, _NEWTON)
+            trial, _ = newton.descend(system, whole, x, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
             reached = natural(system, trial)
             if reached < least:
                 best, least = trial, reached

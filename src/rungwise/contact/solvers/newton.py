@@ -28,7 +28,7 @@ NAME = "newton"
 _STEPS = 40
 _DENSE = 300
 _HALVINGS, _WINDOW = 7, 5
-_DAMPING = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
+DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 
 
 def accepts(_system: System) -> bool:
@@ -47,9 +47,16 @@ def form(system: System) -> Matrix:
 
 
 def descend(
-    system: System, A: Matrix, start: Array, b: Array, shift: float, tol: float, steps: int
+    system: System,
+    A: Matrix,
+    start: Array,
+    b: Array,
+    shift: float,
+    tol: float,
+    steps: int,
+    dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
-    """Newton on the system A + shift with offset b."""
+    """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
     s, x = system, start
     y, F = np.empty(s.size), np.empty(s.size)
     derivative = np.zeros((s.size, 3))
@@ -68,7 +75,7 @@ def descend(
                 return x, done
             earlier = size
         J = _jacobian(system, A, derivative, rho, shift)
-        found = _step(J, F.copy(), x, size, merit)
+        found = _step(J, F.copy(), x, size, merit, dampings)
         if found is None:
             return x, done
         x, size = found
@@ -76,7 +83,12 @@ def descend(
 
 
 def _step(
-    J: Matrix, F: Array, x: Array, size: float, merit: Callable[[Array], float]
+    J: Matrix,
+    F: Array,
+    x: Array,
+    size: float,
+    merit: Callable[[Array], float],
+    dampings: tuple[float, ...],
 ) -> tuple[Array, float] | None:
     """A shorter Newton step, or a damped one, that makes |F| smaller; None when none does."""
     step = _newton(J, F)
@@ -88,7 +100,7 @@ def _step(
             if newer <= (1.0 - 1e-2 * length) * size:
                 return moved, newer
             length *= 0.5
-    for damping in _DAMPING:
+    for damping in dampings:
         step = _damped(J, F, damping * size)
         if step is None:
             continue
