@@ -21,11 +21,17 @@ from rungwise.contact.system import System
 
 REACH = 1e6
 _ROUNDING = 2.0**-50
+_SIDES, _AXIS = 16, 1e-12
 
 HULL = 0
 """A law's convex hull: in the cone and y_n >= 0; within limits."""
-OPEN, CLOSED, STICK, FORWARD, BACKWARD = 1, 2, 3, 4, 5
-"""A contact's pieces. FORWARD slips along the tangent. In space CLOSED, y_n = 0, is not divided further."""
+OPEN, CLOSED, STICK = 1, 2, 3
+SLIPS: dict[int, dict[int, tuple[float, ...]]] = {
+    1: {},
+    2: {4: (1.0,), 5: (-1.0,)},
+    3: {4: (1.0, 1.0), 5: (1.0, -1.0), 6: (-1.0, 1.0), 7: (-1.0, -1.0)},
+}
+"""A contact's pieces: no force; y_n = 0, which divides into no slip, and slip in each quadrant of signs."""
 LOWER, INSIDE, UPPER = 1, 2, 3
 """Another unknown's: at a limit, or between, where its rate is zero."""
 
@@ -52,8 +58,8 @@ def pieces(system: System, law: int, piece: int) -> tuple[int, ...]:
     if law < contacts:
         if piece == HULL:
             return (OPEN, CLOSED)
-        if piece == CLOSED and system.directions == 2 and system.mu[law] > 0.0:
-            return (STICK, FORWARD, BACKWARD)
+        if piece == CLOSED and system.mu[law] > 0.0 and SLIPS[system.directions]:
+            return (STICK, *SLIPS[system.directions])
         return ()
     lower, upper = system.lower[law - contacts], system.upper[law - contacts]
     if piece != HULL or (np.isneginf(lower) and np.isposinf(upper)):
@@ -64,19 +70,23 @@ def pieces(system: System, law: int, piece: int) -> tuple[int, ...]:
     return (INSIDE, *ends)
 
 
-def generators(system: System, k: int, piece: int, sides: int = 16) -> Array:
-    """Rays (g, d) whose cone holds all forces of contact k in the piece; exactly those, but in space."""
+def generators(system: System, k: int, piece: int) -> Array:
+    """Rays (g, d) whose cone holds all forces of contact k in the piece; in space it is a little larger."""
     mu, d = system.mu[k], system.directions
     if piece == OPEN:
         return np.zeros((0, d))
     if d == 1:
         return np.ones((1, 1))
-    if d == 2:
-        slopes = {FORWARD: [-mu], BACKWARD: [mu]}.get(piece, [mu, -mu])
-        return np.array([[1.0, slope] for slope in slopes])
-    angle = 2.0 * np.pi * np.arange(sides) / sides
-    reach = mu / np.cos(np.pi / sides)
-    return np.column_stack([np.ones(sides), reach * np.cos(angle), reach * np.sin(angle)])
+    ends = mu * np.vstack([np.eye(d - 1), -np.eye(d - 1)])
+    if d == 3:
+        # The corners of a polygon around the disc.
+        angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+        corners = mu / np.cos(np.pi / _SIDES) * np.column_stack([np.cos(angle), np.sin(angle)])
+        ends = np.vstack([ends, corners])
+    slip = SLIPS[d].get(piece)
+    if slip is not None:
+        ends = ends[(ends * slip <= _AXIS * mu).all(axis=1)]
+    return np.column_stack([np.ones(len(ends)), ends])
 
 
 def signs(system: System, mode: Mode) -> tuple[Array, Array]:
@@ -86,10 +96,15 @@ def signs(system: System, mode: Mode) -> tuple[Array, Array]:
     for k, piece in enumerate(mode[: len(s.mu)]):
         most[k * d] = np.inf
         least[k * d] = 0.0 if piece in (HULL, OPEN) else -np.inf
-        if piece in (STICK, FORWARD):
-            most[k * d + 1] = np.inf
-        if piece in (STICK, BACKWARD):
-            least[k * d + 1] = -np.inf
+        tangents = slice(k * d + 1, (k + 1) * d)
+        if piece == STICK:
+            least[tangents], most[tangents] = -np.inf, np.inf
+        if piece in SLIPS[d]:
+            slip = np.array(SLIPS[d][piece])
+            least[tangents], most[tangents] = (
+                np.where(slip < 0.0, -np.inf, 0.0),
+                np.where(slip > 0.0, np.inf, 0.0),
+            )
     for j, (a, b) in enumerate(zip(s.lower, s.upper, strict=True)):
         i, piece = s.rows + j, mode[len(s.mu) + j]
         if piece == INSIDE or (a < b and (piece == LOWER or (piece == HULL and np.isposinf(b)))):
@@ -148,7 +163,7 @@ def _excludes(system: System, mode: Mode, p: Array) -> bool:
     left = float(doubt.max(initial=0.0))
     for k, piece in enumerate(mode[: len(s.mu)]):
         own = pull[k * d : (k + 1) * d]
-        if piece in (FORWARD, BACKWARD):
+        if piece in SLIPS[d]:
             left = max(left, float((generators(s, k, piece) @ own).max()))
         elif piece != OPEN:
             left = max(left, own[0] + s.mu[k] * float(np.linalg.norm(own[1:])))

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.natural import natural_map
-from rungwise.contact.system import System
+from rungwise.contact.system import System, units
 
-_ROUNDING = 2.0**-54
+_ROUNDING, _FLOOR = 2.0**-54, 1e-6
 
 
 @dataclass(frozen=True)
@@ -71,11 +72,17 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
 
 
 def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
-    """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it."""
+    """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it.
+
+    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them.
+    """
     free = problem.rows + np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper))
     if len(free) == 0:
         return 0.0
+    rows = abs(problem.A[free])
     size = np.abs(x)
     size[system.kept] += system.force
-    terms = abs(problem.A[free]) @ size + np.abs(problem.b[free])
-    return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())
+    terms = rows @ size + np.abs(problem.b[free])
+    unit = units(sp.csr_array(rows[:, free]), 0, 1)
+    floor = _FLOOR * float((unit * terms).max()) / unit
+    return float((np.abs(y[free]) / np.where(terms + floor > 0.0, terms + floor, 1.0)).max())

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,8 +24,9 @@ from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
-_NOTHING = 2.0**-49
+_ROUNDING, _ACCURATE = 2.0**-51, 1e-5
 _ROUNDS = 10
+Solve = Callable[[Matrix], Any]
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
 
@@ -70,7 +72,7 @@ def scaled(problem: Problem) -> System:
     rows, d = problem.rows, problem.directions
     lower, upper = problem.lower[kept[rows:] - rows], problem.upper[kept[rows:] - rows]
     csr = sp.csr_array(A)
-    s = _units(csr, rows, d)
+    s = units(csr, rows, d)
     bounds = np.concatenate([lower[np.isfinite(lower)], upper[np.isfinite(upper)], [0.0]])
     size = float(np.linalg.norm(s * b))
     if size == 0.0:
@@ -110,7 +112,7 @@ def _blocks(row: Ints, column: Ints, value: Array, rows: int, d: int) -> Array:
     return blocks
 
 
-def _units(A: sp.csr_array, rows: int, d: int) -> Array:
+def units(A: sp.csr_array, rows: int, d: int) -> Array:
     """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
     diagonal = np.abs(A.diagonal())
     diagonal[:rows] = np.repeat(diagonal[:rows].reshape(-1, d).mean(axis=1), d)
@@ -146,23 +148,42 @@ def equilibrate(
 
 
 def _eliminated(problem: Problem) -> tuple[Ints, Matrix, Array, Callable[[Array], Array]]:
-    """Kept places, their matrix and offset, and the way back to all unknowns."""
+    """Kept places, their matrix and offset, and the way back to all unknowns.
+
+    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
+    """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
-    everything = np.arange(len(problem.b))
-    if free.any():
-        fixed = np.concatenate([np.zeros(problem.rows, bool), free])
-        kept, gone = everything[~fixed], everything[fixed]
-        eliminate = _eliminate_sparse if sp.issparse(problem.A) else _eliminate_dense
-        found = eliminate(problem.A, problem.b, kept, gone)
-        if found is not None:
-            return kept, *found
-    return everything, problem.A, problem.b, lambda x: x
+    everything, A, b = np.arange(len(problem.b)), problem.A, problem.b
+    whole = everything, A, b, lambda x: x
+    fixed = np.concatenate([np.zeros(problem.rows, bool), free])
+    kept, gone = everything[~fixed], everything[fixed]
+    sparse = sp.issparse(A)
+    if len(gone) == 0 or (sparse and len(kept) * len(gone) > _LARGEST):
+        return whole
+    rows, above = A[gone], A[kept]
+    own, across, back, front = rows[:, gone], rows[:, kept], above[:, gone], above[:, kept]
+    solve = _eliminate_sparse(own) if sparse else _eliminate_dense(own)
+    if solve is None:
+        return whole
+    response = solve(across)
+    correction = solve(own @ response - across)
+    if not abs(correction).max() <= _ACCURATE * abs(response).max() if len(kept) else False:
+        return whole
+    response = response - correction
+    noise = abs(correction) + _ROUNDING * abs(response)
+
+    def recover(x: Array) -> Array:
+        full = np.zeros(len(b))
+        full[kept] = x
+        for _ in range(2):
+            full[gone] -= solve(rows @ full + b[gone])
+        return full
+
+    left = _without_rounding(front - back @ response, front, back, noise)
+    return kept, left, b[kept] + back @ recover(np.zeros(len(kept)))[gone], recover
 
 
-def _eliminate_dense(
-    A: Array, b: Array, kept: Ints, gone: Ints
-) -> tuple[Array, Array, Callable[[Array], Array]] | None:
-    own = A[np.ix_(gone, gone)]
+def _eliminate_dense(own: Array) -> Solve | None:
     size = np.abs(own).max(axis=1, initial=0.0) * np.abs(own).max(axis=0, initial=0.0)
     if not (size > 0.0).all():
         return None
@@ -176,61 +197,29 @@ def _eliminate_dense(
         scale = s[:, None] if right.ndim == 2 else s
         return np.asarray(dgetrs(factor, exchanges, scale * right)[0] * scale)
 
-    return _schur(A, b, kept, gone, solve, solve(A[np.ix_(gone, kept)]))
+    return solve
 
 
-def _eliminate_sparse(
-    A: sp.csr_array, b: Array, kept: Ints, gone: Ints
-) -> tuple[Matrix, Array, Callable[[Array], Array]] | None:
-    own, across = sp.csc_array(A[gone][:, gone]), sp.csc_array(A[gone][:, kept])
+def _eliminate_sparse(own: sp.csr_array) -> Solve | None:
     diagonal = own.diagonal()
-    if own.nnz == np.count_nonzero(diagonal) == len(gone):
-        return _schur(
-            A,
-            b,
-            kept,
-            gone,
-            lambda right: right / diagonal,
-            sp.csc_array(sp.diags_array(1.0 / diagonal) @ across),
-        )
-    if len(kept) * len(gone) > _LARGEST:
-        return None
+    if own.nnz == np.count_nonzero(diagonal) == own.shape[0]:
+        inverse = sp.diags_array(1.0 / diagonal)
+        return lambda right: inverse @ right
     try:
-        factor = splu(own)
+        factor = splu(sp.csc_array(own))
     except RuntimeError:
         return None
     pivots = np.abs(factor.U.diagonal())
     if not pivots.min() > _REGULAR * pivots.max():
         return None
-    return _schur(A, b, kept, gone, factor.solve, sp.csc_array(factor.solve(across.toarray())))
+    return lambda right: factor.solve(right.toarray() if sp.issparse(right) else right)
 
 
-def _schur(
-    A: Matrix, b: Array, kept: Ints, gone: Ints, solve: Callable[[Array], Array], response: Matrix
-) -> tuple[Matrix, Array, Callable[[Array], Array]]:
-    """What is left of A and b with x_gone = -(A_gg)^-1 (A_gk x_k + b_g)."""
-    sparse = sp.issparse(A)
-    rows = A[gone] if sparse else A[gone, :]
-    back = A[kept][:, gone] if sparse else A[np.ix_(kept, gone)]
-    front = A[kept][:, kept] if sparse else A[np.ix_(kept, kept)]
-    left = _without_rounding(front - back @ response, front, back, response)
-    offset = b[kept] - back @ solve(b[gone])
-
-    def recover(x: Array) -> Array:
-        full = np.zeros(len(b))
-        full[kept] = x
-        for _ in range(2):
-            full[gone] -= solve(rows @ full + b[gone])
-        return full
-
-    return left, offset, recover
-
-
-def _without_rounding(left: Matrix, front: Matrix, back: Matrix, response: Matrix) -> Matrix:
-    """`left` less the entries that are nothing beside the terms of which the diagonal was made."""
-    product = abs(back) * abs(response.T)
-    terms = np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
-    least = np.sqrt(_NOTHING * terms)
+def _without_rounding(left: Matrix, front: Matrix, back: Matrix, noise: Matrix) -> Matrix:
+    """`left` less what is nothing beside the rounding in its diagonal; `noise` is that of the response."""
+    product = abs(back) * abs(noise.T)
+    terms = _ROUNDING * np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
+    least = 2.0 * np.sqrt(terms)
     if not sp.issparse(left):
         return np.where(np.abs(left) > least[:, None] * least, left, 0.0)
     entries = sp.coo_array(left)

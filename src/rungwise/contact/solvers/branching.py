@@ -6,7 +6,7 @@ that point Newton steps are tried; if they lead nowhere the law that x violates 
 and Doig, Econometrica 28 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11
 (1990) 281-292. Accepts: everything; it goes beyond the root up to `LARGEST` unknowns. Promises: at most
 `NODES` linear programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space
-a proof only where hulls, and contacts open or closed, give one.
+a proof only where the quadrants of slip give one.
 """
 
 from __future__ import annotations
