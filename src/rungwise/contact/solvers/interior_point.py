@@ -30,11 +30,11 @@ from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "interior-point"
 _STEPS = 60
-_DENSE = 600
+_DENSE = 200
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
-_FINISH, _NEWTON, _DAMPINGS = 1e-2, 5, (1e-4,)
+_FINISH, _NEWTON, _DAMPINGS = 1e-2, 5, (1e-8, 1e-4)
 _STALLED, _WINDOW = 0.5, 8
 
 

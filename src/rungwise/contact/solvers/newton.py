@@ -2,9 +2,9 @@
 
 Algorithm: F(x) = x - Q(x - rho y) with Q the projection on the half-line of normal forces, on the disc of
 radius mu max(0, x_n - rho y_n), and on the limits of other unknowns. A step of the generalised Jacobian is
-shortened until |F| decreases; where the Jacobian is singular or the step leads nowhere, steps of Levenberg
-and Marquardt, damped by |F|, are tried instead. Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng.
-92 (1991) 353-375; Qi and Sun, Math. Program. 58 (1993) 353-367; Fan and Yuan, Computing 74 (2005) 23-39.
+shortened until |F| decreases; where the Jacobian is singular or the step leads nowhere, steps with a multiple
+of |F| added to its diagonal, as if contacts yielded, are tried instead. Sources: Alart and Curnier, Comput.
+Methods Appl. Mech. Eng. 92 (1991) 353-375; Qi and Sun, Math. Program. 58 (1993) 353-367.
 Accepts: everything: mixed forms with singular H, nonsymmetric, dense or sparse. Promises: |F| never grows;
 locally quadratic convergence, also to one of many solutions; from afar it may stall, and then ends early.
 """
@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.lapack import dgesv, dposv
+from scipy.linalg.lapack import dgesv
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
@@ -26,7 +26,7 @@ from rungwise.kernel import Reals, kernel
 
 NAME = "newton"
 _STEPS = 40
-_DENSE = 300
+_DENSE = 200
 _HALVINGS, _WINDOW = 7, 5
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 
@@ -142,17 +142,12 @@ def _newton(J: Matrix, F: Array) -> Array | None:
 
 
 def _damped(J: Matrix, F: Array, damping: float) -> Array | None:
-    """(J^T J + damping)^-1 J^T F."""
+    """(J + damping)^-1 F: where contacts stick, the Newton step of a problem in which they yield a little."""
     if sp.issparse(J):
-        normal = sp.csc_array(J.T @ J + damping * sp.eye_array(len(F)))
-        try:
-            return np.asarray(splu(normal).solve(J.T @ F))
-        except RuntimeError:
-            return None
-    normal = J.T @ J
-    normal[np.diag_indices(len(F))] += damping
-    _, step, fault = dposv(normal, J.T @ F)
-    return None if fault else step
+        return _newton(J + damping * sp.eye_array(len(F)), F)
+    shifted = J.copy()
+    shifted[np.diag_indices(len(F))] += damping
+    return _newton(shifted, F)
 
 
 @kernel

@@ -15,7 +15,7 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
-_OUTER, _OUTER_LARGE, _LARGE = 60, 15, 600
+_OUTER, _OUTER_LARGE, _LARGE = 60, 40, 600
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _EASIER, _HARDER = 1e-2, 0.2, 5.0
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
