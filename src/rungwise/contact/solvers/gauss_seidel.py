@@ -136,14 +136,12 @@ def _sweep(
 
 @kernel
 def solve_contact(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
-    """Solve one contact exactly, its rates (block + shift) x + b; block (d, d); x (d,) is overwritten."""
+    """Solve one contact exactly, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
     d = len(x)
-    for i in range(d):
-        x[i] = 0.0
-    if b[0] >= 0.0:
-        return
-    if d == 1 or mu == 0.0:
-        x[0] = -b[0] / (block[0, 0] + shift)
+    if b[0] >= 0.0 or d == 1 or mu == 0.0:
+        x[0] = max(0.0, -b[0] / (block[0, 0] + shift))
+        for i in range(1, d):
+            x[i] = 0.0
     elif d == 2:
         _solve_planar(block, shift, b, mu, x)
     else:
@@ -178,6 +176,7 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
     free = -b[0] * inverse
     g1, g2 = b[1] + block[1, 0] * free, b[2] + block[2, 0] * free
     low, high, slip = 0.0, math.inf, 0.0
+    guess = _slip(a11, a12, a21, a22, g1, g2, x)
     t1, t2, n = 0.0, 0.0, free
     for step in range(60):
         m11, m22 = a11 + slip, a22 + slip
@@ -200,9 +199,21 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
             growth = (t1 * d1 + t2 * d2) / length
             rate = mu * (-(p * d1 + q * d2) * length - n * growth)
             newer = slip - (mu * n - length) * length / rate if rate != 0.0 else low
+            if step == 0 and guess > 0.0:
+                newer = guess
         else:
             low, newer = slip, slip
         if not low < newer < high:
             newer = 0.5 * (low + high) if high < math.inf else 2.0 * low + 0.5 * (abs(a11) + abs(a22))
         slip = newer
     x[0], x[1], x[2] = n, t1, t2
+
+
+@kernel
+def _slip(a11: float, a12: float, a21: float, a22: float, g1: float, g2: float, x: Reals) -> float:
+    """The slip of the force guessed, closed; 0 if it pulls nowhere."""
+    pull = x[1] * x[1] + x[2] * x[2]
+    if not pull > 0.0:
+        return 0.0
+    along = (a11 * x[1] + a12 * x[2] + g1) * x[1] + (a21 * x[1] + a22 * x[2] + g2) * x[2]
+    return max(0.0, -along / pull)
