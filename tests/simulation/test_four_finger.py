@@ -42,8 +42,10 @@ def test_fingers_close_on_the_part(scene: rw.Scene, model: rw.Rung) -> None:
         (rw.DYNAMIC_RIGID, {"v2": 0.4}, "missed"),
         (rw.DYNAMIC_RIGID, {"mu": 1.2}, "jammed"),
         (rw.DYNAMIC_COMPLIANT, {"mu": 1.2}, "model_invalid"),
-        (rw.DYNAMIC_RIGID, {"v2": 0.65, "drag": 0.0}, "goal"),
-        (rw.DYNAMIC_RIGID, {"v2": 0.65, "drag": 0.0, "restitution": 0.5}, "jammed"),
+        # Three contacts wedge the part: their forces grow as 1 / (t' - t), and no step leads past t'.
+        (rw.DYNAMIC_RIGID, {"v2": 0.65, "drag": 0.0}, "jammed"),
+        (rw.DYNAMIC_RIGID, {"v2": 0.54, "mu": 0.0, "drag": 0.0}, "goal"),
+        (rw.DYNAMIC_RIGID, {"v2": 0.54, "mu": 0.0, "drag": 0.0, "restitution": 1.0}, "missed"),
         (rw.QUASISTATIC_RIGID, {"x": 1.3, "y": 0.4, "angle": 0.0}, "missed"),
         (rw.QUASISTATIC_RIGID, {"angle": 0.6}, "invalid"),
     ],
@@ -96,6 +98,16 @@ def test_every_outcome_has_a_reason_and_every_goal_is_a_closure(scene: rw.Scene,
         if run.outcome.name == "goal":
             held = rw.touching(run, "part")
             assert rw.form_closure(held.points, held.normals)
+
+
+@pytest.mark.parametrize("step", [4e-4, 2e-4, 1e-4])
+def test_a_wedged_part_is_not_pressed_through_its_fingers(scene: rw.Scene, step: float) -> None:
+    """Tilted between three fingers, it turns ever faster as it jams; overlap must not add up meanwhile."""
+    run = rw.simulate(scene, rw.DYNAMIC_RIGID, parameters={**FALL, "v2": 0.65, "drag": 0.0}, step=step)
+    assert run.outcome.name == "jammed"
+    assert float(run.trajectory.gap.min()) > -1e-5
+    assert run.final["part"]["x"] == pytest.approx(0.31777, abs=5e-4)
+    assert run.final["part"]["angle"] == pytest.approx(0.02097, abs=5e-4)
 
 
 def test_wrong_body(scene: rw.Scene) -> None:

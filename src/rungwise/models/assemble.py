@@ -8,7 +8,8 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     w_n = (psi + (R (C - (1 - theta) h K) delta)_n) / h + W_p v_p
     w_t = -(R K delta)_t + W_p v_p
 
-    rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree)
+    rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree;
+    what overlaps comes apart in no less than a pause, however short the step, or it would be thrown)
     restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
@@ -65,8 +66,10 @@ def assemble(
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
                 bounced = True
-            elif abs(terms.gap[k]) > terms.rounding[0]:
+            elif terms.gap[k] > terms.rounding[0] or rung[0].metric:
                 problem.w[k * d] = terms.gap[k] / h
+            elif terms.gap[k] < -terms.rounding[0]:
+                problem.w[k * d] = terms.gap[k] / max(h, terms.pause[0])
         for r in range(k * d, k * d + d):
             problem.w[r] += _carried(terms.rows, r, speed)
     for r in range(limited):

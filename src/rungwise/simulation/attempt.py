@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import RecordArray, kernel
+import math
+
+from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
 from rungwise.simulation.memory import bring_back, remember
@@ -18,8 +20,8 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
-DRIFT = 1e-2
-"""New overlap, as a fraction of the same reach, that a rigid step may leave before it is halved."""
+OVERLAP = 1e-4
+"""Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
 
 @kernel
@@ -61,7 +63,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
-        allowed = min(gap_before, 0.0) - (1e-9 if rung[0].metric else DRIFT) * clock.size
+        if not _is_finite(state.q):
+            status = UNSOLVED
+            break
+        allowed = min(gap_before - terms.rounding[0], -(1e-9 if rung[0].metric else OVERLAP) * clock.size)
         if rung[0].compliant or clock.least_gap >= allowed:
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
@@ -77,6 +82,14 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     if status == ABSORBED:
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _is_finite(q: Reals) -> bool:
+    finite = True
+    for i in range(q.shape[0]):
+        finite &= math.isfinite(q[i])
+    return finite
 
 
 @kernel

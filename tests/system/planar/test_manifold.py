@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.manifold import ABSENT, VERTICES
 
 FREE = {"role": "object", "motion": {"kind": "free"}}
 FLOOR = {"role": "obstacle", "shape": {"kind": "halfplane"}}
@@ -156,3 +156,20 @@ def test_corner_slides_off_a_face_unhindered(planar: Callable[..., Any], tilt: f
         points, _ = placed.manifold(q)
         after = points[:, 0] - points[:, 1] * 1e-3
         assert after.min() >= -1e-9
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308])
+@pytest.mark.parametrize("i", [0, 1, 2])
+@pytest.mark.parametrize("other", [BOX, POINT | FREE, FLOOR], ids=["box", "point", "floor"])
+def test_features_are_vertices_whatever_the_numbers(
+    planar: Callable[..., Any], other: dict[str, Any], i: int, value: float
+) -> None:
+    """Kernels read the outline where a feature says: one of no vertex would read what is not theirs."""
+    for bodies in ({"box": BOX, "other": other}, {"aother": other, "box": BOX}):
+        placed = planar(bodies)
+        q = placed.q.copy()
+        q[i] = value
+        for feature in placed.manifold(q)[1]:
+            edge, vertex = feature // VERTICES, feature % VERTICES
+            count = len(placed.outline)
+            assert 0 <= edge % VERTICES < count and 0 <= vertex < count

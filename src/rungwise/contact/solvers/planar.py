@@ -1,8 +1,8 @@
 """The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
 
-Large systems, and those with more closed rows than coordinates, skip the guess. Accepts: d = 2, H positive
-definite. Promises: SOLVED only with a residual within `TOLERANCE`; NO_SOLUTION is a hint for the caller to
-shorten the step and, in the end, to look for a certificate.
+A mode with more closed rows than coordinates is no guess; that of a large system comes after the proximal
+point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
+NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from rungwise.contact.solvers.enumerate_modes import MAX_MODES, mode_count, solv
 from rungwise.contact.solvers.lemke import SOLVED as LEMKE_SOLVED
 from rungwise.contact.solvers.lemke import solve_lemke
 from rungwise.contact.solvers.mode_newton import MAX_FLIPS, solve_by_modes
-from rungwise.contact.solvers.proximal import collect, solve_proximal, spread
+from rungwise.contact.solvers.proximal import collect, exertion, solve_proximal, spread
 from rungwise.kernel import Ints, Reals, kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
-LARGE = 16
+WEDGED = 1e8
+"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode:
+beside them any other error looks small."""
+LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
 _SPARE = 8
+"""Rows of the scratch matrix for vectors, beside those of the largest system."""
 
 
 def matrix_size(n: int, contacts: int, limited: int) -> int:
@@ -44,15 +48,18 @@ def solve_planar(
     order: Ints,
 ) -> tuple[int, float]:
     """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual)."""
-    if _is_determined(problem, n, contacts, limited, mode):
-        kept = matrix[matrix.shape[0] - 2]
+    size = _determined_size(problem, n, contacts, limited, mode)
+    kept = matrix[matrix.shape[0] - 2]
+    if 0 < size <= LARGE:
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-        if found <= _ACCEPT:
+        if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
-    if found <= TOLERANCE:
+    if found > TOLERANCE and size > LARGE:
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
+    if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
         return SOLVED, found
     if contacts + limited == 0:
         return NO_SOLUTION, found
@@ -63,13 +70,13 @@ def solve_planar(
             found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
         else:
             found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     if mode_count(contacts, limited) <= MAX_MODES:
         found = solve_by_enumeration(
             problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
         )
-        if found <= TOLERANCE:
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found
     for k in range(contacts):
         mode[k] = OPEN
@@ -81,8 +88,8 @@ def solve_planar(
 
 
 @kernel
-def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> bool:
-    """Whether the mode's system is small and may determine forces: no more rigid rows than coordinates."""
+def _determined_size(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> int:
+    """Size of the mode's system; 0 if it cannot determine forces: more rigid rows than coordinates."""
     rigid, rows = 0, 0
     for k in range(contacts):
         if mode[k] != OPEN:
@@ -93,4 +100,4 @@ def _is_determined(p: ContactProblem, n: int, contacts: int, limited: int, mode:
         if mode[contacts + r] == STICK:
             rows += 1
             rigid += 1 if p.R_s[r] == 0.0 else 0
-    return rigid <= n and n + rows <= LARGE
+    return n + rows if rigid <= n else 0

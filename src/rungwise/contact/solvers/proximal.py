@@ -25,9 +25,12 @@ FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
 MAX_ROUNDS = 40
 MAX_FLIPS = 12
+"""Solves in which all contacts may change their mode, and then as many in which one does."""
 TARGET = 1e-11
 STILL = 1e-3
 """Forces that change by more from round to round may be growing without bound, which hides any error."""
+WEDGED = 1e3
+"""Forces may exceed what loads and demanded rates call for by this factor, in wedges; more hides errors."""
 
 
 @kernel
@@ -49,77 +52,80 @@ def solve_proximal(
     flat = matrix.reshape(matrix.size)
     at = n * n
     factors = flat[:at].reshape(n, n)
-    centre, give, rate = (
-        flat[at : at + rows],
-        flat[at + rows : at + 2 * rows],
-        flat[at + 2 * rows : at + 3 * rows],
-    )
+    vectors = flat[at : at + 3 * rows].reshape(3, rows)
+    centre, give, rate = vectors[0], vectors[1], vectors[2]
     at += 3 * rows
     push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
     for i in range(n):
         v[i] = 0.0
     collect(contacts, limited, force, tau, centre)
-    rho, found, before, factored = FIRST, math.inf, math.inf, -1.0
+    rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
-        settled = False
-        for flips in range(2 * MAX_FLIPS):
-            if factored != rho:
-                _impose(problem, contacts, limited, mode, force, tau)
-                _give(problem, n, contacts, limited, rho, give)
-                _push(problem, contacts, limited, mode, give, push)
-                if not _factorise(problem, n, contacts, limited, push, factors, order):
-                    break
-                factored = rho
-            for _ in range(2):
-                _correct(
-                    problem,
-                    n,
-                    contacts,
-                    limited,
-                    give,
-                    centre,
-                    push,
-                    factors,
-                    order,
-                    v,
-                    force,
-                    tau,
-                    rate,
-                    step,
-                )
-            settled = not flip(
-                problem,
-                n,
-                contacts,
-                limited,
-                mode,
-                v,
-                force,
-                tau,
-                give,
-                centre,
-                rows if flips < MAX_FLIPS else 1,
-            )
-            if settled:
-                break
-            factored = -1.0
-        if not settled:
+        if not _settle(
+            problem, n, contacts, limited, mode, rho, factored, centre, give, push, factors, order, v, force,
+            tau, rate, step,
+        ):  # fmt: skip
             if rho >= MOST:
                 break
-            rho = min(100.0 * rho, MOST)
+            rho, factored = min(100.0 * rho, MOST), False
             for i in range(n):
                 v[i] = 0.0
             spread(contacts, limited, centre, force, tau)
             continue
         found = residual(problem, n, contacts, limited, v, force, tau)
         rests = _moved(contacts, limited, force, tau, centre) <= STILL
-        if rests and (found <= TARGET or (found <= enough and found > 0.5 * before)):
+        rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
+        # Where a smaller rho does not help, what is left is rounding.
+        if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
         collect(contacts, limited, force, tau, centre)
-        if found > enough and found > 0.1 * before:
+        lowered = found > 0.1 * before
+        factored = not lowered
+        if lowered:
             rho = max(0.01 * rho, LEAST)
         before = found
     return math.inf
+
+
+@kernel
+def _settle(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    rho: float,
+    factored: bool,
+    centre: Reals,
+    give: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    rate: Reals,
+    step: Reals,
+) -> bool:
+    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors are
+    those of `mode` and `rho`."""
+    for flips in range(2 * MAX_FLIPS):
+        if not factored:
+            _impose(problem, contacts, limited, mode, force, tau)
+            _give(problem, n, contacts, limited, rho, give)
+            _push(problem, contacts, limited, mode, give, push)
+            if not _factorise(problem, n, contacts, limited, push, factors, order):
+                return False
+        for _ in range(2):
+            _correct(
+                problem, n, contacts, limited, give, centre, push, factors, order, v, force, tau, rate, step
+            )  # fmt: skip
+        # Many flips at once may cycle.
+        most = contacts + limited if flips < MAX_FLIPS else 1
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, give, centre, most):
+            return True
+        factored = False
+    return False
 
 
 @kernel
@@ -130,6 +136,28 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
         now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
         moved, largest = max(moved, abs(now - centre[r])), max(largest, abs(now))
     return moved / largest if largest > 0.0 else 0.0
+
+
+@kernel
+def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
+    H has a unit diagonal."""
+    called, greatest = 0.0, 0.0
+    for i in range(n):
+        called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        bodies = 0.0
+        for i in range(n):
+            row = p.W[r, i] if c < 0 else p.S[c, i]
+            bodies += row * row / p.H[i, i]
+        if bodies > 0.0:
+            unit = math.sqrt(bodies)
+            greatest = max(greatest, abs(force[r] if c < 0 else tau[c]) * unit)
+            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) / unit)
+            if c >= 0 and math.isfinite(p.F[c]):
+                called = max(called, p.F[c] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
 
 
 @kernel

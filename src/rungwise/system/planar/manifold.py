@@ -4,7 +4,7 @@ The core polygons are separated by the best edge of either (separating axes). Wh
 the other lies over that edge, the gap is their distance; a second point is the other end of the stretch along
 which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of
 the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two
-vertices are closest.
+vertices are closest. Features name vertices that there are, even where coordinates are not finite.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int
         count = 1
     for i in range(first, first + count):
         x, y, nx, ny = outline[i, 0], outline[i, 1], outline[i, 2], outline[i, 3]
-        least, deepest = math.inf, -1
+        least, deepest = math.inf, other.first
         for j in range(other.first, other.end):
             d = nx * (outline[j, 0] - x) + ny * (outline[j, 1] - y)
             if d < least:
@@ -217,7 +217,7 @@ def _closest_vertices(
     shape: Record, other: Record, sign: float, outline: Reals, points: Reals, features: Ints
 ) -> int:
     """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""
-    least, first, second = math.inf, -1, -1
+    least, first, second = math.inf, shape.first, other.first
     for i in range(shape.first, shape.end):
         for j in range(other.first, other.end):
             dx, dy = outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1]
