@@ -144,8 +144,7 @@ class Problem:
         """The problem of a step, as assembled by a model; unknowns are x = (lambda, v, tau)."""
         p, d = step, step.R.shape[1]
         R = sp.block_diag(list(p.R), format="csr") if len(p.R) else None
-        made = cls.balance(p.H, p.c, p.W, p.w, p.mu, directions=d, R=R, S=p.S, w_s=p.w_s, R_s=p.R_s, F=p.F)
-        return made
+        return cls.balance(p.H, p.c, p.W, p.w, p.mu, directions=d, R=R, S=p.S, w_s=p.w_s, R_s=p.R_s, F=p.F)
 
     @classmethod
     def lcp(cls, M: Matrix, q: ArrayLike) -> Problem:
