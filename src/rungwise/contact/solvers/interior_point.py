@@ -29,13 +29,15 @@ from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "interior-point"
-_STEPS = 60
+_STEPS = 100
 _DENSE = 200
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
 _FINISH, _NEWTON, _DAMPINGS = 1e-2, 5, (1e-8, 1e-4)
-_STALLED, _WINDOW = 0.5, 8
+_SHORT = 0.1
+"""A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
+_STALLED, _WINDOW = 0.7, 8
 
 
 class Cones(NamedTuple):
@@ -96,7 +98,7 @@ def _stalled(history: list[tuple[float, float]]) -> bool:
     if len(history) < 2 * _WINDOW:
         return False
     (product, found), (later, now) = history[-_WINDOW], history[-1]
-    return later > 0.1 * product and now > _STALLED * found
+    return later > _STALLED * product and now > _STALLED * found
 
 
 def _cones(system: System) -> Cones:
@@ -117,12 +119,18 @@ def _cones(system: System) -> Cones:
     )
 
 
-def _advance(A: Matrix, b: Array, z: Array, w: Array, cones: Cones) -> tuple[Array, Array] | None:
-    """One predicted and centred step; None when the linear system is singular."""
+def _advance(
+    A: Matrix, b: Array, z: Array, w: Array, cones: Cones, turning: float = 1.0
+) -> tuple[Array, Array] | None:
+    """One predicted and centred step; None when the linear system is singular.
+
+    `turning` is the weight of the derivative of the slips' directions.
+    """
     first, dim, dead = cones.first, cones.dim, cones.dead
     scaling, inverse, turn = np.zeros((len(z), 3)), np.zeros(len(z)), np.zeros(len(z))
     fault = A @ (z + cones.offset) + b - w
     nesterov_todd(z, w, first, dim, scaling, inverse, turn, fault)
+    turn *= turning
     solve_linear = _factorise(A, scaling, turn, cones)
     if solve_linear is None:
         return None
@@ -145,6 +153,8 @@ def _advance(A: Matrix, b: Array, z: Array, w: Array, cones: Cones) -> tuple[Arr
     predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
     centring = min(1.0, max(predicted / product, 0.0)) ** 3
     dz, dw, length = step(centring * product, 1.0 - _RETAINED * centring)
+    if length < _SHORT and turning > 0.0:
+        return _advance(A, b, z, w, cones, 0.0)
     length = min(1.0, _TO_THE_BOUNDARY * length)
     return z + length * dz, w + length * dw
 
