@@ -60,11 +60,13 @@ def solve(
         if given.shape != problem.b.shape:
             raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
         x = given[system.kept] / system.force
-    x, attempts = _run(chain, system, x, tol)
+    with np.errstate(all="ignore"):  # iterates that run away are judged, not warned about
+        x, attempts = _run(chain, system, x, tol)
     full = system.recover(x * system.force)
     residuals, proof = judge(problem, system, full), None
     if residuals.worst > tol:
-        found = branching.search(system, x, _MARGIN * tol)
+        with np.errstate(all="ignore"):
+            found = branching.search(system, x, _MARGIN * tol)
         attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
         full, proof = system.recover(found.x * system.force), found.proof
         residuals = judge(problem, system, full)
