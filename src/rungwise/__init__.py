@@ -8,6 +8,9 @@ for model in rw.LADDER[1:]:
 """
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
+from rungwise.contact.mixed import Problem
+from rungwise.contact.solution import ContactSolution, Status
+from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
     DYNAMIC_RIGID,
@@ -27,8 +30,9 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "InvalidScene", "ModelError", "Outcome",
-    "Run", "Rung", "Scene", "SceneError", "Simulation", "Touching", "ViewError", "force_closure",
-    "form_closure", "load", "load_run", "schema", "shipped", "simulate", "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
+    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status",
+    "Touching", "ViewError", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
+    "simulate", "solve", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

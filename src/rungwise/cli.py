@@ -222,6 +222,52 @@ def sim(
 
 
 @app.command()
+def solve(
+    file: Annotated[Path, typer.Argument(help="FCLIB HDF5, text of Siconos' numerics, or ContactBench npz.")],
+    tol: Annotated[
+        float,
+        typer.Option("--tol", parser=_number, metavar="NUMBER", help="Residual to reach; it has no unit."),
+    ] = 1e-9,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind", help="Of a text file: lcp, mlcp, relay, local, global; by its name if not given."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="npz file for r (normal first) and u = W r + q.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Solve a contact problem from disk."""
+    from rungwise.contact.read import read_problem
+    from rungwise.contact.solution import Status
+    from rungwise.contact.solve import solve as solve_problem
+
+    try:
+        solution = solve_problem(read_problem(file, kind), tol=tol)
+    except ValueError as error:
+        _refuse(str(error))
+    if out is not None:
+        try:
+            solution.save(out)
+        except OSError as error:
+            _refuse(f"out: {out} cannot be written ({error.strerror or error})")
+    summary = solution.summary()
+    if as_json:
+        _print_json({"file": str(file), **summary})
+    else:
+        _print(
+            f"{file.name}: {solution.status}\n"
+            f"  {summary['reason']}\n"
+            f"  {summary['unknowns']} unknowns, {summary['contacts']} contacts;"
+            f" residual {solution.residuals.worst:.1e},"
+            f" {solution.iterations} iterations of {', '.join(solution.chain) or 'none'}"
+        )
+    return 0 if solution.status is Status.SOLVED else 1
+
+
+@app.command()
 def view(
     sources: Annotated[
         list[str], typer.Argument(metavar="DIR|SCENE...", help="Folders that sim --out wrote, or one scene.")
