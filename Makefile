@@ -37,6 +37,7 @@ test: lint
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/race.py
+	$(BIN)/python benchmarks/solvers.py
 
 lint: $(INSTALLED_DEV)
 	$(BIN)/ruff format --check .

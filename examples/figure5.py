@@ -4,7 +4,7 @@
 
 Boundaries of the feasible sets over v1, v2 and mu on four models, and the planes r = v2 / v1 that bound
 them in closed form (dashed): 1/2 and 2 where the part moves no more than it must or impacts are plastic, 4/7
-and 7/4 where they are elastic. Damped compliant contact lies a little inside, the more the greater the friction.
+and 7/4 where they are elastic. Damped compliant contact lies a little inside, more so with more friction.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Random starts and speeds of the four-finger grasp on every rung: how they end, and which are form closures.
 
     python examples/four_finger.py [--runs 2000] [--seed 0]
+    python examples/four_finger.py --figures docs     the counterpart of the paper's Figure 2
 
 Finger speeds, friction, restitution and the part's place and angle are drawn at random. A run that reaches
 the goal must be a form closure by the certificate of its contacts, and every other one must have a named
@@ -13,6 +14,7 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -48,12 +50,30 @@ def tally(scene: rw.Scene, model: rw.Rung, runs: int, seed: int) -> Counter[str]
     return counts
 
 
+FIGURES = {
+    "caught": {"v2": 0.85, "mu": 0.2, "x": 0.1, "y": 0.12, "angle": 0.08},
+    "lost": {"v2": 0.4, "mu": 0.2, "x": 0.1, "y": 0.12, "angle": 0.08},
+}
+"""Two runs of the dynamic rigid rung: the same start, the right finger fast enough and too slow."""
+
+
+def draw_figures(scene: rw.Scene, folder: Path) -> None:
+    """Strips of pictures of the two runs, `four_finger_caught.png` and `four_finger_lost.png`."""
+    for name, parameters in FIGURES.items():
+        run = rw.simulate(scene, rw.DYNAMIC_RIGID, parameters=parameters, duration=2.6)
+        print(*rw.view(run, png=folder / f"four_finger_{name}.png", frames=3), run.outcome)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--runs", type=int, default=2000, help="on each rung")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--figures", type=Path, help="folder to draw two runs into, instead")
     options = parser.parse_args(arguments)
     scene = rw.load("four_finger")
+    if options.figures is not None:
+        draw_figures(scene, options.figures)
+        return
     columns = ("closed", "open", "missed", "jammed", "model_invalid", "invalid", "timeout", "not_converged")
     print(f"{'rung':22s}" + "".join(f"{name:>15s}" for name in columns))
     for model in rw.LADDER[1:]:

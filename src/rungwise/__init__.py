@@ -8,6 +8,9 @@ for model in rw.LADDER[1:]:
 """
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
+from rungwise.contact.mixed import Problem
+from rungwise.contact.solution import ContactSolution, Status
+from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
     DYNAMIC_RIGID,
@@ -32,9 +35,10 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "FeasibleSet",
-    "InvalidScene", "Label", "ModelError", "Outcome", "Results", "Run", "Rung", "Scene", "SceneError",
-    "SetError", "Simulation", "Touching", "ViewError", "between", "feasible_set", "force_closure",
-    "form_closure", "load", "load_run", "load_set", "schema", "shipped", "simulate", "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
+    "FeasibleSet", "InvalidScene", "Label", "ModelError", "Outcome", "Problem", "Results", "Run", "Rung",
+    "Scene", "SceneError", "SetError", "Simulation", "Status", "Touching", "ViewError", "between",
+    "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set", "schema", "shipped",
+    "simulate", "solve", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

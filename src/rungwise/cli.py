@@ -255,6 +255,8 @@ def sets(
     as_json: JsonOption = False,
 ) -> int:
     """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
+    from importlib.util import find_spec
+
     from rungwise.models.ladder import LADDER
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
@@ -281,7 +283,7 @@ def sets(
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)
-            if out is not None:
+            if out is not None and find_spec("matplotlib") is not None:
                 report.figure(found, out / "sets.png")
     except KeyboardInterrupt:
         kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
@@ -323,6 +325,52 @@ def _counting(name: str, quiet: bool) -> Iterator[Callable[[str, int, int], None
         yield lambda what, done, known: bar.update(
             task, description=f"{name}: {what}", completed=done, total=known
         )
+
+
+@app.command()
+def solve(
+    file: Annotated[Path, typer.Argument(help="FCLIB HDF5, text of Siconos' numerics, or ContactBench npz.")],
+    tol: Annotated[
+        float,
+        typer.Option("--tol", parser=_number, metavar="NUMBER", help="Residual to reach; it has no unit."),
+    ] = 1e-9,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind", help="Of a text file: lcp, mlcp, relay, local, global; by its name if not given."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="npz file for r (normal first) and u = W r + q.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Solve a contact problem from disk."""
+    from rungwise.contact.read import read_problem
+    from rungwise.contact.solution import Status
+    from rungwise.contact.solve import solve as solve_problem
+
+    try:
+        solution = solve_problem(read_problem(file, kind), tol=tol)
+    except ValueError as error:
+        _refuse(str(error))
+    if out is not None:
+        try:
+            solution.save(out)
+        except OSError as error:
+            _refuse(f"out: {out} cannot be written ({error.strerror or error})")
+    summary = solution.summary()
+    if as_json:
+        _print_json({"file": str(file), **summary})
+    else:
+        _print(
+            f"{file.name}: {solution.status}\n"
+            f"  {summary['reason']}\n"
+            f"  {summary['unknowns']} unknowns, {summary['contacts']} contacts;"
+            f" residual {solution.residuals.worst:.1e},"
+            f" {solution.iterations} iterations of {', '.join(solution.chain) or 'none'}"
+        )
+    return 0 if solution.status is Status.SOLVED else 1
 
 
 @app.command()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rungwise.contact.problem import ContactProblem, ContactSolution, allocate_problem
+from rungwise.contact.problem import ContactProblem, allocate_problem
 from rungwise.contact.residual import residual
 from rungwise.contact.solvers.enumerate_modes import solve_by_enumeration
 from rungwise.contact.solvers.lemke import solve_lemke
@@ -17,7 +18,19 @@ from rungwise.contact.solvers.planar import TOLERANCE, matrix_size, solve_planar
 from rungwise.contact.solvers.proximal import solve_proximal
 
 Array = NDArray[np.float64]
-Solver = Callable[..., tuple[int, ContactSolution]]
+
+
+class Candidate(NamedTuple):
+    """Velocities (n,), contact forces (k d,), forces of limited rows (b,), their residual, and the mode."""
+
+    v: Array
+    force: Array
+    limited: Array
+    residual: float
+    mode: NDArray[np.int64]
+
+
+Solver = Callable[..., tuple[int, Candidate]]
 
 
 def _body(n: int, contacts: int, limited: int = 0, directions: int = 2) -> ContactProblem:
@@ -96,7 +109,7 @@ def _run(
     mode: Sequence[int] | None = None,
     solves: int = 1,
     forces: tuple[Array, Array] | None = None,
-) -> tuple[int, ContactSolution]:
+) -> tuple[int, Candidate]:
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
     size = matrix_size(n, contacts, limited)
     modes = np.ones(contacts + limited, np.int64) if mode is None else np.array(mode, np.int64)
@@ -116,7 +129,7 @@ def _run(
     else:
         status = int(solve_by_enumeration(p, n, contacts, limited, *out, *scratch, TOLERANCE) > TOLERANCE)
     found = residual(p, n, contacts, limited, *out[1:])
-    return int(status), ContactSolution(out[1], out[2], out[3], float(found), modes)
+    return int(status), Candidate(out[1], out[2], out[3], float(found), modes)
 
 
 @pytest.fixture

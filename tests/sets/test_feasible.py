@@ -95,6 +95,14 @@ def test_force_limited_fingers_capture_everywhere_where_they_stick() -> None:
     assert found.volumes() == {"feasible": 1.0}
 
 
+def test_free_fingers_capture_far_outside_the_band_of_prescribed_ones() -> None:
+    """Panel (d): with plastic impacts all ratios from 1/20 to 3, where prescribed ones end at 1/2 and 2."""
+    found = rw.feasible_set(
+        "two_finger_free", rw.DYNAMIC_RIGID, ("v2",), box={"v2": (0.05, 3.0)}, tol=0.02, threads=1
+    )
+    assert found.volumes() == {"feasible": 1.0}
+
+
 def test_prescribed_fingers_jam_where_they_stick() -> None:
     found = grasp(rw.QUASISTATIC_RIGID, parameters={"mu": 1.1}, tol=0.05)
     assert found.volumes()["jammed"] > 0.9

@@ -10,8 +10,6 @@ The number of directions d per contact (normal first) is the problem's: 2 in the
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,17 +35,6 @@ class ContactProblem(Block):
     w_s: NDArray[np.float64]
     F: NDArray[np.float64]
     quantum: NDArray[np.float64]
-
-
-class ContactSolution(NamedTuple):
-    """Velocities (n,), contact forces (k d,), forces of limited rows (b,), and the residual computed from
-    them."""
-
-    v: NDArray[np.float64]
-    force: NDArray[np.float64]
-    limited: NDArray[np.float64]
-    residual: float
-    mode: NDArray[np.int64]
 
 
 def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -> ContactProblem:

@@ -1,0 +1,147 @@
+"""FCLIB: the exchange format of frictional contact problems (HDF5), read and written.
+
+Local form u = W r + q; global form M v = H r + G lambda + f, u = H^T v + w, G^T v + b = 0; normal first.
+Matrices are triplets (nz >= 0), compressed columns (nz = -1) or rows (nz = -2). Source: Acary, Bremond,
+Dubois, Heyn, Koziara: FCLIB, a collection of discrete 3D frictional contact problems (2014).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.mixed import Array, Matrix, Problem
+
+_CSR = -2
+
+
+def h5py_library() -> Any:
+    """The optional h5py; ValueError with what to install when it is missing."""
+    try:
+        import h5py
+    except ImportError:
+        raise ValueError("file: HDF5 needs h5py; pip install 'rungwise[fclib]'") from None
+    return h5py
+
+
+def read_fclib(path: Path) -> Problem:
+    """The problem in `path`; ValueError naming what is missing or wrong."""
+    try:
+        with h5py_library().File(path, "r") as file:
+            if "fclib_local" in file:
+                return _read_local(file["fclib_local"])
+            if "fclib_global" in file:
+                return _read_global(file["fclib_global"])
+    except KeyError as error:
+        raise ValueError(f"file: not a complete FCLIB problem ({' '.join(str(error).split())})") from None
+    except OSError as error:
+        raise ValueError(f"file: cannot be read ({' '.join(str(error).split())})") from None
+    raise ValueError("file: holds neither fclib_local nor fclib_global")
+
+
+def _directions(group: Any) -> int:
+    return int(np.ravel(group["spacedim"][()])[0])
+
+
+def _read_local(group: Any) -> Problem:
+    """Equality rows (V, R, s) become free unknowns: W r + V x + q = u, V^T r + R x + s = 0."""
+    vectors, d = group["vectors"], _directions(group)
+    W, q, mu = _read_matrix(group["W"]), vectors["q"][()], vectors["mu"][()]
+    if "R" not in group:
+        return Problem.local(W, q, mu, d)
+    V, R, s = _read_matrix(group["V"]), _read_matrix(group["R"]), vectors["s"][()]
+    free = np.full(len(s), np.inf)
+    A = sp.block_array([[W, V], [V.T, R]], format="csr")
+    return Problem(A, np.concatenate([q, s]), mu, d, -free, free)
+
+
+def _read_global(group: Any) -> Problem:
+    vectors, d = group["vectors"], _directions(group)
+    M, H = _read_matrix(group["M"]), _read_matrix(group["H"])
+    joints: dict[str, Any] = {}
+    if "G" in group:
+        joints = {"S": _read_matrix(group["G"]).T, "w_s": vectors["b"][()]}
+    return Problem.balance(
+        M, vectors["f"][()], H.T, vectors["w"][()], vectors["mu"][()], directions=d, **joints
+    )
+
+
+def _read_matrix(group: Any) -> sp.csr_array:
+    m, n, nz = (int(np.ravel(group[name][()])[0]) for name in ("m", "n", "nz"))
+    p, i, x = (np.asarray(group[name][()]) for name in ("p", "i", "x"))
+    try:
+        if nz >= 0:
+            return sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))
+        used = int(p[-1])
+        form = sp.csr_array if nz == _CSR else sp.csc_array
+        return sp.csr_array(form((x[:used], i[:used], p), shape=(m, n)))
+    except (ValueError, IndexError) as error:
+        raise ValueError(f"{group.name.split('/')[-1]}: not a sparse matrix ({error})") from None
+
+
+def write_fclib(path: Path, problem: Problem, r: Array | None = None, title: str = "rungwise") -> None:
+    """Write `problem`, in local form if it has contacts alone, else in global form; r (k d,) as a guess.
+
+    Raises ValueError for what FCLIB has no words for: limits, compliance beside velocities, one direction.
+    """
+    if problem.directions == 1 and len(problem.mu):
+        raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
+    parts = _local_parts(problem) if len(problem.lower) == 0 else _global_parts(problem)
+    form, matrices, vectors = parts
+    h5py = h5py_library()
+    partial = path.with_name(path.name + ".part")
+    try:
+        with h5py.File(partial, "w") as file:
+            group = file.create_group(form)
+            group["spacedim"] = np.array([problem.directions], np.int32)
+            for name, matrix in matrices.items():
+                _write_matrix(group.create_group(name), matrix)
+            for name, vector in {**vectors, "mu": problem.mu}.items():
+                group[f"vectors/{name}"] = vector
+            group["info/title"], group["info/description"], group["info/math_info"] = title, "", ""
+            if r is not None:
+                file["guesses/number_of_guesses"] = np.array([1], np.int32)
+                file["guesses/1/r"] = r
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+_Parts = tuple[str, dict[str, Matrix], dict[str, Array]]
+
+
+def _local_parts(problem: Problem) -> _Parts:
+    return "fclib_local", {"W": problem.A}, {"q": problem.b}
+
+
+def _global_parts(problem: Problem) -> _Parts:
+    """M, H and G of a problem whose other unknowns are velocities and joints."""
+    rows, n = problem.rows, problem.velocities
+    A, b = sp.csr_array(problem.A), problem.b
+    contact, speed, joint = slice(0, rows), slice(rows, rows + n), slice(rows + n, None)
+    if np.isfinite(problem.lower).any() or np.isfinite(problem.upper).any():
+        raise ValueError("lower: FCLIB has no words for limited unknowns")
+    H, G = A[contact, speed].T, A[joint, speed].T
+    own = (A[contact, contact], A[contact, joint], A[joint, contact], A[joint, joint])
+    apart = (A[speed, contact] + H, A[speed, joint] + G)
+    if any(abs(part).sum() > 0.0 for part in (*own, *apart)):
+        raise ValueError("A: FCLIB's global form has no compliance, and forces act where rates are read")
+    matrices = {"M": A[speed, speed], "H": H}
+    vectors = {"f": -b[speed], "w": b[contact]}
+    if rows + n < len(b):
+        matrices["G"], vectors["b"] = G, b[joint]
+    return "fclib_global", matrices, vectors
+
+
+def _write_matrix(group: Any, matrix: Matrix) -> None:
+    """As triplets."""
+    entries = sp.coo_array(matrix)
+    row, column = entries.coords
+    for name, value in (
+        ("m", matrix.shape[0]), ("n", matrix.shape[1]), ("nz", entries.nnz), ("nzmax", entries.nnz),
+    ):  # fmt: skip
+        group[name] = np.array([value], np.int32)
+    group["p"], group["i"], group["x"] = column.astype(np.int32), row.astype(np.int32), entries.data

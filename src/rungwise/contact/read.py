@@ -1,0 +1,42 @@
+"""Reading a problem from a file of any kind that is known."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from rungwise.contact.fclib import read_fclib
+from rungwise.contact.mixed import Problem
+from rungwise.contact.textfile import read_text
+
+_HDF5, _ZIP = b"\x89HDF", b"PK"
+
+
+def read_problem(path: Path, kind: str | None = None) -> Problem:
+    """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
+
+    Raises ValueError with one line that says what is wrong.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4)
+    except OSError as error:
+        raise ValueError(f"file: {path} cannot be read ({error.strerror or error})") from None
+    if head == _HDF5:
+        return read_fclib(path)
+    return _read_contactbench(path) if head.startswith(_ZIP) else read_text(path, kind)
+
+
+def _read_contactbench(path: Path) -> Problem:
+    """G, g, mus of Simple-Robotics/ContactBench; there the normal comes last."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            G, g, mu = file["G"], np.ravel(file["g"]), np.ravel(file["mus"])
+    except (KeyError, ValueError, OSError, zipfile.BadZipFile) as error:
+        raise ValueError(f"file: holds no G, g and mus ({' '.join(str(error).split())})") from None
+    order = (3 * np.arange(len(mu))[:, None] + np.array([2, 0, 1])).ravel()
+    if G.shape != (len(g), len(g)) or len(g) != len(order):
+        raise ValueError(f"G: has shape {G.shape}; mus makes it {(len(order), len(order))}")
+    return Problem.local(G[np.ix_(order, order)], g[order], mu)

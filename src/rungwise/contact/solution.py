@@ -1,0 +1,112 @@
+"""What `solve` answers: never more than what was judged or certified."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from rungwise.contact.farkas import Infeasible
+from rungwise.contact.judge import Residuals
+from rungwise.contact.mixed import Array, Problem
+
+
+class Status(StrEnum):
+    """SOLVED within tolerance · JAMMED no rates satisfy the laws, certified · UNSUPPORTED no forces balance
+    the loads, certified · NOT_CONVERGED neither, and the residual says how far off."""
+
+    SOLVED = "solved"
+    JAMMED = "jammed"
+    UNSUPPORTED = "unsupported"
+    NOT_CONVERGED = "not_converged"
+
+
+ADVICE = {
+    Status.SOLVED: "every law holds within the tolerance",
+    Status.JAMMED: "no rates and forces satisfy all laws; the certificate proves it",
+    Status.UNSUPPORTED: "no contact, joint or drive can balance the loads; the certificate is the motion",
+    Status.NOT_CONVERGED: "no solver came within tolerance, and no certificate says why: see the residual",
+}
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One solver's part: its iterations, and the best natural residual after it."""
+
+    solver: str
+    iterations: int
+    residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSolution:
+    """x (N,) and rates y = A x + b (N,) of the problem, judged.
+
+    `certificate` is there when the status is JAMMED or UNSUPPORTED; x is then the least violation met.
+    """
+
+    problem: Problem
+    status: Status
+    x: Array
+    y: Array
+    residuals: Residuals
+    tol: float
+    attempts: tuple[Attempt, ...]
+    certificate: Infeasible | None = None
+
+    @property
+    def r(self) -> Array:
+        """Contact forces (k d,), normal first."""
+        return self.x[: self.problem.rows]
+
+    @property
+    def u(self) -> Array:
+        """Contact rates (k d,): W r + q."""
+        return self.y[: self.problem.rows]
+
+    @property
+    def v(self) -> Array:
+        """Velocities of a mixed form (n,)."""
+        return self.x[self.problem.rows : self.problem.rows + self.problem.velocities]
+
+    @property
+    def z(self) -> Array:
+        """Unknowns that are neither contact forces nor velocities: those of LCPs, joints, limited rows."""
+        return self.x[self.problem.rows + self.problem.velocities :]
+
+    @property
+    def chain(self) -> tuple[str, ...]:
+        """Names of the solvers that were called, in order."""
+        return tuple(attempt.solver for attempt in self.attempts)
+
+    @property
+    def iterations(self) -> int:
+        return sum(attempt.iterations for attempt in self.attempts)
+
+    def summary(self) -> dict[str, object]:
+        """Plain values, for printing."""
+        return {
+            "status": str(self.status),
+            "reason": ADVICE[self.status],
+            "contacts": len(self.problem.mu),
+            "directions": self.problem.directions,
+            "unknowns": len(self.problem.b),
+            "residual": self.residuals.worst,
+            "tol": self.tol,
+            "residuals": asdict(self.residuals),
+            "chain": list(self.chain),
+            "iterations": self.iterations,
+            "certificate": None if self.certificate is None else self.certificate.kind,
+        }
+
+    def save(self, path: Path) -> None:
+        """Write r, u, v, z to `path` (npz), atomically, by way of a file beside it."""
+        partial = path.with_name(path.name + ".part")
+        try:
+            with partial.open("wb") as file:
+                np.savez(file, r=self.r, u=self.u, v=self.v, z=self.z)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)

@@ -1,0 +1,108 @@
+"""`solve`: solvers are chosen by what they accept, called in turn, and judged by the problem alone."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from rungwise.contact.judge import judge
+from rungwise.contact.mixed import Array, Problem, vector
+from rungwise.contact.problem import ContactProblem
+from rungwise.contact.solution import Attempt, ContactSolution, Status
+from rungwise.contact.solvers import (
+    branching,
+    gauss_seidel,
+    interior_point,
+    newton,
+    pivoting,
+    proximal_point,
+    step,
+)
+from rungwise.contact.solvers.measure import natural
+from rungwise.contact.system import System, scaled
+
+SOLVERS: tuple[ModuleType, ...] = (
+    gauss_seidel,
+    pivoting,
+    interior_point,
+    newton,
+    proximal_point,
+)
+"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
+TOLERANCE = 1e-9
+_MARGIN = 0.3
+
+
+def solve(
+    problem: Problem | ContactProblem,
+    *,
+    tol: float = TOLERANCE,
+    start: Array | None = None,
+    solvers: tuple[str, ...] | None = None,
+) -> ContactSolution:
+    """Solve a contact problem of any kind; see `Problem` for what there is.
+
+    The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
+    UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
+    begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
+    given as assembled, is first solved as a run would.
+
+    Raises ValueError naming what is wrong with the arguments.
+    """
+    assembled = problem if isinstance(problem, ContactProblem) else None
+    if isinstance(problem, ContactProblem):
+        problem = Problem.of_step(problem)
+    if not 0.0 < tol < 1.0:
+        raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
+    chain = _chain(solvers)
+    system = scaled(problem)
+    given = np.zeros(len(problem.b)) if start is None else vector("start", start)
+    if given.shape != problem.b.shape:
+        raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
+    attempts: list[Attempt] = []
+    if assembled is not None and solvers is None and step.accepts(assembled):
+        full = step.solve(assembled, given)
+        residuals, proof = judge(problem, system, full), None
+        attempts.append(Attempt(step.NAME, 1, residuals.worst))
+    if not attempts or attempts[0].residual > tol:
+        with np.errstate(all="ignore"):  # iterates that run away are judged, not warned about
+            x, more = _run(chain, system, given[system.kept] / system.force, tol)
+        attempts += more
+        full = system.recover(x * system.force)
+        residuals, proof = judge(problem, system, full), None
+    if residuals.worst > tol:
+        with np.errstate(all="ignore"):
+            found = branching.search(system, x, _MARGIN * tol)
+        attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
+        full, proof = system.recover(found.x * system.force), found.proof
+        residuals = judge(problem, system, full)
+    status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
+    if residuals.worst <= tol:
+        status, proof = Status.SOLVED, None
+    rates = problem.A @ full + problem.b
+    return ContactSolution(problem, status, full, rates, residuals, tol, tuple(attempts), proof)
+
+
+def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
+    known = {module.NAME: module for module in SOLVERS}
+    for name in names or ():
+        if name not in known:
+            raise ValueError(f"solvers: {name!r} is none of {', '.join(known)}")
+    return SOLVERS if names is None else tuple(known[name] for name in names)
+
+
+def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) -> tuple[Array, list[Attempt]]:
+    """The best x that the chain came to, and who did what."""
+    attempts: list[Attempt] = []
+    least = natural(system, x)
+    for solver in chain:
+        if least <= tol:
+            break
+        if solver.accepts(system):
+            trial, iterations = solver.solve(system, x, _MARGIN * tol)
+            found = natural(system, trial)
+            if found < least:
+                x, least = trial, found
+            attempts.append(Attempt(solver.NAME, iterations, least))
+    return x, attempts

@@ -1,0 +1,143 @@
+"""Branch and bound over contact modes: the judge of last resort, and the finder of certificates.
+
+Algorithm: at each node some laws are held at one of their pieces and the others at their convex hulls; a
+linear program (HiGHS, through scipy) either finds multipliers that exclude the node, or a point x of it. From
+that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Source: Land
+and Doig, Econometrica 28 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11
+(1990) 281-292. Accepts: everything; it goes beyond the root up to `LARGEST` unknowns. Promises: at most
+`NODES` linear programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space
+a proof only where the quadrants of slip give one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
+from rungwise.contact.mixed import Array
+from rungwise.contact.solvers import newton
+from rungwise.contact.solvers.measure import natural, natural_parts
+from rungwise.contact.system import System
+
+NAME = "branching"
+LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
+_STEPS = 15
+_ROUNDING = 1e-9
+_OPTIONS = {
+    "primal_feasibility_tolerance": 1e-10,
+    "dual_feasibility_tolerance": 1e-10,
+    "time_limit": 5.0,
+}
+
+
+class Found(NamedTuple):
+    """The best x (N,), its residual, the linear programs solved, and the proof if there is none."""
+
+    x: Array
+    residual: float
+    nodes: int
+    proof: Infeasible | None
+
+
+def search(system: System, start: Array, tol: float) -> Found:
+    """A solution within tol, or a checked proof that there is none, or the best of what was met."""
+    best, least = start, natural(system, start)
+    if system.size > LARGEST_ROOT:
+        return Found(best, least, 0, None)
+    waiting, leaves, vectors, proving = [hull(system)], [], [], True
+    A = newton.form(system)
+    for done in range(1, NODES + 1):
+        mode = waiting.pop()
+        p, x = _separate(system, mode)
+        if p is not None:
+            leaves.append(mode)
+            vectors.append(p)
+        elif system.size <= LARGEST and x is not None:
+            trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS)
+            for candidate in (x, trial):
+                found = natural(system, candidate)
+                if found < least:
+                    best, least = candidate, found
+            divided = _divide(system, mode, x)
+            waiting += divided
+            proving = proving and bool(divided)
+        else:
+            return Found(best, least, done, None)
+        if least <= tol or not waiting:
+            break
+    if least <= tol or waiting or not proving:
+        return Found(best, least, done, None)
+    proof = Infeasible(_kind(system, vectors), tuple(leaves), tuple(vectors))
+    return Found(best, least, done, proof if check(system, proof) else None)
+
+
+def _kind(system: System, vectors: list[Array]) -> str:
+    """Unsupported when the proof weighs the rows of free unknowns alone: loads that nothing balances."""
+    used = np.any([p != 0.0 for p in vectors], axis=0)
+    others = np.isfinite(system.lower) | np.isfinite(system.upper)
+    return "jammed" if used[: system.rows].any() or used[system.rows :][others].any() else "unsupported"
+
+
+def _divide(system: System, mode: Mode, x: Array) -> list[Mode]:
+    """Children by the law that x violates most, the likeliest last."""
+    size = natural_parts(system, x)
+    d, contacts = system.directions, len(system.mu)
+    worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
+    for law in sorted(range(len(mode)), key=lambda law: -worst[law]):
+        parts = pieces(system, law, mode[law])
+        if parts:
+            force = x[law * d] if law < contacts else 1.0
+            order = parts if force > 0.0 else parts[::-1]
+            return [(*mode[:law], part, *mode[law + 1 :]) for part in order]
+    return []
+
+
+def _separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
+    """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
+    from scipy.optimize import linprog
+
+    s = system
+    back = sp.csr_array(s.matrix().T)
+    least, most = signs(s, mode)
+    lower, upper = limits(s, mode)
+    rays = [generators(s, k, mode[k]) for k in range(len(s.mu))]
+    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
+    m = len(lower)
+    # (A^T p)_j = above - below: how much x_j is drawn to its upper and to its lower limit.
+    push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
+    drawn = sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
+    bounds = [(max(a, -1.0), min(c, 1.0)) for a, c in zip(least, most, strict=True)]
+    bounds += [(0.0, 0.0 if np.isinf(c) else None) for c in upper]
+    bounds += [(0.0, 0.0 if np.isinf(a) else None) for a in lower]
+    ends = np.concatenate([upper, -lower])
+    found = linprog(
+        np.concatenate([s.b, np.where(np.isinf(ends), 0.0, ends)]),
+        push if push.shape[0] else None,
+        np.zeros(push.shape[0]) if push.shape[0] else None,
+        drawn if m else None,
+        np.zeros(m) if m else None,
+        bounds=bounds,
+        method="highs",
+        options=_OPTIONS,
+    )
+    if found.x is None:
+        return None, None
+    if found.fun < -_ROUNDING:
+        return _sharpen(np.asarray(found.x)[: s.size], sp.vstack([push, drawn])[:, : s.size]), None
+    contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
+    others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
+    return None, np.concatenate([contact, others])
+
+
+def _sharpen(p: Array, constraints: sp.csr_array) -> Array:
+    """p with rounding removed: what is nearly zero is zero, and constraints nearly active are met."""
+    p = np.where(np.abs(p) > _ROUNDING, p, 0.0)
+    inside = np.abs(p) > 0.0
+    active = np.abs(constraints @ p) < 1e-6
+    rows = constraints[active][:, inside].toarray()
+    for _ in range(2):
+        p[inside] -= np.linalg.lstsq(rows, rows @ p[inside], rcond=None)[0]
+    return p

@@ -1,0 +1,219 @@
+"""Block Gauss-Seidel with exact local solves.
+
+Algorithm: contacts and limited rows in turn, each solved exactly while the others' forces are held. A
+contact in space sticks, or slides with y_t = -a x_t; the slip a > 0 is the root of |x_t| = mu x_n, found by
+safeguarded Newton steps. Sources: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47;
+Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
+Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
+limited rows, free unknowns eliminated. Promises: the iterate of least residual among those checked; linear
+convergence where the problem is well posed, none where it is badly rank deficient.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.contact.mixed import Array
+from rungwise.contact.natural import natural_map
+from rungwise.contact.solvers.measure import rates
+from rungwise.contact.system import System
+from rungwise.kernel import Ints, Reals, kernel
+
+NAME = "gauss-seidel"
+SWEEPS = 100
+_WINDOW = 50
+_PATIENCE = 1000
+_CHECK = 10
+
+
+def accepts(system: System) -> bool:
+    return bool((system.blocks[:, 0, 0] > 0.0).all() and (system.diagonal > 0.0).all())
+
+
+def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+    """The best iterate x (N,) from `start`, and the sweeps it took."""
+    s = system
+    x, best = start.copy(), start.copy()
+    sweeps = sweep_until(
+        s.row_start, s.column, s.value, s.blocks, s.diagonal, s.b, 0.0, s.mu, s.lower, s.upper, x, best,
+        np.empty((3, max(s.size, 3))), tol, SWEEPS, _PATIENCE,
+    )  # fmt: skip
+    return best, sweeps
+
+
+def smooth(system: System, start: Array, b: Array, shift: float, tol: float, sweeps: int) -> Array:
+    """The best iterate of A + shift, with this offset b, in so many sweeps."""
+    s = system
+    x, best = start.copy(), start.copy()
+    sweep_until(
+        s.row_start, s.column, s.value, s.blocks, s.diagonal, b, shift, s.mu, s.lower, s.upper, x, best,
+        np.empty((3, max(s.size, 3))), tol, sweeps, sweeps,
+    )  # fmt: skip
+    return best
+
+
+@kernel
+def sweep_until(
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
+    blocks: Reals,
+    diagonal: Reals,
+    b: Reals,
+    shift: float,
+    mu: Reals,
+    lower: Reals,
+    upper: Reals,
+    x: Reals,
+    best: Reals,
+    scratch: Reals,
+    tol: float,
+    sweeps: int,
+    patience: int,
+) -> int:
+    """Sweep until the residual of x is within tol; `best` (N,) gets the best iterate. Returns the sweeps.
+
+    Up to `sweeps`, or up to `patience` where the decrease seen last would then suffice.
+    """
+    d, y, out = blocks.shape[1], scratch[0], scratch[1]
+    least, before = math.inf, math.inf
+    for done in range(1, patience + 1):
+        _sweep(row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, x, scratch[2])
+        if done > 3 and done % _CHECK:
+            continue
+        rates(row_start, column, value, b, shift, x, y)
+        found = natural_map(x, y, mu, d, lower, upper, out)
+        if found < least:
+            least = found
+            for i in range(len(x)):
+                best[i] = x[i]
+        if found <= tol or not found < math.inf:
+            return done
+        if done % _WINDOW == 0:
+            if done >= sweeps and not (patience - done) / _WINDOW * math.log(before / least) > math.log(
+                least / tol
+            ):
+                return done
+            before = least
+    return patience
+
+
+@kernel
+def _sweep(
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
+    blocks: Reals,
+    diagonal: Reals,
+    b: Reals,
+    shift: float,
+    mu: Reals,
+    lower: Reals,
+    upper: Reals,
+    x: Reals,
+    local: Reals,
+) -> None:
+    d, rows = blocks.shape[1], blocks.shape[1] * len(mu)
+    for c in range(len(mu)):
+        first = c * d
+        for i in range(d):
+            total = b[first + i]
+            for k in range(row_start[first + i], row_start[first + i + 1]):
+                total += value[k] * x[column[k]]
+            for j in range(d):
+                total -= blocks[c, i, j] * x[first + j]
+            local[i] = total
+        solve_contact(blocks[c], shift, local, mu[c], x[first : first + d])
+    for j in range(len(lower)):
+        i = rows + j
+        total = b[i]
+        for k in range(row_start[i], row_start[i + 1]):
+            total += value[k] * x[column[k]]
+        x[i] = min(max((diagonal[j] * x[i] - total) / (diagonal[j] + shift), lower[j]), upper[j])
+
+
+@kernel
+def solve_contact(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
+    """Solve one contact exactly, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
+    d = len(x)
+    if b[0] >= 0.0 or d == 1 or mu == 0.0:
+        x[0] = max(0.0, -b[0] / (block[0, 0] + shift))
+        for i in range(1, d):
+            x[i] = 0.0
+    elif d == 2:
+        _solve_planar(block, shift, b, mu, x)
+    else:
+        _solve_spatial(block, shift, b, mu, x)
+
+
+@kernel
+def _solve_planar(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
+    own = block[0, 0] + shift
+    stiff = block[1, 1] + shift - block[1, 0] * block[0, 1] / own
+    t = (block[1, 0] * b[0] / own - b[1]) / stiff if stiff > 0.0 else 0.0
+    n = -(b[0] + block[0, 1] * t) / own
+    if not (stiff > 0.0 and abs(t) <= mu * n):
+        sign = 1.0 if t > 0.0 or (t == 0.0 and b[1] < 0.0) else -1.0
+        for _ in range(2):
+            n = -b[0] / (own + sign * mu * block[0, 1])
+            t = sign * mu * n
+            if n >= 0.0 and sign * (block[1, 0] * n + (block[1, 1] + shift) * t + b[1]) <= 0.0:
+                break
+            sign = -sign
+        if not (0.0 <= n < math.inf):
+            n, t = -b[0] / own, 0.0
+    x[0], x[1] = n, t
+
+
+@kernel
+def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
+    inverse = 1.0 / (block[0, 0] + shift)
+    p, q = block[0, 1] * inverse, block[0, 2] * inverse
+    a11, a12 = block[1, 1] + shift - block[1, 0] * p, block[1, 2] - block[1, 0] * q
+    a21, a22 = block[2, 1] - block[2, 0] * p, block[2, 2] + shift - block[2, 0] * q
+    free = -b[0] * inverse
+    g1, g2 = b[1] + block[1, 0] * free, b[2] + block[2, 0] * free
+    low, high, slip = 0.0, math.inf, 0.0
+    guess = _slip(a11, a12, a21, a22, g1, g2, x)
+    t1, t2, n = 0.0, 0.0, free
+    for step in range(60):
+        m11, m22 = a11 + slip, a22 + slip
+        determinant = m11 * m22 - a12 * a21
+        if determinant > 1e-14 * (abs(m11 * m22) + abs(a12 * a21)):
+            t1, t2 = (a12 * g2 - m22 * g1) / determinant, (a21 * g1 - m11 * g2) / determinant
+            n = free - p * t1 - q * t2
+            length = math.sqrt(t1 * t1 + t2 * t2)
+            excess = length - mu * n
+            if step == 0 and excess <= 0.0:
+                break
+            if excess > 0.0:
+                low = slip
+            else:
+                high = slip
+            if abs(excess) <= 1e-15 * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16):
+                break
+            # Newton on mu n / |t| - 1, which is nearly linear in the slip a.
+            d1, d2 = (a12 * t2 - m22 * t1) / determinant, (a21 * t1 - m11 * t2) / determinant
+            growth = (t1 * d1 + t2 * d2) / length
+            rate = mu * (-(p * d1 + q * d2) * length - n * growth)
+            newer = slip - (mu * n - length) * length / rate if rate != 0.0 else low
+            if step == 0 and guess > 0.0:
+                newer = guess
+        else:
+            low, newer = slip, slip
+        if not low < newer < high:
+            newer = 0.5 * (low + high) if high < math.inf else 2.0 * low + 0.5 * (abs(a11) + abs(a22))
+        slip = newer
+    x[0], x[1], x[2] = n, t1, t2
+
+
+@kernel
+def _slip(a11: float, a12: float, a21: float, a22: float, g1: float, g2: float, x: Reals) -> float:
+    """The slip of the force guessed, closed; 0 if it pulls nowhere."""
+    pull = x[1] * x[1] + x[2] * x[2]
+    if not pull > 0.0:
+        return 0.0
+    along = (a11 * x[1] + a12 * x[2] + g1) * x[1] + (a21 * x[1] + a22 * x[2] + g2) * x[2]
+    return max(0.0, -along / pull)

@@ -1,0 +1,173 @@
+"""Complementary pivoting for polyhedral problems: LCPs, mixed LCPs, boxes, planar friction.
+
+Algorithm: Lemke's method with lexicographic ratio test, on the linear complementarity problem to which the
+laws unfold (a planar contact has four unknowns: normal, two ways of friction, slip); from several covering
+vectors, since where the matrix is not copositive one ray says little. Sources: Lemke, Management Science 11
+(1965) 681-689; Cottle, Pang, Stone: The Linear Complementarity Problem (1992), chapter 4. Accepts: contacts
+of one or two directions and any limits, up to `LARGEST` unknowns; A need not be symmetric or definite.
+Promises: ends within a stated number of pivots; solves copositive-plus problems that have a solution, and
+often others; a ray is only a hint.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rungwise.contact.mixed import Array
+from rungwise.contact.solvers.measure import natural
+from rungwise.contact.system import System
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+
+NAME = "pivoting"
+LARGEST = 400
+_TRIES = 6
+_PIVOT = 1e-12
+_TIE = 1e-12
+
+
+def accepts(system: System) -> bool:
+    return (system.directions < 3 or len(system.mu) == 0) and _unfolded_size(system) <= LARGEST
+
+
+def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+    """The best of the points x (N,) at which pivoting ended, or `start`; and the pivots made."""
+    basis, M, q = _unfold(system)
+    best, least, total = start, natural(system, start), 0
+    for attempt in range(_TRIES):
+        z = np.zeros(len(q))
+        ended, pivots = lemke(M, q, _covering(attempt, len(q)), z)
+        total += pivots
+        if not ended:
+            continue
+        x = basis @ z + _origin(system)
+        found = natural(system, x)
+        if found < least:
+            best, least = x, found
+        if least <= tol:
+            break
+    return best, total
+
+
+def _covering(attempt: int, size: int) -> Array:
+    """Positive vectors, the first all ones; the others differ by powers of the golden ratio, repeatably."""
+    if attempt == 0:
+        return np.ones(size)
+    return 0.2 + np.modf(np.arange(1, size + 1) * 0.6180339887498949 * attempt)[0]
+
+
+def _unfolded_size(system: System) -> int:
+    two_sided = np.isfinite(system.lower) == np.isfinite(system.upper)
+    return {1: 1, 2: 4, 3: 0}[system.directions] * len(system.mu) + len(system.lower) + int(two_sided.sum())
+
+
+def _origin(system: System) -> Array:
+    """x at z = 0."""
+    limits = np.where(np.isfinite(system.lower), system.lower, system.upper)
+    return np.concatenate([np.zeros(system.rows), np.where(np.isfinite(limits), limits, 0.0)])
+
+
+def _unfold(system: System) -> tuple[Array, Array, Array]:
+    """B, M, q: x = B z + origin, and 0 <= z _|_ M z + q >= 0."""
+    s, d, size = system, system.directions, _unfolded_size(system)
+    A = s.matrix().toarray()
+    B = np.zeros((s.size, size))
+    extra, bound = np.zeros((size, size)), np.zeros(size)
+    at = 0
+    for k in range(len(s.mu)):
+        B[k * d, at] = 1.0
+        if d == 2:
+            slip = at + 3
+            for i, sign in ((at + 1, 1.0), (at + 2, -1.0)):
+                B[2 * k + 1, i] = sign
+                extra[i, slip], extra[slip, i] = 1.0, -1.0
+            extra[slip, at] = s.mu[k]
+        at += 4 if d == 2 else 1
+    for j, (low, high) in enumerate(zip(s.lower, s.upper, strict=True)):
+        i = s.rows + j
+        B[i, at] = 1.0 if np.isfinite(low) or not np.isfinite(high) else -1.0
+        if np.isfinite(low) and np.isfinite(high):
+            extra[at, at + 1], extra[at + 1, at], bound[at + 1] = 1.0, -1.0, high - low
+            at += 1
+        elif not np.isfinite(low) and not np.isfinite(high):
+            B[i, at + 1] = -1.0
+            at += 1
+        at += 1
+    offset = s.b + A @ _origin(s)
+    return B, B.T @ A @ B + extra, B.T @ offset + bound
+
+
+@allocating_kernel
+def lemke(M: Reals, q: Reals, covering: Reals, z: Reals) -> tuple[bool, int]:
+    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made."""
+    n = len(q)
+    # Rows [w, z, z0, right]: w - M z - covering z0 = q.
+    a = np.zeros((n, 2 * n + 2))
+    row = 0
+    for i in range(n):
+        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
+        for j in range(n):
+            a[i, n + j] = -M[i, j]
+        if q[i] / covering[i] < q[row] / covering[row]:
+            row = i
+    if n == 0 or q[row] >= 0.0:
+        return True, 0
+    basis = np.arange(n)
+    entering = 2 * n
+    for pivots in range(1, 50 + 20 * n):
+        _exchange(a, row, entering)
+        leaving, basis[row] = basis[row], entering
+        if leaving == 2 * n:
+            for i in range(n):
+                if basis[i] >= n:
+                    z[basis[i] - n] = a[i, 2 * n + 1]
+            return True, pivots
+        entering = leaving + n if leaving < n else leaving - n
+        row = _leaving_row(a, entering, basis)
+        if row < 0:
+            return False, pivots
+    return False, 50 + 20 * n
+
+
+@kernel
+def _exchange(a: Reals, row: int, column: int) -> None:
+    width = a.shape[1]
+    inverse = 1.0 / a[row, column]
+    for j in range(width):
+        a[row, j] *= inverse
+    a[row, column] = 1.0
+    for i in range(len(a)):
+        factor = a[i, column]
+        if i != row and factor != 0.0:
+            for j in range(width):
+                a[i, j] -= factor * a[row, j]
+            a[i, column] = 0.0
+
+
+@kernel
+def _leaving_row(a: Reals, entering: int, basis: Ints) -> int:
+    """Least ratio; among ties the artificial unknown, else the lexicographic least. -1 on a ray."""
+    n, last = len(a), a.shape[1] - 1
+    least = np.inf
+    for i in range(n):
+        if a[i, entering] > _PIVOT:
+            least = min(least, max(a[i, last], 0.0) / a[i, entering])
+    if least == np.inf:
+        return -1
+    best, slack = -1, _TIE * (1.0 + abs(least))
+    for i in range(n):
+        if a[i, entering] > _PIVOT and max(a[i, last], 0.0) / a[i, entering] <= least + slack:
+            if basis[i] == 2 * n:
+                return i
+            if best < 0 or _precedes(a, i, best, entering):
+                best = i
+    return best
+
+
+@kernel
+def _precedes(a: Reals, i: int, other: int, entering: int) -> bool:
+    """Whether row i of the basis' inverse, over its pivot, is lexicographically less than the other's."""
+    for j in range(len(a)):
+        mine, its = a[i, j] / a[i, entering], a[other, j] / a[other, entering]
+        if abs(mine - its) > _TIE * (1.0 + abs(its)):
+            return mine < its
+    return False

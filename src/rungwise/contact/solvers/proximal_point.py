@@ -1,0 +1,52 @@
+"""The proximal point method, each of its regular subproblems by Gauss-Seidel and Newton steps.
+
+Algorithm: x_(k+1) solves the problem with A + a and offset b - a x_k, which is well posed where A alone is
+rank deficient; the weight a falls while subproblems are solved and grows when one is not. Sources:
+Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; for contact with friction, Acary, Bremond, Huber, in
+Advanced Topics in Nonsmooth Dynamics (2018), section 10.5.4. Accepts: everything. Promises: the best iterate;
+convergence where A is monotone and friction does not couple too strongly, however rank deficient A is.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.mixed import Array
+from rungwise.contact.solvers import gauss_seidel, newton
+from rungwise.contact.solvers.measure import natural
+from rungwise.contact.system import System
+
+NAME = "proximal-point"
+_OUTER, _OUTER_LARGE, _LARGE = 60, 40, 600
+_INNER, _SWEEPS = 25, 20
+_WEIGHT, _EASIER, _HARDER = 1e-2, 0.2, 5.0
+_LIGHTEST, _HEAVIEST = 1e-12, 1e3
+_ACCURACY = 0.03
+
+
+def accepts(_system: System) -> bool:
+    return True
+
+
+def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+    """The best iterate x (N,), and how many subproblems were tried."""
+    s = system
+    A, sweeping = newton.form(s), gauss_seidel.accepts(s)
+    x = best = start
+    found = least = natural(s, start)
+    weight = _WEIGHT
+    outer = _OUTER if s.size <= _LARGE else _OUTER_LARGE
+    for done in range(outer):
+        if least <= tol:
+            return best, done
+        offset = s.b - weight * x
+        goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
+        trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS) if sweeping else x
+        trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER)
+        left, reached = natural(s, trial, offset, weight), natural(s, trial)
+        if reached < least:
+            best, least = trial, reached
+        if left <= goal:
+            x, found = trial, reached
+            weight = max(weight * _EASIER, _LIGHTEST)
+        else:
+            weight = min(weight * _HARDER, _HEAVIEST)
+    return best, outer

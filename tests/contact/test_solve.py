@@ -1,0 +1,302 @@
+"""`solve` on problems whose answer is known by hand, and on thousands that nobody chose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import rungwise as rw
+from rungwise.contact.farkas import Infeasible, check
+from rungwise.contact.judge import judge
+from rungwise.contact.problem import ContactProblem
+from rungwise.contact.solve import SOLVERS
+from rungwise.contact.system import scaled
+
+ONE = np.diag([2.0, 1.0, 1.0])
+
+
+def cone_residual(problem: rw.Problem, x: np.ndarray) -> float:
+    """Natural map of the exact cone in plain numpy, for problems with contacts alone in the units given."""
+    d, y = problem.directions, problem.A @ x + problem.b
+    worst = 0.0
+    for k, mu in enumerate(problem.mu):
+        r, u = x[d * k : d * k + d], y[d * k : d * k + d].copy()
+        u[0] += mu * np.linalg.norm(u[1:])
+        ahead = r - u
+        t = np.linalg.norm(ahead[1:])
+        if mu * t <= -ahead[0]:
+            onto = np.zeros(d)
+        elif t <= mu * ahead[0]:
+            onto = ahead
+        else:
+            n = (ahead[0] + mu * t) / (1.0 + mu**2)
+            onto = np.concatenate([[n], mu * n * ahead[1:] / t])
+        worst = max(worst, float(np.abs(r - onto).max()))
+    return worst
+
+
+@pytest.mark.parametrize("solver", [module.NAME for module in SOLVERS])
+@pytest.mark.parametrize(
+    ("mu", "force", "rate"),
+    [
+        (1.0, [0.5, 0.4, 0.0], [0.0, 0.0, 0.0]),  # sticks: 0.4 < 1.0 * 0.5
+        (0.5, [0.5, 0.25, 0.0], [0.0, -0.15, 0.0]),  # slides at mu r_n, against the force
+        (0.0, [0.5, 0.0, 0.0], [0.0, -0.4, 0.0]),
+    ],
+)
+def test_one_contact_in_space(solver: str, mu: float, force: list[float], rate: list[float]) -> None:
+    problem = rw.Problem.local(ONE, [-1.0, -0.4, 0.0], [mu])
+    system = scaled(problem)
+    chosen = next(module for module in SOLVERS if solver == module.NAME)
+    if not chosen.accepts(system):
+        assert solver == "pivoting"  # which is polyhedral
+        return
+    found = rw.solve(problem, solvers=(solver,))
+    assert found.status == "solved" and found.chain == (solver,)
+    np.testing.assert_allclose(found.r, force, atol=1e-8)
+    np.testing.assert_allclose(found.u, rate, atol=1e-8)
+
+
+def test_a_contact_that_opens_carries_nothing() -> None:
+    found = rw.solve(rw.Problem.local(ONE, [1.0, -0.4, 0.3], [0.7]))
+    assert found.status == "solved"
+    np.testing.assert_array_equal(found.r, 0.0)
+    np.testing.assert_array_equal(found.u, [1.0, -0.4, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("M", "q", "z"),
+    [
+        ([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0], [4 / 3, 7 / 3]),
+        ([[0.0, 1.0], [-1.0, 0.0]], [-1.0, 1.0], [1.0, 1.0]),
+        (np.eye(3), [1.0, -2.0, 0.0], [0.0, 2.0, 0.0]),
+    ],
+)
+def test_lcp(M: np.ndarray, q: list[float], z: list[float]) -> None:
+    found = rw.solve(rw.Problem.lcp(M, q))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.z, z, atol=1e-9)
+
+
+def test_limits_hold_and_rates_push_against_them() -> None:
+    found = rw.solve(rw.Problem.boxes(np.eye(3), [-5.0, 0.2, 5.0], [-1.0] * 3, [1.0] * 3))
+    np.testing.assert_allclose(found.z, [1.0, -0.2, -1.0])
+    np.testing.assert_allclose(found.y, [-4.0, 0.0, 4.0], atol=1e-12)
+
+
+def test_mixed_form_equals_its_local_form() -> None:
+    rng = np.random.default_rng(3)
+    H, W, c, w = (
+        np.diag([1.0, 2.0, 3.0, 4.0]),
+        rng.normal(size=(6, 4)),
+        rng.normal(size=4),
+        rng.normal(size=6),
+    )
+    mu = np.array([0.3, 0.8])
+    local = rw.solve(rw.Problem.local(W @ np.linalg.inv(H) @ W.T, W @ np.linalg.inv(H) @ c + w, mu))
+    for wrap in (np.asarray, sp.csr_array):
+        mixed = rw.solve(rw.Problem.balance(wrap(H), c, wrap(W), w, mu))
+        assert mixed.status == local.status == "solved"
+        np.testing.assert_allclose(mixed.u, local.u, atol=1e-8)
+        np.testing.assert_allclose(H @ mixed.v, c + W.T @ mixed.r, atol=1e-10)
+
+
+def test_a_joint_holds_and_a_drive_slips_at_its_limit() -> None:
+    problem = rw.Problem.balance(
+        np.eye(2), [3.0, -4.0], np.zeros((0, 2)), [], [], S=np.eye(2), w_s=[0.0, 0.0], F=[np.inf, 1.5]
+    )
+    found = rw.solve(problem)
+    np.testing.assert_allclose(found.v, [0.0, -2.5], atol=1e-9)
+    np.testing.assert_allclose(found.z, [-3.0, 1.5], atol=1e-9)
+
+
+def test_singular_inertia_is_solved_in_the_mixed_form() -> None:
+    """A massless tray between a servo and a floor: the servo's push of 2 is the floor's force."""
+    problem = rw.Problem.balance(np.zeros((1, 1)), [-2.0], [[1.0]], [0.0], [0.0], directions=1)
+    found = rw.solve(problem)
+    assert found.status == "solved"
+    np.testing.assert_allclose([found.r[0], found.v[0]], [2.0, 0.0], atol=1e-9)
+
+
+def test_units_do_not_matter() -> None:
+    rng = np.random.default_rng(5)
+    G = rng.normal(size=(9, 4))
+    W, q, mu = G @ G.T, G @ rng.normal(size=4), np.array([0.2, 0.5, 0.9])
+    s = np.repeat([1e-5, 1.0, 1e4], 3)
+    plain = rw.solve(rw.Problem.local(W, q, mu))
+    other = rw.solve(rw.Problem.local(1e-3 * W * s[:, None] * s, q * s, mu))
+    assert plain.status == other.status == "solved"
+    np.testing.assert_allclose(other.u / s, plain.u, atol=1e-7)
+
+
+def test_a_start_at_the_answer_is_the_answer() -> None:
+    problem = rw.Problem.local(ONE, [-1.0, -0.4, 0.0], [0.5])
+    cold = rw.solve(problem)
+    warm = rw.solve(problem, start=cold.x)
+    assert warm.chain == () and warm.iterations == 0
+    np.testing.assert_allclose(warm.x, cold.x, rtol=0, atol=1e-15)
+
+
+def test_squeezed_between_two_walls_is_jammed_with_proof() -> None:
+    """One coordinate, two rigid walls that both come nearer: no speed is admissible."""
+    problem = rw.Problem.balance(np.eye(1), [0.0], [[1.0], [-1.0]], [-1.0, -1.0], [0.0, 0.0], directions=1)
+    found = rw.solve(problem)
+    assert found.status == "jammed" and found.certificate is not None
+    system, proof = scaled(problem), found.certificate
+    assert check(system, proof)
+    for i in range(system.size):
+        wrong = proof.vectors[0].copy()
+        wrong[i] += 1e-3
+        assert not check(system, Infeasible(proof.kind, proof.modes, (wrong,)))
+    assert not check(system, Infeasible(proof.kind, (), ()))
+
+
+def test_a_load_that_nothing_carries_is_unsupported() -> None:
+    problem = rw.Problem.balance(np.zeros((2, 2)), [0.0, -1.0], [[1.0, 0.0]], [0.0], [0.0], directions=1)
+    assert rw.solve(problem).status == "unsupported"
+
+
+def test_feasible_but_unsolvable_is_proved_mode_by_mode() -> None:
+    """w1 = z2 - 1, w2 = 1 - z1: feasible, yet z1 = 1 forces z2 = 1 while w2 > 0 forbids it below."""
+    problem = rw.Problem.lcp([[0.0, 1.0], [0.0, 0.0]], [-1.0, 1.0])
+    found = rw.solve(problem)
+    assert found.status == "jammed" and found.certificate is not None and len(found.certificate.modes) > 1
+    assert check(scaled(problem), found.certificate)
+    fewer = Infeasible("jammed", found.certificate.modes[1:], found.certificate.vectors[1:])
+    assert not check(scaled(problem), fewer)
+
+
+@pytest.mark.parametrize(
+    ("field", "change"),
+    [
+        ("W", {"W": np.full((3, 3), np.nan)}),
+        ("W", {"W": np.eye(4)}),
+        ("W", {"W": np.zeros(3)}),
+        ("W", {"W": [["a"] * 3] * 3}),
+        ("q", {"q": [np.inf, 0.0, 0.0]}),
+        ("q", {"q": [0.0, 0.0]}),
+        ("mu", {"mu": [-0.1]}),
+        ("mu", {"mu": [np.nan]}),
+        ("directions", {"directions": 4}),
+    ],
+)
+def test_wrong_fields_are_named(field: str, change: dict[str, object]) -> None:
+    fields: dict[str, object] = {"W": ONE, "q": [-1.0, 0.0, 0.0], "mu": [0.5]}
+    with pytest.raises(ValueError, match=f"^{field}:"):
+        rw.Problem.local(**{**fields, **change})  # type: ignore[arg-type]
+
+
+def held(**rows: object) -> rw.Problem:
+    """One velocity, no contact, and these limited rows."""
+    return rw.Problem.balance(np.eye(1), [0.0], np.zeros((0, 1)), [], [], **rows)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("field", "make"),
+    [
+        ("lower", lambda: rw.Problem.boxes(np.eye(1), [0.0], [1.0], [0.0])),
+        ("upper", lambda: rw.Problem.boxes(np.eye(1), [0.0], [np.inf], [np.inf, 1.0])),
+        ("F", lambda: held(S=[[1.0]], w_s=[0.0], F=[-1.0])),
+        ("S", lambda: held(S=[[1.0, 2.0]], w_s=[0.0])),
+        ("complementary", lambda: rw.Problem.mlcp(np.eye(2), [0.0, 0.0], [True])),
+        ("tol", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), tol=np.nan)),
+        ("start", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), start=np.zeros(2))),
+        ("solvers", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), solvers=("magic",))),
+    ],
+)  # fmt: skip
+def test_wrong_arguments_are_named(field: str, make: object) -> None:
+    with pytest.raises(ValueError, match=f"^{field}:"):
+        make()  # type: ignore[operator]
+
+
+def test_many_limits_on_a_rank_deficient_matrix() -> None:
+    rng = np.random.default_rng(0)
+    G = rng.normal(size=(120, 60))
+    problem = rw.Problem.boxes(G @ G.T, rng.normal(size=120), -rng.random(120), rng.random(120))
+    found = rw.solve(problem)
+    assert found.status == "solved"
+    np.testing.assert_allclose(
+        found.z, np.clip(found.z - found.y / 60.0, problem.lower, problem.upper), atol=1e-9
+    )
+
+
+def test_sizes_beyond_double_precision_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"^A:"):
+        rw.solve(rw.Problem.local(1e-300 * ONE, [-1e300, 0.0, 0.0], [0.5]))
+
+
+def random_problem(rng: np.random.Generator) -> rw.Problem:
+    """Well and ill posed: rank deficient, nonsymmetric, indefinite, singular inertia, limits, joints."""
+    d, k = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+    n, mu = d * k, rng.choice([0.0, 0.1, 0.5, 1.0, 2.0], k)
+    match int(rng.integers(4)):
+        case 0:
+            size = int(rng.integers(1, 7))
+            M = rng.normal(size=(size, size))
+            return rw.Problem.lcp(M @ M.T if rng.random() < 0.5 else M, rng.normal(size=size))
+        case 1:
+            size = int(rng.integers(1, 7))
+            G = rng.normal(size=(size, int(rng.integers(1, size + 1))))
+            lower = np.where(rng.random(size) < 0.3, -np.inf, -rng.random(size))
+            upper = np.where(rng.random(size) < 0.3, np.inf, rng.random(size))
+            return rw.Problem.boxes(G @ G.T, rng.normal(size=size), lower, upper)
+        case 2:
+            nv, b = int(rng.integers(1, 7)), int(rng.integers(0, 3))
+            H = rng.normal(size=(nv, nv))
+            H = H @ H.T + 0.1 * np.eye(nv)
+            still = int(rng.integers(0, nv + 1)) * int(rng.integers(0, 2))
+            H[:still], H[:, :still] = 0.0, 0.0
+            W, w, S = (
+                rng.normal(size=(n, nv)),
+                rng.normal(size=n) * (rng.random() < 0.5),
+                rng.normal(size=(b, nv)),
+            )
+            F = rng.choice([0.0, 0.5, np.inf], b)
+            return rw.Problem.balance(
+                H, rng.normal(size=nv), W, w, mu, directions=d, S=S, w_s=np.zeros(b), F=F
+            )
+    G = rng.normal(size=(n, int(rng.integers(1, n + 3))))
+    W = G @ G.T + (rng.random() < 0.3) * 1e-3 * rng.normal(size=(n, n))
+    q = rng.normal(size=n) if rng.random() < 0.5 else G @ rng.normal(size=G.shape[1])
+    return rw.Problem.local(W, q, mu, d)
+
+
+def test_no_random_problem_is_lied_about() -> None:
+    """Solved means the laws hold, recomputed; a certificate checks; hardly any is left undecided."""
+    rng, undecided, trials = np.random.default_rng(11), 0, 300
+    for _ in range(trials):
+        problem = random_problem(rng)
+        found = rw.solve(problem)
+        assert np.isfinite(found.x).all()
+        if found.status == "solved":
+            assert judge(problem, scaled(problem), found.x).worst <= found.tol
+            if len(problem.lower) == 0:
+                assert cone_residual(problem, found.x) <= 1e-6 * np.abs(problem.b).max() * max(
+                    1.0, np.abs(found.x).max()
+                )
+        elif found.status == "not_converged":
+            undecided += 1
+            assert found.residuals.worst > found.tol and found.certificate is None
+        else:
+            assert found.certificate is not None and check(scaled(problem), found.certificate)
+    assert undecided <= 0.03 * trials
+
+
+def test_steps_as_models_assemble_them(
+    random_problem: Callable[..., ContactProblem], measure: Callable[..., float]
+) -> None:
+    """The step's own residual, written for the compiled loop, agrees that the laws hold."""
+    rng, solved = np.random.default_rng(2), 0
+    for _ in range(60):
+        step = random_problem(rng)
+        found = rw.solve(step)
+        assert found.status != "not_converged"
+        if found.status == "solved":
+            solved += 1
+            assert measure(step, found.v, found.r, found.z) <= 1e-6
+        else:
+            assert found.certificate is not None and check(scaled(found.problem), found.certificate)
+    assert solved > 40
