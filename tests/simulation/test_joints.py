@@ -304,3 +304,26 @@ def test_a_start_that_is_not_joined_is_invalid() -> None:
     )
     assert run.outcome.name == "invalid"
     assert run.reason == "joints.pin: its along is off by 0.1 at the start"
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+@pytest.mark.parametrize("step", [1e-3, 1e-4])
+def test_a_linkage_driven_into_its_dead_centre_does_not_come_apart(model: rw.Rung, step: float) -> None:
+    """A crank longer than its rod: the slider's line cannot be reached beyond asin(1/2)."""
+    bodies = {
+        "ground": WORLD,
+        "crank": rod(0.1, 0.0, 0.0, 0.2),
+        "rod": rod(0.25, 0.0, 0.0, 0.1),
+        "slider": rod(0.3, 0.0, 0.0, 0.1),
+    }
+    joints = {
+        "motor": hinge("ground", "crank", 0.0, 0.0, drive={"kind": "speed", "speed": 2.0}),
+        "knee": hinge("crank", "rod", 0.2, 0.0),
+        "wrist": hinge("rod", "slider", 0.3, 0.0),
+        "rail": {"kind": "slide", "between": ["ground", "slider"], "at": [0.3, 0.0]},
+    }
+    run = rw.simulate(scene(bodies, joints), model, step=step)
+    assert run.outcome.name in ("jammed", "not_converged")
+    assert run.time == pytest.approx(math.asin(0.5) / 2.0, rel=5e-3)
+    held = run.trajectory.joint_position.sel(measure=["knee.along", "knee.across", "rail.across"])
+    assert float(np.abs(held).max()) < 1e-3

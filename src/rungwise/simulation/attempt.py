@@ -20,6 +20,8 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
+TORN = 1e-3
+"""Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -39,6 +41,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         )  # fmt: skip
     if records.joints.shape[0] > 0:
         _join(records, rung, workspace, h)
+    open_before = _opening(records, workspace)
     remember(state, workspace.before)
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
@@ -67,7 +70,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = UNSOLVED
             break
         allowed = min(gap_before - terms.rounding[0], -(1e-9 if rung[0].metric else OVERLAP) * clock.size)
-        if rung[0].compliant or clock.least_gap >= allowed:
+        closed = _opening(records, workspace) <= max(TORN, open_before)
+        if closed and (rung[0].compliant or clock.least_gap >= allowed):
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
         if not rung[0].metric:
@@ -90,6 +94,17 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
+
+
+@kernel
+def _opening(records: Records, workspace: Workspace) -> float:
+    """How far rigid joints are open where the bodies are placed; 0 without joints."""
+    if records.joints.shape[0] == 0:
+        return 0.0
+    state = workspace.state
+    return joints.opening(
+        records.joints, records.measures, records.bodies, state.pose, state.q, workspace.scratch.row
+    )
 
 
 @kernel

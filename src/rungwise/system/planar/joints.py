@@ -175,6 +175,20 @@ def values(
 
 
 @kernel
+def opening(
+    joints: RecordArray, measures: RecordArray, bodies: RecordArray, pose: Reals, q: Reals, row: Reals
+) -> float:
+    """How far the rigid joints are from closed at q, the most of any held measure over its joint's lever."""
+    widest = 0.0
+    for m in range(measures.shape[0]):
+        kind = measures[m]
+        if kind.held and math.isinf(kind.stiffness):
+            joint = joints[kind.joint]
+            widest = max(widest, abs(measure(kind, joint, bodies, pose, q, row)) / joint.lever)
+    return widest
+
+
+@kernel
 def forces(
     joints: RecordArray, measures: RecordArray, metric: bool, first: int, limited: Reals, out: Reals
 ) -> None:
