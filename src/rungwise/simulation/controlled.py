@@ -52,11 +52,11 @@ def take(
     parts, following = 1, 2.0 * h
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h, begins = until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0)
+        h, begins = until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0, control[0].step)
         following = h if begins else following
         keep(workspace)
     elif clock.bounces:
-        h, _ = until_contact(records, rung, workspace, h, 0.0, SOON)
+        h, _ = until_contact(records, rung, workspace, h, 0.0, SOON, math.inf)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
         if part > 0 or allowed > 0.0 or clock.bounces:
@@ -187,13 +187,20 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
 
 @kernel
 def until_contact(
-    records: Records, rung: RecordArray, workspace: Workspace, h: float, closed: float, soon: float
+    records: Records,
+    rung: RecordArray,
+    workspace: Workspace,
+    h: float,
+    closed: float,
+    soon: float,
+    impact: float,
 ) -> tuple[float, bool]:
     """The step, but no longer than the first open gap (beyond `closed`, and beyond what closes within the
     fraction `soon` of the step) takes to close at its present rate.
 
     A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and
-    so do two halves. Returns the step, and whether such an impact begins.
+    so do two halves. A rigid one takes a step of `impact` at most: where what it throws will meet the next
+    contact is known after it. Returns the step, and whether a compliant impact begins.
     """
     state, terms = workspace.state, workspace.terms
     sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False
@@ -210,4 +217,6 @@ def until_contact(
                 h = SHORT_OF * terms.gap[k] / -rate
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
             h, begins = min(h, ONSET / math.sqrt(ease)), True
+        elif not rung[0].compliant and -rate * h > max(closed, terms.rounding[0]):
+            h = min(h, impact)
     return h, begins

@@ -184,5 +184,5 @@ def _shorter(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> float:
     """The next step to try after a refusal: up to the first contact to close, or else half of it."""
-    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0)
+    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, math.inf)
     return landing if landing < 0.999 * h else 0.5 * h
