@@ -16,6 +16,7 @@ import numpy as np
 from rungwise.contact.certificate import Certificate
 from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
 from rungwise.contact.problem import ContactProblem, trim
+from rungwise.contact.solvers.planar import TOLERANCE
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, load
@@ -362,7 +363,10 @@ class Simulation:
         assert self.workspace is not None
         self.outcome, outcome = Code.NOT_CONVERGED, OUTCOMES[Code.NOT_CONVERGED]
         residual = float(self.workspace.state.clock[0]["residual"])
-        self.reason = f"{outcome.meaning} (residual {residual:.1e}). {outcome.advice}"
+        why = f"residual {residual:.1e}"
+        if residual <= TOLERANCE:
+            why += ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
+        self.reason = f"{outcome.meaning} ({why}). {outcome.advice}"
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
