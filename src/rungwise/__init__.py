@@ -9,7 +9,9 @@ for model in rw.LADDER[1:]:
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
 from rungwise.contact.mixed import Problem
+from rungwise.contact.pieces import Kind, Piece, Solutions
 from rungwise.contact.solution import ContactSolution, Status
+from rungwise.contact.solutions import extreme_motions, solutions
 from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
@@ -30,9 +32,9 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
-    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status",
-    "Touching", "ViewError", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
-    "simulate", "solve", "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene", "Kind",
+    "ModelError", "Outcome", "Piece", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Solutions", "Status",
+    "Touching", "ViewError", "extreme_motions", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
+    "simulate", "solutions", "solve", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"
