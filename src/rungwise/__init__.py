@@ -32,9 +32,10 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene", "Kind",
-    "ModelError", "Outcome", "Piece", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Solutions", "Status",
-    "Touching", "ViewError", "extreme_motions", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
-    "simulate", "solutions", "solve", "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
+    "Kind", "ModelError", "Outcome", "Piece", "Problem", "Run", "Rung", "Scene", "SceneError",
+    "Simulation", "Solutions", "Status", "Touching", "ViewError", "extreme_motions", "force_closure",
+    "form_closure", "load", "load_run", "schema", "shipped", "simulate", "solutions", "solve", "touching",
+    "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

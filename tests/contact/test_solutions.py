@@ -15,7 +15,7 @@ import rungwise as rw
 from rungwise.contact import farkas, modes
 from rungwise.contact.pieces import check
 from rungwise.contact.problem import ContactProblem, allocate_problem
-from rungwise.contact.read import read
+from rungwise.contact.read import read_problem
 from rungwise.contact.system import scaled
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
@@ -56,7 +56,11 @@ def test_one_complementarity(M: float, q: float, kind: str, motions: list[int], 
 
 def test_a_body_on_two_points_has_forces_of_one_freedom_and_on_one_point_none() -> None:
     """A slab pressed down that cannot turn: the two normal forces share the load as they like."""
-    for points, kind, forces in ((1, "unique", 0), (2, "force-indeterminate", 1), (3, "force-indeterminate", 2)):
+    for points, kind, forces in (
+        (1, "unique", 0),
+        (2, "force-indeterminate", 1),
+        (3, "force-indeterminate", 2),
+    ):
         W = np.tile([[1.0], [0.0]], (points, 1))
         slab = rw.Problem.balance(np.eye(1), [-2.0], W, np.zeros(2 * points), np.zeros(points), directions=2)
         found = rw.solutions(slab)
@@ -84,19 +88,33 @@ def test_forces_wedged_between_walls_are_indeterminate() -> None:
     np.testing.assert_allclose(rw.extreme_motions(found), 0.0, atol=1e-9)
 
 
+def test_without_contacts_a_body_has_its_one_motion() -> None:
+    found = rw.solutions(rw.Problem.balance([[2.0]], [3.0], np.zeros((0, 1)), [], [], directions=2))
+    assert found.kind == "unique" and check(found)
+    np.testing.assert_allclose(rw.extreme_motions(found), [[1.5, 1.5]])
+
+
 @pytest.mark.parametrize(
-    ("name", "kind"),
+    ("name", "kind", "known"),
     [
-        ("lcp_CPS_3.dat", "none"),
-        ("lcp_trivial.dat", "unique"),
-        ("lcp_deudeu.dat", "unique"),
+        ("lcp_CPS_1.dat", "force-indeterminate", None),
+        ("lcp_CPS_2.dat", "unique", [0.0, 1.0, 3.0]),
+        ("lcp_CPS_3.dat", "motion-indeterminate", [1 / 90, 2 / 45, 1 / 90, 2 / 45]),
+        ("lcp_CPS_4.dat", "unique", [2.0, 2.0, 2.0, 92.0]),
+        ("lcp_Pang_isolated_sol.dat", "unique", [1.0, 0.0, 0.0]),
+        ("lcp_ortiz.dat", "unique", [2 / 3, 0.0, 1 / 3, 0.0]),
     ],
 )
-def test_published_problems(name: str, kind: str) -> None:
+def test_published_problems(name: str, kind: str, known: list[float] | None) -> None:
     if not (FOLDER / name).exists():
-        pytest.skip("the published problems are not beside this checkout")
-    found = rw.solutions(read(FOLDER / name))
+        pytest.skip("the folder of published problems is not there")
+    found = rw.solutions(read_problem(FOLDER / name))
     assert found.kind == kind and check(found)
+    if known is None:
+        assert [(piece.motions, piece.forces) for piece in found.pieces] == [(0, 1)]
+        assert found.pieces[0].x.sum() == pytest.approx(1.0)
+    else:
+        assert any(np.allclose(piece.x, known, atol=1e-9) for piece in found.pieces)
 
 
 # Against enumeration
@@ -153,11 +171,7 @@ def test_kinds_and_extremes_agree_with_exhaustive_enumeration() -> None:
         n = len(p.c)
         loose = high - low > 1e-6 * (1.0 + np.abs(low))
         kind = (
-            "motion-indeterminate"
-            if loose[:n].any()
-            else "force-indeterminate"
-            if loose.any()
-            else "unique"
+            "motion-indeterminate" if loose[:n].any() else "force-indeterminate" if loose.any() else "unique"
         )
         assert found.kind == kind
         extremes = rw.extreme_motions(found)
@@ -184,13 +198,17 @@ def test_every_solution_of_random_problems_satisfies_the_laws(
             again = rw.solve(p, start=piece.x)
             assert again.status == "solved" and again.iterations == 0
         if found.kind == "unique":
-            np.testing.assert_allclose(found.pieces[0].x, solved.x, atol=1e-5 * (1.0 + np.abs(solved.x).max()))
+            np.testing.assert_allclose(
+                found.pieces[0].x, solved.x, atol=1e-5 * (1.0 + np.abs(solved.x).max())
+            )
 
 
 def test_eight_contacts_are_few() -> None:
     rng = np.random.default_rng(2)
     W, w = rng.normal(size=(16, 6)), rng.normal(size=16)
-    found = rw.solutions(rw.Problem.balance(np.eye(6), rng.normal(size=6), W, w, np.full(8, 0.6), directions=2))
+    found = rw.solutions(
+        rw.Problem.balance(np.eye(6), rng.normal(size=6), W, w, np.full(8, 0.6), directions=2)
+    )
     assert not found.undecided and check(found)
     assert found.nodes < 4**8 / 100
 
@@ -203,7 +221,9 @@ def test_mirrored_problems_have_mirrored_solutions() -> None:
     other = {"forward": "backward", "backward": "forward"}
     for _ in range(25):
         p = small_problem(rng)
-        mirrored = ContactProblem(**{name: getattr(p, name).copy() for name in ContactProblem.__annotations__})
+        mirrored = ContactProblem(
+            **{name: getattr(p, name).copy() for name in ContactProblem.__annotations__}
+        )
         mirrored.W[1::2] *= -1.0
         mirrored.w[1::2] *= -1.0
         one, two = rw.solutions(p), rw.solutions(mirrored)
@@ -243,9 +263,7 @@ def test_the_check_fails_for_whatever_is_changed() -> None:
     found = rw.solutions(problem)
     assert check(found)
     piece = found.pieces[0]
-    bad: list[rw.Solutions] = [
-        replace(found, kind=kind) for kind in rw.Kind if kind != found.kind
-    ]
+    bad: list[rw.Solutions] = [replace(found, kind=kind) for kind in rw.Kind if kind != found.kind]
     bad += [replace(found, excluded=found.excluded[1:]), replace(found, pieces=found.pieces[1:])]
     for change in (
         {"motions": piece.motions + 1},
@@ -323,8 +341,6 @@ def test_an_object_that_may_rest_rests_and_one_that_is_pushed_does_not() -> None
 
 def test_when_either_of_two_may_rest_both_cases_count() -> None:
     """v1 + v2 >= 1 and each at most 3: when one rests, the other moves at 1 to 3."""
-    found = rw.solutions(
-        pushed([0.0, 0.0], [1.0, -3.0, -3.0], [[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    )
+    found = rw.solutions(pushed([0.0, 0.0], [1.0, -3.0, -3.0], [[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]))
     np.testing.assert_allclose(rw.extreme_motions(found), [[-2.0, 3.0]] * 2)
     np.testing.assert_allclose(rw.extreme_motions(found, [[0], [1]]), [[0.0, 3.0]] * 2)

@@ -7,7 +7,8 @@ prove that they hold as equations all over the piece. So the dimension is that o
 rows. Source: Freund, Roundy and Todd, Identifying the set of always-active constraints (MIT, 1985).
 
 Everything is meant up to rounding: `_TIGHT` in the scaled system, whose rates without forces have norm 1, and
-relative to a point's own size.
+relative to a point's own size; points closer than `_SAME` count as one; and solutions are excluded up to the
+norm that `farkas` states.
 """
 
 from __future__ import annotations
@@ -135,7 +136,9 @@ def polyhedron(system: System, mode: Mode) -> Polyhedron:
         i, lower, upper = s.rows + j, float(s.lower[j]), float(s.upper[j])
         if piece in (HULL, INSIDE):
             equal.append((rates[i], -s.b[i]))
-            least += [(side * own[i], side * b) for side, b in ((1.0, lower), (-1.0, upper)) if np.isfinite(b)]
+            least += [
+                (side * own[i], side * b) for side, b in ((1.0, lower), (-1.0, upper)) if np.isfinite(b)
+            ]
             continue
         side, bound = (1.0, lower) if piece == LOWER else (-1.0, upper)
         equal.append((own[i], bound))
@@ -145,7 +148,7 @@ def polyhedron(system: System, mode: Mode) -> Polyhedron:
 
 
 def _rows(rows: Sequence[tuple[Array, float]], size: int) -> tuple[Array, Array]:
-    left = np.array([row for row, _ in rows]).reshape(-1, size)
+    left = np.array([row for row, _ in rows]).reshape(len(rows), size)
     return left, np.array([right for _, right in rows], np.float64)
 
 

@@ -32,7 +32,7 @@ from rungwise.contact.solvers import branching
 from rungwise.contact.system import System, scaled
 
 NODES = 5000
-_SPREAD = 1e7
+_STRICT = 1e-6
 _INFEASIBLE, _UNBOUNDED = 2, 3
 
 
@@ -142,7 +142,7 @@ def _least(shape: Polyhedron, cost: Array) -> float:
 
 
 def _program(
-    cost: Array, E: Array, e: Array, G: Array, g: Array, bounds: list[tuple[float | None, float | None]]
+    cost: Array, E: Array, e: Array, G: Array, g: Array, bounds: Sequence[tuple[float | None, float | None]]
 ) -> Any:
     """Minimise cost . x over E x = e, G x >= g."""
     from scipy.optimize import linprog
@@ -160,34 +160,49 @@ def _program(
 
 
 def _measure(system: System, motion: Array, mode: Mode) -> Piece | None:
-    """The piece of a mode that divides no further, if there is one and its evidence holds.
-
-    One program finds a point at which most inequalities are strict: x / a with G x - s >= g a, 0 <= s <= 1,
-    a >= 1 and the sum of s greatest. Its multipliers are at least 1 on the others.
-    """
+    """The piece of a mode that divides no further, if there is one and its evidence holds."""
     shape = polyhedron(system, mode)
-    size, equal, slack = system.size, len(shape.e), len(shape.g)
-    E = np.hstack([shape.E, np.zeros((equal, slack)), -shape.e[:, None]])
-    G = np.hstack([shape.G, -np.eye(slack), -shape.g[:, None]])
-    cost = np.concatenate([np.zeros(size), -np.ones(slack), [0.0]])
-    bounds = [(None, None)] * size + [(0.0, 1.0)] * slack + [(1.0, _SPREAD)]
-    found = _program(cost, E, np.zeros(equal), G, np.zeros(slack), bounds)
-    if not found.success:
+    found = _inside(shape)
+    if found is None:
         return None
-    own = np.asarray(found.ineqlin.marginals) if slack else np.zeros(0)
-    tight = -own > 0.5
-    multipliers = np.concatenate(
-        [np.asarray(found.eqlin.marginals) if equal else np.zeros(0), np.where(tight, -own, 0.0)]
-    )
-    point = np.asarray(found.x[:size]) / found.x[-1]
+    point, multipliers = found
+    tight = multipliers[len(shape.e) :] > 0.0
     rows, right = np.vstack([shape.E, shape.G[tight]]), np.concatenate([shape.e, shape.g[tight]])
-    if size and len(rows):
+    if system.size and len(rows):
         point = point - np.linalg.lstsq(rows, rows @ point - right, rcond=1e-12)[0]
     directions = freedom(shape, point, multipliers)
     if directions is None:
         return None
     x = system.recover(point * system.force)
     return Piece(mode, x, *dimensions(motion, directions), point, multipliers)
+
+
+def _inside(shape: Polyhedron) -> tuple[Array, Array] | None:
+    """A point where every inequality that can be strict is, and multipliers, at least 1, of the others.
+
+    Each program makes the slacks of those that are still tight greatest, up to 1 and in sum. The last one
+    finds none, and its dual is the proof; the mean of all points is inside.
+    """
+    size, slacks, equal = shape.E.shape[1], len(shape.g), len(shape.e)
+    tight = np.ones(slacks, bool)
+    points: list[Array] = []
+    if size == 0:
+        return np.zeros(0), np.zeros(equal + slacks)
+    E, G = np.hstack([shape.E, np.zeros((equal, slacks))]), np.hstack([shape.G, -np.eye(slacks)])
+    while True:
+        cost = np.concatenate([np.zeros(size), -tight.astype(float)])
+        bounds = [*[(None, None)] * size, *((0.0, float(row)) for row in tight)]
+        found = _program(cost, E, shape.e, G, shape.g, bounds)
+        if not found.success:
+            return None
+        points.append(np.asarray(found.x[:size]))
+        strict = tight & (found.x[size:] > _STRICT)
+        if not strict.any():
+            break
+        tight &= ~strict
+    balance = np.asarray(found.eqlin.marginals) if equal else np.zeros(0)
+    own = np.where(tight, -np.asarray(found.ineqlin.marginals), 0.0) if slacks else np.zeros(0)
+    return np.mean(points, axis=0), np.concatenate([balance, own])
 
 
 def _merge(system: System, leaves: list[Piece]) -> tuple[tuple[Piece, ...], tuple[Piece, ...]]:
