@@ -25,6 +25,11 @@ from rungwise.models.ladder import (
 )  # fmt: skip
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
+from rungwise.sets.between import Between, between
+from rungwise.sets.feasible import FeasibleSet, feasible_set, load_set
+from rungwise.sets.labels import Label
+from rungwise.sets.store import SetError
+from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
@@ -32,10 +37,11 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
-    "Kind", "ModelError", "Outcome", "Piece", "Problem", "Run", "Rung", "Scene", "SceneError",
-    "Simulation", "Solutions", "Status", "Touching", "ViewError", "extreme_motions", "force_closure",
-    "form_closure", "load", "load_run", "schema", "shipped", "simulate", "solutions", "solve", "touching",
-    "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code",
+    "ContactSolution", "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece",
+    "Problem", "Results", "Run", "Rung", "Scene", "SceneError", "SetError", "Simulation", "Solutions",
+    "Status", "Touching", "ViewError", "between", "extreme_motions", "feasible_set", "force_closure",
+    "form_closure", "load", "load_run", "load_set", "schema", "shipped", "simulate", "solutions", "solve",
+    "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -195,7 +195,7 @@ def test_every_solution_of_random_problems_satisfies_the_laws(
         solved = rw.solve(p)
         assert (solved.status == "solved") == bool(found.pieces)
         for piece in found.pieces:
-            again = rw.solve(p, start=piece.x)
+            again = rw.solve(found.problem, start=piece.x)
             assert again.status == "solved" and again.iterations == 0
         if found.kind == "unique":
             np.testing.assert_allclose(
