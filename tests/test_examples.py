@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import re
 import sys
 from pathlib import Path
@@ -137,3 +138,34 @@ def test_every_scene_file_of_the_documentation_loads() -> None:
 
             scene = rw.load(yaml.safe_load(block))
             scene.bind()
+
+
+def test_painleves_rod_has_no_acceleration_beyond_its_closed_form(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rod = script("examples/painleve.py", monkeypatch)
+    least = math.atan(2.0)
+    assert rod.threshold(least) == pytest.approx(4.0 / 3.0)
+    assert all(rod.threshold(least + turn) > 4.0 / 3.0 for turn in (-0.01, 0.01))
+    for angle in (math.radians(35.0), least, math.radians(80.0)):
+        for rising in (False, True):
+            found = rod.measured(angle, rod.Rod.accelerations, rising)
+            assert found == pytest.approx(rod.threshold(angle), abs=rod.HIGHEST * 2.0**-rod.BISECTIONS)
+    monkeypatch.setattr(rod, "ANGLES", (60.0,))
+    assert rod.main(["--json"]) == 0
+    row = json.loads(capsys.readouterr().out)["rows"][0]
+    assert row["no_acceleration"] < row["three_steps"] and row["pressed_steps"] == 1
+
+
+def test_painleves_rod_has_one_or_three_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    rod = script("examples/painleve.py", monkeypatch)
+    for degrees in (20.0, 45.0, 63.0, 80.0):
+        for mu in (0.3, 1.35, 1.4, 1.7, 2.5):
+            pressed, rising = (rod.Rod(math.radians(degrees), mu, rises) for rises in (False, True))
+            assert rod.number(pressed.step()) == 1
+            assert rod.number(rising.step()) == (3 if rising.stops() else 1)
+            expected = (1, 1) if mu < rod.threshold(pressed.angle) else (0, 2)
+            assert (rod.number(pressed.accelerations()), rod.number(rising.accelerations())) == expected
+    monkeypatch.setattr(rod, "GRID", 3)
+    assert rod.main(["--figure", str(tmp_path / "rod.png")]) == 0
+    assert (tmp_path / "rod.png").stat().st_size > 10_000

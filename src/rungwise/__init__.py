@@ -9,7 +9,9 @@ for model in rw.LADDER[1:]:
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
 from rungwise.contact.mixed import Problem
+from rungwise.contact.pieces import Kind, Piece, Solutions
 from rungwise.contact.solution import ContactSolution, Status
+from rungwise.contact.solutions import extreme_motions, solutions
 from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
@@ -35,10 +37,11 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
-    "FeasibleSet", "InvalidScene", "Label", "ModelError", "Outcome", "Problem", "Results", "Run", "Rung",
-    "Scene", "SceneError", "SetError", "Simulation", "Status", "Touching", "ViewError", "between",
-    "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set", "schema", "shipped",
-    "simulate", "solve", "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code",
+    "ContactSolution", "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece",
+    "Problem", "Results", "Run", "Rung", "Scene", "SceneError", "SetError", "Simulation", "Solutions",
+    "Status", "Touching", "ViewError", "between", "extreme_motions", "feasible_set", "force_closure",
+    "form_closure", "load", "load_run", "load_set", "schema", "shipped", "simulate", "solutions", "solve",
+    "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -125,12 +125,12 @@ def limits(system: System, mode: Mode) -> tuple[Array, Array]:
 
 def check(system: System, proof: Infeasible) -> bool:
     """Whether `proof` shows that the system has no solution of scaled norm below `REACH`."""
-    if len(proof.modes) != len(proof.vectors) or not _covers(system, hull(system), proof.modes):
+    if len(proof.modes) != len(proof.vectors) or not covers(system, hull(system), proof.modes):
         return False
-    return all(_excludes(system, mode, p) for mode, p in zip(proof.modes, proof.vectors, strict=True))
+    return all(excludes(system, mode, p) for mode, p in zip(proof.modes, proof.vectors, strict=True))
 
 
-def _covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
+def covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
     """Whether the leaves are what `mode` divides into, one law at a time."""
     if mode in leaves:
         return True
@@ -139,7 +139,7 @@ def _covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
         if parts and all(leaf[law] != piece for leaf in leaves):
             below = {part: tuple(x for x in leaves if _within(system, law, x[law], part)) for part in parts}
             return all(
-                bool(below[part]) and _covers(system, (*mode[:law], part, *mode[law + 1 :]), below[part])
+                bool(below[part]) and covers(system, (*mode[:law], part, *mode[law + 1 :]), below[part])
                 for part in parts
             )
     return False
@@ -149,7 +149,8 @@ def _within(system: System, law: int, piece: int, part: int) -> bool:
     return piece == part or piece in pieces(system, law, part)
 
 
-def _excludes(system: System, mode: Mode, p: Array) -> bool:
+def excludes(system: System, mode: Mode, p: Array) -> bool:
+    """Whether the multipliers p (N,) prove that no solution of norm below `REACH` is in the mode."""
     s, d = system, system.directions
     if p.shape != (s.size,) or not np.isfinite(p).all():
         return False

@@ -25,8 +25,8 @@ from rungwise.contact.system import System
 NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
 _STEPS = 15
-_ROUNDING = 1e-9
-_OPTIONS = {
+ROUNDING = 1e-9
+OPTIONS = {
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
     "time_limit": 5.0,
@@ -47,21 +47,20 @@ def search(system: System, start: Array, tol: float) -> Found:
     best, least = start, natural(system, start)
     if system.size > LARGEST_ROOT:
         return Found(best, least, 0, None)
-    waiting, leaves, vectors, proving = [hull(system)], [], [], True
+    waiting, excluded, proving = [hull(system)], [], True
     A = newton.form(system)
     for done in range(1, NODES + 1):
         mode = waiting.pop()
-        p, x = _separate(system, mode)
+        p, x = separate(system, mode)
         if p is not None:
-            leaves.append(mode)
-            vectors.append(p)
+            excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
             trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS)
             for candidate in (x, trial):
                 found = natural(system, candidate)
                 if found < least:
                     best, least = candidate, found
-            divided = _divide(system, mode, x)
+            divided = divide(system, mode, x)
             waiting += divided
             proving = proving and bool(divided)
         else:
@@ -70,18 +69,23 @@ def search(system: System, start: Array, tol: float) -> Found:
             break
     if least <= tol or waiting or not proving:
         return Found(best, least, done, None)
-    proof = Infeasible(_kind(system, vectors), tuple(leaves), tuple(vectors))
-    return Found(best, least, done, proof if check(system, proof) else None)
+    return Found(best, least, done, proof(system, excluded))
 
 
-def _kind(system: System, vectors: list[Array]) -> str:
-    """Unsupported when the proof weighs the rows of free unknowns alone: loads that nothing balances."""
-    used = np.any([p != 0.0 for p in vectors], axis=0)
+def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | None:
+    """The modes and what excludes each, if that is checked to prove that there is no solution.
+
+    Unsupported when it weighs the rows of free unknowns alone: loads that nothing balances.
+    """
+    used = np.any([p != 0.0 for _, p in excluded], axis=0)
     others = np.isfinite(system.lower) | np.isfinite(system.upper)
-    return "jammed" if used[: system.rows].any() or used[system.rows :][others].any() else "unsupported"
+    jammed = used[: system.rows].any() or used[system.rows :][others].any()
+    modes, vectors = tuple(mode for mode, _ in excluded), tuple(p for _, p in excluded)
+    made = Infeasible("jammed" if jammed else "unsupported", modes, vectors)
+    return made if check(system, made) else None
 
 
-def _divide(system: System, mode: Mode, x: Array) -> list[Mode]:
+def divide(system: System, mode: Mode, x: Array) -> list[Mode]:
     """Children by the law that x violates most, the likeliest last."""
     size = natural_parts(system, x)
     d, contacts = system.directions, len(system.mu)
@@ -95,7 +99,7 @@ def _divide(system: System, mode: Mode, x: Array) -> list[Mode]:
     return []
 
 
-def _separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
+def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 
@@ -121,11 +125,11 @@ def _separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
         np.zeros(m) if m else None,
         bounds=bounds,
         method="highs",
-        options=_OPTIONS,
+        options=OPTIONS,
     )
     if found.x is None:
         return None, None
-    if found.fun < -_ROUNDING:
+    if found.fun < -ROUNDING:
         return _sharpen(np.asarray(found.x)[: s.size], sp.vstack([push, drawn])[:, : s.size]), None
     contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
@@ -134,7 +138,7 @@ def _separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
 
 def _sharpen(p: Array, constraints: sp.csr_array) -> Array:
     """p with rounding removed: what is nearly zero is zero, and constraints nearly active are met."""
-    p = np.where(np.abs(p) > _ROUNDING, p, 0.0)
+    p = np.where(np.abs(p) > ROUNDING, p, 0.0)
     inside = np.abs(p) > 0.0
     active = np.abs(constraints @ p) < 1e-6
     rows = constraints[active][:, inside].toarray()

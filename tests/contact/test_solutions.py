@@ -1,0 +1,346 @@
+"""All solutions of small problems: by hand, against exhaustive enumeration, under symmetry and units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import rungwise as rw
+from rungwise.contact import farkas, modes
+from rungwise.contact.pieces import check
+from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.read import read_problem
+from rungwise.contact.system import scaled
+
+FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
+Array = np.ndarray
+BOX = 1e4
+"""Bound of what is enumerated, in natural units."""
+
+
+def coulomb(W: object, q: object, mu: object) -> rw.Problem:
+    return rw.Problem.local(np.array(W, float), q, mu, directions=2)
+
+
+# By hand
+
+
+@pytest.mark.parametrize(
+    ("M", "q", "kind", "motions", "forces"),
+    [
+        (1.0, -1.0, "unique", [0], [0]),
+        (1.0, 1.0, "unique", [0], [0]),
+        (-1.0, 1.0, "motion-indeterminate", [0, 0], [0, 0]),
+        (-1.0, -1.0, "none", [], []),
+        (0.0, 0.0, "force-indeterminate", [0], [1]),
+        (0.0, -1.0, "none", [], []),
+        (-1.0, 0.0, "unique", [0], [0]),
+    ],
+)
+def test_one_complementarity(M: float, q: float, kind: str, motions: list[int], forces: list[int]) -> None:
+    found = rw.solutions(rw.Problem.lcp([[M]], [q]))
+    assert found.kind == kind and check(found)
+    assert [piece.motions for piece in found.pieces] == motions
+    assert [piece.forces for piece in found.pieces] == forces
+    if kind == "none":
+        assert found.certificate is not None and farkas.check(scaled(found.problem), found.certificate)
+    else:
+        assert found.certificate is None
+
+
+def test_a_body_on_two_points_has_forces_of_one_freedom_and_on_one_point_none() -> None:
+    """A slab pressed down that cannot turn: the two normal forces share the load as they like."""
+    for points, kind, forces in (
+        (1, "unique", 0),
+        (2, "force-indeterminate", 1),
+        (3, "force-indeterminate", 2),
+    ):
+        W = np.tile([[1.0], [0.0]], (points, 1))
+        slab = rw.Problem.balance(np.eye(1), [-2.0], W, np.zeros(2 * points), np.zeros(points), directions=2)
+        found = rw.solutions(slab)
+        assert found.kind == kind and check(found)
+        assert [(piece.motions, piece.forces) for piece in found.pieces] == [(0, forces)]
+        assert found.names(found.pieces[0]) == ("slide",) * points
+        assert found.pieces[0].x[: 2 * points : 2].sum() == pytest.approx(2.0)
+
+
+def test_a_solution_on_the_border_of_modes_is_one_piece() -> None:
+    """Friction at its limit without slip is of three modes, and one point."""
+    found = rw.solutions(coulomb(np.eye(2), [-1.0, -0.5], [0.5]))
+    assert found.kind == "unique" and check(found)
+    assert len(found.pieces) == 1 and len(found.covered) == 1
+    np.testing.assert_allclose(found.pieces[0].x, [1.0, 0.5])
+
+
+def test_forces_wedged_between_walls_are_indeterminate() -> None:
+    """A disc of no weight between two walls with friction: any squeeze holds it at rest, and none does."""
+    W = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    disc = rw.Problem.balance(np.eye(2), [0.0, 0.0], W, np.zeros(4), [0.5, 0.5], directions=2)
+    found = rw.solutions(disc)
+    assert found.kind == "force-indeterminate" and check(found)
+    assert max(piece.forces for piece in found.pieces) == 2
+    np.testing.assert_allclose(rw.extreme_motions(found), 0.0, atol=1e-9)
+
+
+def test_without_contacts_a_body_has_its_one_motion() -> None:
+    found = rw.solutions(rw.Problem.balance([[2.0]], [3.0], np.zeros((0, 1)), [], [], directions=2))
+    assert found.kind == "unique" and check(found)
+    np.testing.assert_allclose(rw.extreme_motions(found), [[1.5, 1.5]])
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "known"),
+    [
+        ("lcp_CPS_1.dat", "force-indeterminate", None),
+        ("lcp_CPS_2.dat", "unique", [0.0, 1.0, 3.0]),
+        ("lcp_CPS_3.dat", "motion-indeterminate", [1 / 90, 2 / 45, 1 / 90, 2 / 45]),
+        ("lcp_CPS_4.dat", "unique", [2.0, 2.0, 2.0, 92.0]),
+        ("lcp_Pang_isolated_sol.dat", "unique", [1.0, 0.0, 0.0]),
+        ("lcp_ortiz.dat", "unique", [2 / 3, 0.0, 1 / 3, 0.0]),
+    ],
+)
+def test_published_problems(name: str, kind: str, known: list[float] | None) -> None:
+    if not (FOLDER / name).exists():
+        pytest.skip("the folder of published problems is not there")
+    found = rw.solutions(read_problem(FOLDER / name))
+    assert found.kind == kind and check(found)
+    if known is None:
+        assert [(piece.motions, piece.forces) for piece in found.pieces] == [(0, 1)]
+        assert found.pieces[0].x.sum() == pytest.approx(1.0)
+    else:
+        assert any(np.allclose(piece.x, known, atol=1e-9) for piece in found.pieces)
+
+
+# Against enumeration
+
+
+def enumerate_all(p: ContactProblem) -> tuple[list[tuple[int, ...]], Array, Array]:
+    """Modes that hold solutions, and the least and greatest of each unknown over all of them."""
+    held, low, high = [], np.inf, -np.inf
+    units = modes.natural_units(p)
+    for mode in product(*modes.choices(p)):
+        E, e, G, g = modes.linear_system(p, mode)
+        ends = []
+        for cost in (*np.eye(E.shape[1]), *-np.eye(E.shape[1])):
+            found = linprog(cost, -G, -g, E, e, bounds=(-BOX, BOX), method="highs")
+            if found.status == 2:
+                break
+            assert found.success
+            ends.append(found.fun)
+        else:
+            size = E.shape[1]
+            held.append(mode)
+            low = np.minimum(low, ends[:size])
+            high = np.maximum(high, -np.array(ends[size:]))
+    unit = np.concatenate([units.coordinates, np.full(2 * len(p.mu) + len(p.F), units.force)])
+    return held, low * unit, high * unit
+
+
+def small_problem(rng: np.random.Generator) -> ContactProblem:
+    """Rows of small whole numbers, so that they meet; equal rows, rigid and compliant."""
+    n, contacts, limited = int(rng.integers(1, 4)), int(rng.integers(1, 4)), int(rng.integers(0, 2))
+    p = allocate_problem(n, contacts, limited)
+    p.H[:] = np.diag(rng.choice([1.0, 2.0], n))
+    p.c[:] = rng.integers(-2, 3, n)
+    p.W[:], p.w[:] = rng.integers(-1, 2, p.W.shape), rng.integers(-1, 2, p.w.shape)
+    p.mu[:] = rng.choice([0.0, 0.5, 2.0], contacts)
+    if rng.random() < 0.2:
+        p.R[:] = 0.5 * np.eye(2)
+    p.S[:], p.w_s[:] = rng.integers(-1, 2, p.S.shape), rng.integers(-1, 2, limited)
+    p.F[:] = rng.choice([0.5, 5.0, np.inf], limited)
+    return p
+
+
+def test_kinds_and_extremes_agree_with_exhaustive_enumeration() -> None:
+    rng, seen = np.random.default_rng(11), set()
+    for _ in range(40):
+        p = small_problem(rng)
+        found = rw.solutions(p)
+        assert check(found) and not found.undecided
+        held, low, high = enumerate_all(p)
+        seen.add(found.kind)
+        if not held:
+            assert found.kind == "none"
+            continue
+        n = len(p.c)
+        loose = high - low > 1e-6 * (1.0 + np.abs(low))
+        kind = (
+            "motion-indeterminate" if loose[:n].any() else "force-indeterminate" if loose.any() else "unique"
+        )
+        assert found.kind == kind
+        extremes = rw.extreme_motions(found)
+        inside = (np.abs(low[:n]) < 0.5 * BOX) & (np.abs(high[:n]) < 0.5 * BOX)
+        np.testing.assert_allclose(extremes[inside, 0], low[:n][inside], atol=1e-6)
+        np.testing.assert_allclose(extremes[inside, 1], high[:n][inside], atol=1e-6)
+        for piece in (*found.pieces, *found.covered):
+            x = np.concatenate([piece.x[2 * len(p.mu) :][:n], piece.x[: 2 * len(p.mu)]])
+            assert (x >= low[: len(x)] - 1e-6).all() and (x <= high[: len(x)] + 1e-6).all()
+    assert seen >= {"unique", "force-indeterminate", "none"}
+
+
+def test_every_solution_of_random_problems_satisfies_the_laws(
+    random_problem: Callable[..., ContactProblem],
+) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        p = random_problem(rng)
+        found = rw.solutions(p)
+        assert check(found) and not found.undecided
+        solved = rw.solve(p)
+        assert (solved.status == "solved") == bool(found.pieces)
+        for piece in found.pieces:
+            again = rw.solve(found.problem, start=piece.x)
+            assert again.status == "solved" and again.iterations == 0
+        if found.kind == "unique":
+            np.testing.assert_allclose(
+                found.pieces[0].x, solved.x, atol=1e-5 * (1.0 + np.abs(solved.x).max())
+            )
+
+
+def test_eight_contacts_are_few() -> None:
+    rng = np.random.default_rng(2)
+    W, w = rng.normal(size=(16, 6)), rng.normal(size=16)
+    found = rw.solutions(
+        rw.Problem.balance(np.eye(6), rng.normal(size=6), W, w, np.full(8, 0.6), directions=2)
+    )
+    assert not found.undecided and check(found)
+    assert found.nodes < 4**8 / 100
+
+
+# Symmetry and units
+
+
+def test_mirrored_problems_have_mirrored_solutions() -> None:
+    rng = np.random.default_rng(3)
+    other = {"forward": "backward", "backward": "forward"}
+    for _ in range(25):
+        p = small_problem(rng)
+        mirrored = ContactProblem(
+            **{name: getattr(p, name).copy() for name in ContactProblem.__annotations__}
+        )
+        mirrored.W[1::2] *= -1.0
+        mirrored.w[1::2] *= -1.0
+        one, two = rw.solutions(p), rw.solutions(mirrored)
+        assert one.kind == two.kind
+        contacts = len(p.mu)
+        a, b = (
+            {s.names(piece): (piece.motions, piece.forces) for piece in (*s.pieces, *s.covered)}
+            for s in (one, two)
+        )
+        assert {
+            (*(other.get(name, name) for name in names[:contacts]), *names[contacts:]): size
+            for names, size in a.items()
+        } == b
+
+
+@pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("speed", [1e-3, 1e3])
+def test_units_do_not_matter(in_units: Callable[..., ContactProblem], force: float, speed: float) -> None:
+    rng = np.random.default_rng(7)
+    for _ in range(12):
+        p = small_problem(rng)
+        lengths = 10.0 ** rng.uniform(-2, 2, len(p.c))
+        one, two = rw.solutions(p), rw.solutions(in_units(p, lengths, force, speed))
+        assert check(one) and check(two) and one.kind == two.kind
+        assert {piece.mode: (piece.motions, piece.forces) for piece in one.pieces} == {
+            piece.mode: (piece.motions, piece.forces) for piece in two.pieces
+        }
+
+
+# Evidence
+
+
+def test_the_check_fails_for_whatever_is_changed() -> None:
+    problem = rw.Problem.balance(
+        np.eye(1), [-2.0], [[1.0], [0.0], [1.0], [0.0]], np.zeros(4), [0.5, 0.0], directions=2
+    )
+    found = rw.solutions(problem)
+    assert check(found)
+    piece = found.pieces[0]
+    bad: list[rw.Solutions] = [replace(found, kind=kind) for kind in rw.Kind if kind != found.kind]
+    bad += [replace(found, excluded=found.excluded[1:]), replace(found, pieces=found.pieces[1:])]
+    for change in (
+        {"motions": piece.motions + 1},
+        {"forces": piece.forces + 1},
+        {"forces": 0},
+        {"x": piece.x + 0.01},
+        {"point": piece.point + 0.01},
+        {"multipliers": piece.multipliers[1:]},
+        {"multipliers": np.ones_like(piece.multipliers)},
+    ):
+        bad.append(replace(found, pieces=(replace(piece, **change), *found.pieces[1:])))
+    mode, vector = found.excluded[0]
+    bad.append(replace(found, excluded=((mode, -vector), *found.excluded[1:])))
+    assert not any(check(other) for other in bad)
+
+
+def test_too_few_nodes_decide_nothing_and_bound_nothing() -> None:
+    found = rw.solutions(coulomb(np.eye(2), [-1.0, -0.4], [0.5]), nodes=2)
+    assert found.kind == "undecided" and check(found)
+    with pytest.raises(ValueError, match="undecided"):
+        rw.extreme_motions(found)
+
+
+def test_bad_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match="directions must be 2"):
+        rw.solutions(rw.Problem.local(np.eye(3), [-1.0, 0.0, 0.0], [0.5]))
+    with pytest.raises(ValueError, match="nodes"):
+        rw.solutions(rw.Problem.lcp([[1.0]], [1.0]), nodes=0)
+    found = rw.solutions(rw.Problem.lcp([[1.0]], [1.0]))
+    with pytest.raises(ValueError, match="objects: velocity 1"):
+        rw.extreme_motions(found, [[1]])
+
+
+# Extreme motions of quasistatic problems: H = 0
+
+
+def pushed(friction: Sequence[float], speeds: Sequence[float], rows: Sequence[Sequence[float]]) -> rw.Problem:
+    """Objects on a line, without inertia: rows . v >= speeds, and dry friction of each object's support."""
+    n = len(friction)
+    return rw.Problem.balance(
+        np.zeros((n, n)),
+        np.zeros(n),
+        np.array(rows, float),
+        -np.array(speeds, float),
+        np.zeros(len(rows)),
+        directions=1,
+        S=np.eye(n),
+        w_s=np.zeros(n),
+        F=friction,
+    )
+
+
+def test_a_pushed_object_may_run_ahead_unless_its_support_holds_it() -> None:
+    found = rw.solutions(pushed([0.0], [2.0], [[1.0]]))
+    assert found.kind == "motion-indeterminate" and check(found)
+    np.testing.assert_allclose(rw.extreme_motions(found), [[2.0, np.inf]])
+    found = rw.solutions(pushed([0.3], [2.0], [[1.0]]))
+    assert found.kind == "unique" and check(found)
+    np.testing.assert_allclose(rw.extreme_motions(found), [[2.0, 2.0]])
+
+
+def test_an_object_squeezed_between_pushers_has_an_interval() -> None:
+    found = rw.solutions(pushed([0.0], [1.0, -3.0], [[1.0], [-1.0]]))
+    np.testing.assert_allclose(rw.extreme_motions(found), [[1.0, 3.0]])
+
+
+def test_an_object_that_may_rest_rests_and_one_that_is_pushed_does_not() -> None:
+    """The second object lies ahead of the first, at a distance it cannot cross within the step."""
+    found = rw.solutions(pushed([0.0, 0.0], [2.0, -1.0], [[1.0, 0.0], [-1.0, 1.0]]))
+    np.testing.assert_allclose(rw.extreme_motions(found, [[0], [1]]), [[2.0, np.inf], [1.0, np.inf]])
+    found = rw.solutions(pushed([0.0, 0.0], [2.0, -5.0, -4.0], [[1.0, 0.0], [-1.0, 1.0], [-1.0, 0.0]]))
+    np.testing.assert_allclose(rw.extreme_motions(found), [[2.0, 4.0], [-3.0, np.inf]])
+    np.testing.assert_allclose(rw.extreme_motions(found, [[0], [1]]), [[2.0, 4.0], [0.0, 0.0]])
+
+
+def test_when_either_of_two_may_rest_both_cases_count() -> None:
+    """v1 + v2 >= 1 and each at most 3: when one rests, the other moves at 1 to 3."""
+    found = rw.solutions(pushed([0.0, 0.0], [1.0, -3.0, -3.0], [[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]))
+    np.testing.assert_allclose(rw.extreme_motions(found), [[-2.0, 3.0]] * 2)
+    np.testing.assert_allclose(rw.extreme_motions(found, [[0], [1]]), [[0.0, 3.0]] * 2)
