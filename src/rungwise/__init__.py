@@ -9,6 +9,7 @@ for model in rw.LADDER[1:]:
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
 from rungwise.contact.mixed import Problem
+from rungwise.contact.sensitivity import Sensitivity, sensitivity
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
@@ -24,6 +25,7 @@ from rungwise.models.ladder import (
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
+from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
 from rungwise.viewing.view import ViewError, view
@@ -31,8 +33,9 @@ from rungwise.viewing.view import ViewError, view
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
-    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Simulation", "Status",
-    "Touching", "ViewError", "force_closure", "form_closure", "load", "load_run", "schema", "shipped",
-    "simulate", "solve", "touching", "view",
+    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Sensitivity",
+    "Simulation", "Status", "StepSensitivity", "Touching", "ViewError", "force_closure", "form_closure",
+    "load", "load_run", "schema", "sensitivity", "shipped", "simulate", "solve", "step_sensitivity",
+    "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -129,9 +129,7 @@ def _contact(mu: float, force: Array, rate: Array, no_force: float, no_rate: flo
         stiff = np.full(turning.shape[1], slip / (mu * force[0]) if mu > 0.0 else 0.0)
         limits = np.concatenate([[0.0], -force[0] * along])
         part = _part(B, np.hstack([normal, turning]), limits=limits)
-        return part._replace(
-            D=np.concatenate([[0.0], stiff]), undefined=not slips and d > 1
-        )
+        return part._replace(D=np.concatenate([[0.0], stiff]), undefined=not slips and d > 1)
     edge = force[1:] / grip
     back, across = np.concatenate([[0.0], -edge])[:, None], _across(edge)
     B = np.hstack([np.concatenate([[1.0], mu * edge])[:, None], across, back])

@@ -6,8 +6,8 @@ With `pieces` the change of a solution solves, for a change of the data,
     df = B x + limits dlimit,   du = P dv + R df + dP v + dR f + dw,   laws of x in C^T du + D x
 
 which is linear where no contact is weakly active, and one small contact problem per direction where one is:
-then the derivative is one-sided. Sources: Robinson, Math. Oper. Res. 5 (1980) 43-62; Pang, Math. Oper. Res. 15
-(1990) 311-341 (B-derivatives of complementarity problems).
+then the derivative is one-sided. Sources: Robinson, Math. Oper. Res. 5 (1980) 43-62; Pang, Math. Oper. Res.
+15 (1990) 311-341 (B-derivatives of complementarity problems).
 """
 
 from __future__ import annotations
@@ -77,9 +77,7 @@ class Sensitivity:
         self._yield[k * d :, k * d :] = np.diag(p.R_s)
         own = q.C.T @ self._yield @ q.B + np.diag(q.D)
         self._matrix = np.block([[p.H, -self._rows.T @ q.B], [q.C.T @ self._rows, own]])
-        weight = np.abs(np.diag(p.H))
-        x_unit = ((self._rows.T @ q.B) ** 2 / weight[:, None]).sum(axis=0) + np.abs(np.diag(own))
-        self._unit = 1.0 / np.sqrt(np.concatenate([weight, np.where(x_unit > 0.0, x_unit, 1.0)]))
+        self._unit = _best_units(self._matrix, n)
         _, null = self._inverse(np.arange(len(self._unit)))
         share = self._unit[n:, None] * null[n:]
         self._loose_v = np.abs(null[:n]).max(axis=1, initial=0.0) > _SHARE
@@ -106,7 +104,8 @@ class Sensitivity:
         balance = change["c"] - np.einsum("ijm,j->im", change["H"], self.v)
         balance += np.einsum("rim,r->im", change["W"], lam) + np.einsum("rim,r->im", change["S"], tau)
         d = p.R.shape[1]
-        soft = np.einsum("kijm,kj->kim", change["R"], lam.reshape(-1, d)).reshape(len(lam), -1)
+        soft = np.einsum("kijm,kj->kim", change["R"], lam.reshape(-1, d))
+        soft = soft.reshape(len(lam), limit.shape[1])
         rate = np.vstack(
             [
                 change["w"] + np.einsum("rim,i->rm", change["W"], self.v) + soft,
@@ -129,28 +128,27 @@ class Sensitivity:
         force: ArrayLike | None = None,
         tau: ArrayLike | None = None,
         *,
-        held: bool = False,
+        released: bool = False,
     ) -> dict[str, Array]:
         """Gradient of a scalar with respect to all data, from its gradient with respect to the solution.
 
         The entries of H are taken as independent. NaN at a friction or limit of zero where nothing slips.
-        With weakly active contacts there is no gradient; `held` asks for that of one piece, on which weakly
-        active contacts stay without force, and those at their limit do not slip.
+        With weakly active contacts there is no gradient; `released` asks for that of one piece, on which
+        those at rest without force stay without, and those at the limit of friction slip.
 
         Raises ValueError where there is none, or the scalar depends on forces that are not determined.
         """
         p, q, n = self.problem, self._pieces, len(self.problem.c)
-        if q.weak.any() and not held:
+        if q.weak.any() and not released:
             raise ValueError(
                 f"no gradient: weakly active are contacts {list(self.weak)}, rows {list(self.weak_rows)};"
-                " ask for one-sided derivatives, or with `held` for one piece"
+                " ask for one-sided derivatives, or with `released` for one piece"
             )
         given = [np.zeros(len(like)) if g is None else np.asarray(g, np.float64) for g, like in (
             (v, p.c), (force, p.w), (tau, p.w_s))]  # fmt: skip
         on_v, on_f = given[0], np.concatenate(given[1:])
         if len(on_v) != n or len(on_f) != len(self.force):
             raise ValueError("gradient: must have the sizes of v, force and tau")
-        on_f = np.where(on_f == 0.0, 0.0, on_f)
         keep = np.concatenate([np.arange(n), n + np.flatnonzero(q.free)])
         inverse, null = self._inverse(keep)
         right = np.concatenate([on_v, q.B.T @ on_f])[keep] * self._unit[keep]
@@ -211,7 +209,7 @@ class Sensitivity:
     def _linear(self, right: Array) -> Array:
         unit = self._unit[:, None]
         inverse, _ = self._inverse(np.arange(len(unit)))
-        z = unit * (inverse @ (unit * right))
+        z: Array = unit * (inverse @ (unit * right))
         z += unit * (inverse @ (unit * (right - self._matrix @ z)))
         left_over = np.linalg.norm(unit * (right - self._matrix @ z), axis=0)
         z[:, left_over > _AGREES * np.linalg.norm(unit * right, axis=0)] = np.nan
@@ -240,6 +238,24 @@ class Sensitivity:
             if found.status == Status.SOLVED:
                 z[order, j] = found.x
         return z
+
+
+def _best_units(matrix: Array, n: int) -> Array:
+    """Units of the unknowns, (v, x), by inertia or by compliance: those that keep the matrix farther from
+    singular, which it is only if it is in any."""
+    inertia, own = np.abs(np.diag(matrix)[:n]), np.abs(np.diag(matrix)[n:])
+    lever = np.abs(matrix[:n, n:])
+    inert = (lever**2 / inertia[:, None]).sum(axis=0)
+    rigid = inert + own
+    by_inertia = np.concatenate([inertia, np.where(rigid > 0.0, rigid, 1.0)]) ** -0.5
+    x_unit = np.where(own > 0.0, own, np.where(inert > 0.0, inert, 1.0)) ** -0.5
+    speed = np.maximum(np.sqrt(inertia), (lever * x_unit).max(axis=1, initial=0.0))
+    by_compliance = np.concatenate([1.0 / speed, x_unit])
+    away = []
+    for unit in (by_inertia, by_compliance):
+        size = np.linalg.svd(matrix * unit[:, None] * unit, compute_uv=False)
+        away.append(float(size[-1] / size[0]) if len(size) else 1.0)
+    return by_inertia if away[0] >= away[1] else by_compliance
 
 
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
