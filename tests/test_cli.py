@@ -46,7 +46,7 @@ def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         captured = capsys.readouterr()
         return Answer(int(ended.value.code or 0), captured.out, captured.err)
 
-    monkeypatch.setattr(cli, "_announce_compilation", lambda: None)
+    monkeypatch.setattr(cli, "_announce_compilation", lambda *_: None)
     return run
 
 
@@ -388,3 +388,71 @@ def test_output_that_cannot_be_written() -> None:
                 [*MAIN, "models"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
             )
         refused(Answer(done.returncode, "", done.stderr), "output: cannot be written")
+
+
+SETS = ("sets", "two_finger", "--model", "quasistatic-rigid", "--over", "v1=0.2:2.2,v2=0.2:2.2")
+
+
+def test_sets_answers_and_keeps(rungwise: Command, tmp_path: Path) -> None:
+    answer = rungwise(*SETS, "--tol", 0.02, "--certify", 200, "--out", tmp_path, "--threads", 1, "--json")
+    assert answer.code == 0
+    one = answer.json["sets"][0]
+    assert one["model"] == "quasistatic-rigid" and one["complete"] and one["certified"]["samples"] == 200
+    assert sum(one["volumes"].values()) == pytest.approx(1.0) and set(one["volumes"]) == {
+        "feasible",
+        "doomed",
+    }
+    assert answer.json["over"] == {"v1": [0.2, 2.2], "v2": [0.2, 2.2]} and answer.json["between"] == []
+    assert (tmp_path / "sets.png").stat().st_size > 5000
+    assert rw.load_set(tmp_path / "quasistatic-rigid").evaluations == one["evaluations"]
+    refused(rungwise(*SETS, "--tol", 0.02, "--out", tmp_path), "holds a set already", "--resume")
+    assert (
+        rungwise(*SETS, "--tol", 0.02, "--out", tmp_path, "--resume", "--json").json["sets"][0]["hits"] == 0
+    )
+
+
+def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
+    answer = rungwise("sets", "two_finger", "--model", "all", "--over", "v2=0.3:3", "--tol", 0.05)
+    assert answer.code == 0 and answer.out.count("contradicted their cell") == 5
+    assert "dynamic-rigid -> dynamic-compliant: loses" in answer.out
+
+
+def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
+    assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--over", "v1,v9"), ("unknown parameter 'v9'", "valid: v1")),
+        (("--over", "v1=2:1"), ("v1=2:1 must be an interval",)),
+        (("--over", "v1=a:b"), ("NAME=LOW:HIGH",)),
+        (("--over", "v1,v1"), ("given twice",)),
+        (("--over", "x3"), ("x3 needs an interval",)),
+        (("--over", "v1", "--tol", "0"), ("tol",)),
+        (("--over", "v1", "--resume"), ("resume", "--out")),
+        (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
+        (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),
+    ],
+)
+def test_sets_refuses_wrong_input(
+    rungwise: Command, arguments: tuple[str, ...], words: tuple[str, ...]
+) -> None:
+    refused(rungwise("sets", "two_finger", "--model", "kinematic", *arguments), *words)
+
+
+def test_sets_killed_at_any_moment_goes_on(rungwise: Command, tmp_path: Path) -> None:
+    over = ("--over", "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9", "--tol", "0.01", "--threads", "1")
+    command = ["sets", "two_finger", "--model", "dynamic-rigid", *over]
+    program = [sys.executable, "-c", "from rungwise.cli import main; main()", *command]
+    batches = tmp_path / "killed" / "dynamic-rigid" / "batches"
+    for kept in (1, 3, 5):
+        process = subprocess.Popen([*program, "--out", str(tmp_path / "killed"), "--resume"])
+        while process.poll() is None and len(list(batches.glob("0*.npz"))) < kept:
+            time.sleep(0.005)
+        process.kill()
+        process.wait()
+    assert rungwise(*command, "--out", tmp_path / "killed", "--resume").code == 0
+    assert rungwise(*command, "--out", tmp_path / "whole").code == 0
+    parts, whole = (rw.load_set(tmp_path / name / "dynamic-rigid") for name in ("killed", "whole"))
+    assert parts.data.identical(whole.data)

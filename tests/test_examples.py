@@ -71,6 +71,23 @@ def test_benchmark_measures_every_rung(
     assert all(row["steps_per_s"] > 0.0 for row in rows)
 
 
+def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    benchmark = script("benchmarks/sets.py", monkeypatch)
+    assert benchmark.main(["--json"], runs=40, peer_runs=0, tols=(1 / 16, 1 / 32)) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["rows"]) == len(benchmark.CASES) and all(row["right"] == 1.0 for row in found["rows"])
+    assert found["costs"][1]["part_of_grid"] < found["costs"][0]["part_of_grid"]
+
+
+def test_figure_5(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    figure = script("examples/figure5.py", monkeypatch)
+    assert figure.main(["--tol", "0.05", "--out", str(tmp_path / "figure5.png")]) == 0
+    assert (tmp_path / "figure5.png").stat().st_size > 20_000
+    assert capsys.readouterr().out.count("feasible 0.") == len(figure.CASES)
+
+
 def test_solver_benchmark_prints_a_table(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -24,6 +24,11 @@ from rungwise.models.ladder import (
 )  # fmt: skip
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
+from rungwise.sets.between import Between, between
+from rungwise.sets.feasible import FeasibleSet, feasible_set, load_set
+from rungwise.sets.labels import Label
+from rungwise.sets.store import SetError
+from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
@@ -32,10 +37,10 @@ from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Closure", "Code", "ContactSolution", "InvalidScene",
-    "ModelError", "Outcome", "Problem", "Run", "Rung", "Scene", "SceneError", "Sensitivity",
-    "Simulation", "Status", "StepSensitivity", "Touching", "ViewError", "force_closure", "form_closure",
-    "load", "load_run", "schema", "sensitivity", "shipped", "simulate", "solve", "step_sensitivity",
-    "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
+    "FeasibleSet", "InvalidScene", "Label", "ModelError", "Outcome", "Problem", "Results", "Run", "Rung",
+    "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "Status", "StepSensitivity", "Touching",
+    "ViewError", "between", "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set",
+    "schema", "sensitivity", "shipped", "simulate", "solve", "step_sensitivity", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

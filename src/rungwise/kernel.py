@@ -98,9 +98,9 @@ def _file(module: str) -> Path | None:
     return next((file for file in known if file.is_file()), None)
 
 
-def is_compiled() -> bool:
-    """Whether the main loop of exactly these sources has been compiled and kept before."""
-    return any(cache_folder("rungwise.simulation.loop").rglob("*advance*.nbi"))
+def is_compiled(module: str = "rungwise.simulation.loop", entry: str = "advance") -> bool:
+    """Whether the kernel `entry` of exactly these sources has been compiled and kept before."""
+    return any(cache_folder(module).rglob(f"*{entry}*.nbi"))
 
 
 def _private_temporary() -> Path:
@@ -137,6 +137,9 @@ def main() -> None:
         for model in models:
             for tol in (None, 1e-2):
                 package.Simulation(scene, model, tol=tol).advance()
+            names = tuple(scene.file.parameters)[:1]
+            defaults = [[scene.file.parameters[name].default for name in names]]
+            package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
     took = time.perf_counter() - began
     root = cached.cache_folder("rungwise.simulation.loop").parent
     print(f"rungwise: kernels of {len(models)} rungs are ready in {root} ({took:.0f} s)")

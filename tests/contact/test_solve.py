@@ -212,6 +212,22 @@ def test_wrong_arguments_are_named(field: str, make: object) -> None:
         make()  # type: ignore[operator]
 
 
+def test_many_limits_on_a_rank_deficient_matrix() -> None:
+    rng = np.random.default_rng(0)
+    G = rng.normal(size=(120, 60))
+    problem = rw.Problem.boxes(G @ G.T, rng.normal(size=120), -rng.random(120), rng.random(120))
+    found = rw.solve(problem)
+    assert found.status == "solved"
+    np.testing.assert_allclose(
+        found.z, np.clip(found.z - found.y / 60.0, problem.lower, problem.upper), atol=1e-9
+    )
+
+
+def test_sizes_beyond_double_precision_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"^A:"):
+        rw.solve(rw.Problem.local(1e-300 * ONE, [-1e300, 0.0, 0.0], [0.5]))
+
+
 def random_problem(rng: np.random.Generator) -> rw.Problem:
     """Well and ill posed: rank deficient, nonsymmetric, indefinite, singular inertia, limits, joints."""
     d, k = int(rng.integers(1, 4)), int(rng.integers(1, 5))

@@ -185,7 +185,10 @@ def test_inertia_that_is_not_accepted() -> None:
 @pytest.mark.parametrize("tiny", [1e-300, 5e-324])
 @pytest.mark.parametrize("option", ["tol", "step"])
 def test_demands_that_numbers_cannot_meet(model: rw.Rung, option: str, tiny: float) -> None:
-    """They end the run with a verdict or leave it going, and never raise."""
+    """They end the run with a verdict or leave it going, and never raise.
+
+    A scene in which no speed changes but at impacts meets any tolerance.
+    """
     for scene in ("two_finger", "slide_roll", "blocks"):
         simulation = Simulation(scene, model, **{option: tiny})  # type: ignore[arg-type]
         simulation._turn = 30
@@ -193,7 +196,7 @@ def test_demands_that_numbers_cannot_meet(model: rw.Rung, option: str, tiny: flo
         run = simulation.result()
         assert ("(residual " in run.reason) == (run.outcome.name == "not_converged")
         if scene == "two_finger" and option == "tol":
-            assert run.outcome.name == "not_converged"
+            assert run.outcome.name in ("goal", "not_converged")
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)
@@ -369,12 +372,12 @@ def test_small_turns_change_nothing(model: rw.Rung, options: dict[str, float]) -
     whole = rw.simulate("two_finger", model, parameters=parameters, frames=50, **options)
     simulation = Simulation("two_finger", model, parameters=parameters, frames=50, **options)
     turns = 0
-    simulation._turn = 7
+    simulation._turn = 2
     while simulation.advance():
-        simulation._turn = 7
+        simulation._turn = 2
         turns += 1
     parts = simulation.result()
-    assert turns >= whole.steps // 7 - 1 > 2
+    assert turns >= whole.steps // 2 - 1 > 2
     assert parts.final == whole.final and parts.steps == whole.steps and parts.attempts == whole.attempts
     assert parts.trajectory.identical(whole.trajectory)
     assert not simulation.advance() and simulation.progress == 1.0

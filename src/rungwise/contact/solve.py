@@ -17,6 +17,7 @@ from rungwise.contact.solvers import (
     newton,
     pivoting,
     proximal_point,
+    step,
 )
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
@@ -44,27 +45,35 @@ def solve(
 
     The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
-    begins from a known x; `solvers` names the chain, in order, instead of the default.
+    begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
+    given as assembled, is first solved as a run would.
 
     Raises ValueError naming what is wrong with the arguments.
     """
+    assembled = problem if isinstance(problem, ContactProblem) else None
     if isinstance(problem, ContactProblem):
         problem = Problem.of_step(problem)
     if not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
     system = scaled(problem)
-    x = np.zeros(system.size)
-    if start is not None:
-        given = vector("start", start)
-        if given.shape != problem.b.shape:
-            raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
-        x = given[system.kept] / system.force
-    x, attempts = _run(chain, system, x, tol)
-    full = system.recover(x * system.force)
-    residuals, proof = judge(problem, system, full), None
+    given = np.zeros(len(problem.b)) if start is None else vector("start", start)
+    if given.shape != problem.b.shape:
+        raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
+    attempts: list[Attempt] = []
+    if assembled is not None and solvers is None and step.accepts(assembled):
+        full = step.solve(assembled, given)
+        residuals, proof = judge(problem, system, full), None
+        attempts.append(Attempt(step.NAME, 1, residuals.worst))
+    if not attempts or attempts[0].residual > tol:
+        with np.errstate(all="ignore"):  # iterates that run away are judged, not warned about
+            x, more = _run(chain, system, given[system.kept] / system.force, tol)
+        attempts += more
+        full = system.recover(x * system.force)
+        residuals, proof = judge(problem, system, full), None
     if residuals.worst > tol:
-        found = branching.search(system, x, _MARGIN * tol)
+        with np.errstate(all="ignore"):
+            found = branching.search(system, x, _MARGIN * tol)
         attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
         full, proof = system.recover(found.x * system.force), found.proof
         residuals = judge(problem, system, full)

@@ -26,6 +26,7 @@ from rungwise.kernel import Ints, Reals, kernel
 _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
 _ROUNDS = 10
+_GREATEST = 1e140
 Solve = Callable[[Matrix], Any]
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
@@ -67,14 +68,17 @@ class System:
 
 
 def scaled(problem: Problem) -> System:
-    """The system of `problem`."""
+    """The system of `problem`; ValueError where its sizes are beyond the range of numbers."""
     kept, A, b, recover = _eliminated(problem)
     rows, d = problem.rows, problem.directions
     lower, upper = problem.lower[kept[rows:] - rows], problem.upper[kept[rows:] - rows]
     csr = sp.csr_array(A)
     s = units(csr, rows, d)
     bounds = np.concatenate([lower[np.isfinite(lower)], upper[np.isfinite(upper)], [0.0]])
-    size = float(np.linalg.norm(s * b))
+    with np.errstate(over="ignore"):
+        size = float(np.linalg.norm(s * b))
+    if not size < _GREATEST or not (s < _GREATEST).all() or not (s > 1.0 / _GREATEST).all():
+        raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
     if size == 0.0:
         size = float(np.abs(bounds).max()) or 1.0
     row = np.repeat(np.arange(len(b)), np.diff(csr.indptr))

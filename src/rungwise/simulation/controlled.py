@@ -1,4 +1,8 @@
-"""Steps of controlled length: two halves that agree with the whole, and the onset of impacts."""
+"""Steps of controlled length: two halves that agree with the whole, and the onset of impacts.
+
+A step in which nothing changes its speed, its contact modes or the direction of a contact is exact, and is
+not repeated in halves.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,12 @@ ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
 """A step that is to end at a contact ends a little short of it: the impact belongs to the next step."""
+UNIFORM = 1e-6
+"""Part of the allowed error that a change of speed may cause in a step that counts as exact."""
+GROWTH = 10.0
+"""How much longer the step after an exact one may be."""
+AHEAD = 0.1
+"""How long an error of velocity acts, as a part of the longest step."""
 SOON = 0.01
 """Part of a fixed step within which an impact counts as being at its beginning; a later one ends the step."""
 
@@ -60,6 +70,10 @@ def take(
                 restore(records, workspace)
             return status, h, 0.5 * h
         if parts > 1 and part == 0:
+            if timed[3].shape[0] == 0 and _is_uniform(records, rung, control, workspace, length):
+                clock.time += length
+                clock.worst_residual = max(clock.worst_residual, clock.residual)
+                return TAKEN, length, max(following, GROWTH * length)
             copy(state.q, workspace.whole.q)
             copy(state.v, workspace.whole.v)
             workspace.whole.clock[0] = clock
@@ -82,10 +96,10 @@ def take(
 @kernel
 def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
     """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
-    velocities are continuous, a longest step later."""
+    velocities are continuous, a while later."""
     state, whole, worst = workspace.state, workspace.whole, 0.0
     continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
-    later = control[0].longest if continuous else 0.0
+    later = AHEAD * control[0].longest if continuous else 0.0
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]
         for j in range(coordinate_count(body)):
@@ -95,6 +109,35 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
             worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
             worst = max(worst, lever * later * abs(state.v[i] - whole.v[i]))
     return worst
+
+
+@kernel
+def _is_uniform(
+    records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
+) -> bool:
+    """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
+    contact closed (or, where it is compliant and pushes until it opens, opened), and nothing turns that is in
+    contact or jointed."""
+    state, kept = workspace.state, workspace.kept
+    touches = records.joints.shape[0] > 0
+    for slot in range(state.modes.shape[0]):
+        touches |= state.modes[slot] != OPEN
+        changed = state.modes[slot] != kept.modes[slot]
+        if changed and (rung[0].compliant or kept.modes[slot] == OPEN):
+            return False
+    span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
+    allowed = UNIFORM * control[0].error
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            turns = body.motion == HINGE or j == 2
+            lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
+            if lever * span * abs(state.v[i] - kept.v[i]) > allowed:
+                return False
+            if turns and touches and lever * h * abs(state.v[i]) > allowed:
+                return False
+    return True
 
 
 @kernel

@@ -22,6 +22,7 @@ from rungwise.simulation.verdicts import (
     RUNNING,
     has_sunk,
     judge,
+    look_back,
     spent,
 )
 from rungwise.system.planar import joints
@@ -121,13 +122,13 @@ def advance(
     for _ in range(turns):
         if clock.outcome != RUNNING:
             break
-        clock.outcome = _step(records, timed, conditions, buffer, rung, control, workspace)
+        clock.outcome = step(records, timed, conditions, buffer, rung, control, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
 
 
 @kernel
-def _step(
+def step(
     records: Records,
     timed: Timed,
     conditions: Conditions,
@@ -136,12 +137,13 @@ def _step(
     control: RecordArray,
     workspace: Workspace,
 ) -> int:
-    """One accepted step, halved as long as it has no solution, or is longer than a nominal step and ends
-    where a condition holds: when it began to is known to a nominal step."""
+    """One accepted step, halved as long as it has no solution; one longer than a nominal step does not reach
+    where a condition holds, so that when it began to is known to a nominal step."""
     state = workspace.state
     clock = state.clock[0]
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
     past = False
+    copy(state.values, workspace.scratch.begun)
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
@@ -149,13 +151,16 @@ def _step(
         status, h, following = take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
             verdict = judge(conditions, state, workspace.scratch)
-            if verdict != RUNNING and h > control[0].step:
-                restore(records, workspace)
-                past, h = True, 0.5 * h
-                continue
+            if h > control[0].step:
+                clear = look_back(conditions, control, h, workspace)
+                if clear < 1.0:
+                    restore(records, workspace)
+                    h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
+                    past = True
+                    continue
             clock.steps += 1
             clock.taken = h
-            clock.next = h if past else following
+            clock.next = control[0].step if past else following
             if rung[0].compliant and has_sunk(state):
                 return MODEL_INVALID
             if verdict != RUNNING:

@@ -1,11 +1,12 @@
-"""Keeping a state, and going back to it when a step is not accepted."""
+"""Keeping a state, going back to it when a step is not accepted, and emptying it for the next run."""
 
 from __future__ import annotations
 
-from rungwise.kernel import copy, kernel
+from rungwise.kernel import RecordArray, copy, kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.nearby import look
 from rungwise.simulation.state import Snapshot, State, Workspace
+from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 
 
@@ -60,3 +61,32 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
         state.modes[slot] = saved.modes[slot]
         for i in range(state.deformation.shape[1]):
             state.deformation[slot, i] = saved.deformation[slot, i]
+
+
+@kernel
+def clear(workspace: Workspace, blank: RecordArray) -> None:
+    """The workspace as allocated, but for frames and what every step fills anew; `blank` is a zero clock."""
+    state, terms = workspace.state, workspace.terms
+    state.clock[0] = blank[0]
+    state.gaps[:] = 0.0
+    state.pushes[:] = 0.0
+    state.speed[:] = 0.0
+    state.passive[:] = 0.0
+    state.reaction[:] = 0.0
+    state.features[:] = ABSENT
+    state.modes[:] = 0
+    state.deformation[:, :] = 0.0
+    state.force[:, :] = 0.0
+    state.impulse[:, :] = 0.0
+    workspace.scratch.limited_mode[:] = 1
+    workspace.scratch.undefined[0] = -1
+    terms.inertia[:, :] = 0.0
+    terms.metric[:, :] = 0.0
+    terms.stiffness[:, :] = 0.0
+    terms.damping[:, :] = 0.0
+    terms.load[:] = 0.0
+    terms.limited[:, :] = 0.0
+    terms.limit[:] = 0.0
+    terms.gains[:, :] = 0.0
+    terms.error[:, :] = 0.0
+    terms.account[:] = 0

@@ -31,7 +31,7 @@ TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
 
 
-LONGEST = 100
+LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
 MANY = 10**9
 """Most frames, and most steps between two of them."""
@@ -43,6 +43,33 @@ where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOO
 
 class ModelError(ValueError):
     """The model or an option of the run is wrong; the text is one line that names it."""
+
+
+def moving_rung(model: Rung | str) -> Rung:
+    """The rung of that name. Raises ModelError, also for the one that does not move."""
+    try:
+        chosen = rung(model)
+    except ValueError as error:
+        raise ModelError(str(error)) from None
+    if not chosen.moves:
+        raise ModelError(
+            "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
+        )
+    return chosen
+
+
+def check_options(
+    step: object, tol: object, duration: object, theta: object
+) -> tuple[float | None, float | None, float | None, float]:
+    """The options as numbers. Raises ModelError that names the one out of its range."""
+    if not 0.5 <= _real(theta) <= 1.0:
+        raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
+    return (
+        None if step is None else _positive("step", step),
+        None if tol is None else _positive("tol", tol),
+        None if duration is None else _positive("time", duration),
+        _real(theta),
+    )
 
 
 @dataclass(frozen=True)
@@ -177,19 +204,8 @@ class Simulation:
         stride: int | None = None,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        try:
-            self.model = rung(model)
-        except ValueError as error:
-            raise ModelError(str(error)) from None
-        if not self.model.moves:
-            raise ModelError(
-                "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
-            )
-        step = None if step is None else _positive("step", step)
-        tol = None if tol is None else _positive("tol", tol)
-        duration = None if duration is None else _positive("time", duration)
-        if not 0.5 <= _real(theta) <= 1.0:
-            raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
+        self.model = moving_rung(model)
+        step, tol, duration, theta = check_options(step, tol, duration, theta)
         frames = _count("frames", frames, 3)
         stride = None if stride is None else _count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
@@ -215,7 +231,7 @@ class Simulation:
             self._control["step"] if tol is None else self._control["duration"] / LONGEST
         )
         self._control["error"] = 0.0 if tol is None else tol
-        self._rung = self.model.record(_real(theta))
+        self._rung = self.model.record(theta)
         try:
             self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
         except MemoryError:

@@ -94,12 +94,13 @@ def step_sensitivity(
         raise ModelError(f"deformation: must have shape {here.state.deformation.shape}")
     went = _taken(here, start, strain, h)
     directions = _Directions(here, scene, model, values, chosen, tuple(wrt), start, h, theta, time)
+    quantum = float(here.workspace.terms.rounding[0]) / h
     trial, turn = None, np.zeros((len(start[0]), directions.count))
     for _ in range(MAX_LINEARISATIONS):
         held, contact, speed = _solved(here, start, strain, trial)
         turn = directions.differentiate(held, contact, strain, trial, turn)
         trial = speed
-        if np.abs(speed - went).max(initial=0.0) <= _SAME * max(np.abs(went).max(initial=0.0), 1e-300):
+        if np.abs(speed - went).max(initial=0.0) <= _SAME * np.abs(went).max(initial=0.0) + quantum:
             break
         if not here.rung[0]["metric"]:
             raise ModelError("step: it could not be repeated")

@@ -74,8 +74,8 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, and in `undefined` (1,) the place of a number
-    that is not finite at this time, or -1."""
+    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end,
+    and in `undefined` (1,) the place of a number that is not finite at this time, or -1."""
 
     x: Reals
     v_new: Reals
@@ -91,6 +91,8 @@ class Scratch(Block):
     row: Reals
     measures: Reals
     stack: Reals
+    begun: Reals
+    ended: Reals
     undefined: Ints
 
 
@@ -196,6 +198,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
         stack=np.zeros(STACK),
+        begun=np.zeros(len(values)),
+        ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
     )
     before, kept = (

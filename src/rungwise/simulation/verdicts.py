@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import RecordArray, kernel
+import math
+
+from rungwise.kernel import RecordArray, copy, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import FORCE, SERVO, Records
@@ -17,6 +19,8 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
     int(Code.TIMEOUT),
 )
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
+SIGHTS = 10
+"""How often conditions are looked at in a longest step."""
 SINKING = 0.1
 """Deformation, as a fraction of the smallest shape's reach, beyond which the compliant model fails."""
 
@@ -24,13 +28,73 @@ SINKING = 0.1
 @kernel
 def judge(conditions: Conditions, state: State, scratch: Scratch) -> int:
     """Verdict of the scene's conditions: unsafe before goal before doomed; one not stated has no program."""
-    code, constants, table = conditions
     state.values[time_slot(state)] = state.clock[0].time
+    return _verdict(conditions, state, scratch)
+
+
+@kernel
+def _verdict(conditions: Conditions, state: State, scratch: Scratch) -> int:
+    code, constants, table = conditions
     for index, verdict in ((1, UNSAFE), (0, GOAL), (2, DOOMED)):
         first, last = table[index, 0], table[index, 1]
         if last > first and evaluate(code, constants, first, last, state.values, scratch.stack) >= 0.0:
             return verdict
     return RUNNING
+
+
+@kernel
+def margin(conditions: Conditions, index: int, state: State, scratch: Scratch) -> float:
+    """Signed margin of a condition (0 goal, 1 unsafe, 2 doomed) in the state last judged: it holds from 0 on;
+    nan when it is not stated."""
+    code, constants, table = conditions
+    first, last = table[index, 0], table[index, 1]
+    return evaluate(code, constants, first, last, state.values, scratch.stack) if last > first else math.nan
+
+
+@kernel
+def look_back(conditions: Conditions, control: RecordArray, h: float, workspace: Workspace) -> float:
+    """Part of the step just taken, of length h, up to which no condition holds; 1 if none holds at all.
+
+    `scratch.begun` is what conditions read at its start. Between start and end places and gaps are linear in
+    time, looked at `SIGHTS` times in a longest step, and the first condition is dated to a quarter of the
+    nominal step.
+    """
+    state, scratch = workspace.state, workspace.scratch
+    copy(state.values, scratch.ended)
+    count = max(1, math.ceil(SIGHTS * h / control[0].longest - 1e-9))
+    before, after = 0.0, 1.0
+    found = False
+    for k in range(1, count + 1):
+        _interpolate(k / count, h, state, scratch)
+        if _verdict(conditions, state, scratch) != RUNNING:
+            after, found = k / count, True
+            break
+        before = k / count
+    while found and (after - before) * h > 0.25 * control[0].step:
+        middle = 0.5 * (before + after)
+        if not before < middle < after:
+            break
+        _interpolate(middle, h, state, scratch)
+        if _verdict(conditions, state, scratch) == RUNNING:
+            before = middle
+        else:
+            after = middle
+    copy(scratch.ended, state.values)
+    return before if found else 1.0
+
+
+@kernel
+def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
+    """Places, gaps and time at a part of the last step; speeds and forces are those of its end."""
+    n, contacts, at = state.q.shape[0], state.gaps.shape[0], time_slot(state)
+    state.values[at] = state.clock[0].time - (1.0 - part) * h
+    for i in range(at + 1, at + 1 + n):
+        state.values[i] = part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
+    for i in range(at + 1 + 2 * n, at + 1 + 2 * n + contacts):
+        far = math.isinf(scratch.ended[i]) or math.isinf(scratch.begun[i])
+        state.values[i] = (
+            scratch.ended[i] if far else part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
+        )
 
 
 @kernel

@@ -6,9 +6,9 @@ is a multiple of the unit, down to zero; the slip is linearised with the rest. N
 predictor chooses the next multiple, one factorisation serves both. At the start, and whenever the residual
 has fallen tenfold, `newton` tries to finish. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42;
 Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim.
-Methods Softw. (2023), for friction.
-Accepts: everything but upper limits. Promises: tens of iterations whatever the rank of A, where A is monotone
-and friction does not couple too strongly; among many solutions one in the midst of them.
+Methods Softw. (2023), for friction. An upper limit is one more unknown, the force that holds it. Accepts:
+everything. Promises: tens of iterations whatever the rank of A, where A is monotone and friction does not
+couple too strongly; among many solutions one in the midst of them.
 """
 
 from __future__ import annotations
@@ -50,28 +50,26 @@ class Cones(NamedTuple):
     dead: Ints
 
 
-def accepts(system: System) -> bool:
-    return bool(np.isposinf(system.upper).all())
+def accepts(_system: System) -> bool:
+    return True
 
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
     cones = _cones(system)
     whole = newton.form(system)
-    scale = sp.diags_array(1.0 / cones.D)
-    A = sp.csr_array(scale @ system.matrix() @ scale)
-    A = A.toarray() if system.size <= _DENSE else A
-    b = system.b / cones.D
-    centre = np.zeros(system.size)
+    A, b = _with_limits(system, cones.D)
+    centre = np.zeros(len(b))
     centre[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
     z, w = _FORCE * centre, _RATE * centre
+    _start_between(system, z, w)
     best, least, finish = start, natural(system, start), _FINISH
     if least < finish:
         best, _ = newton.descend(system, whole, start, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
         least = natural(system, best)
     history: list[tuple[float, float]] = []
     for done in range(_STEPS):
-        x = (z + cones.offset) / cones.D
+        x = ((z + cones.offset) / cones.D)[: system.size]
         found = natural(system, x)
         if found < least:
             best, least = x, found
@@ -101,20 +99,44 @@ def _stalled(history: list[tuple[float, float]]) -> bool:
     return later > _STALLED * product and now > _STALLED * found
 
 
+def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
+    """A and b in the cones' coordinates; for each upper limit a row upper - x >= 0, whose force resists x."""
+    capped = np.flatnonzero(np.isfinite(system.upper))
+    A, b = system.matrix(), system.b
+    if len(capped):
+        shape = (system.size, len(capped))
+        hold = sp.csr_array(
+            (np.ones(len(capped)), (system.rows + capped, np.arange(len(capped)))), shape=shape
+        )
+        A = sp.block_array([[A, hold], [-hold.T, None]], format="csr")
+        b = np.concatenate([b, system.upper[capped]])
+    scale = sp.diags_array(1.0 / D)
+    A = sp.csr_array(scale @ A @ scale)
+    return (A.toarray() if len(b) <= _DENSE else A), b / D
+
+
+def _start_between(system: System, z: Array, w: Array) -> None:
+    """Begin midway between two limits."""
+    capped = np.flatnonzero(np.isfinite(system.upper))
+    half = 0.5 * (system.upper - system.lower)[capped]
+    inside = np.isfinite(half) & (half > 0.0)
+    z[system.rows + capped[inside]] = w[system.size :][inside] = half[inside]
+
+
 def _cones(system: System) -> Cones:
     s, d = system, system.directions
-    slides = s.mu > 0.0
-    D = np.ones(s.size)
+    slides, size = s.mu > 0.0, s.size + int(np.isfinite(s.upper).sum())
+    D = np.ones(size)
     D[: s.rows : d][slides] = s.mu[slides]
     limited = np.flatnonzero(np.isfinite(s.lower))
-    offset = np.zeros(s.size)
+    offset = np.zeros(size)
     offset[s.rows + limited] = s.lower[limited]
     tangents = np.arange(s.rows).reshape(-1, d)[~slides, 1:]
     return Cones(
         D,
         offset,
-        np.concatenate([np.arange(0, s.rows, d), s.rows + limited]),
-        np.concatenate([np.where(slides, d, 1), np.ones(len(limited), np.int64)]),
+        np.concatenate([np.arange(0, s.rows, d), s.rows + limited, np.arange(s.size, size)]),
+        np.concatenate([np.where(slides, d, 1), np.ones(len(limited) + size - s.size, np.int64)]),
         tangents.ravel(),
     )
 

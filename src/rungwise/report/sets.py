@@ -1,0 +1,196 @@
+"""Sets as plain values, as text and as figures."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Sequence
+from dataclasses import asdict
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.sets.between import between
+from rungwise.sets.crossings import crossings_of_cells, planes
+from rungwise.sets.feasible import FeasibleSet
+from rungwise.sets.labels import Label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLORS = {
+    Label.FEASIBLE: "#2a9d5c",
+    Label.INFEASIBLE: "#d9d9d9",
+    Label.DOOMED: "#6b7a8f",
+    Label.UNSAFE: "#c8553d",
+    Label.JAMMED: "#e0a030",
+    Label.INVALID: "#ffffff",
+    Label.UNKNOWN: "#b09cc8",
+}
+PIXELS, LAYERS = 400, 3
+"""Resolution of a slice; slices shown of a set over more than two parameters."""
+
+
+def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
+    """Counts, volumes and what lies between neighbours of the ladder, as `rungwise sets --json` prints them.
+
+    With `certify` > 0, each set is tested at so many fresh points.
+    """
+    first = found[0]
+    return {
+        "scene": first.scene.name,
+        "over": {name: list(box) for name, box in zip(first.over, first.box.tolist(), strict=True)},
+        "parameters": first.parameters,
+        "tol": first.tol,
+        "sets": [
+            {
+                "model": each.model.name,
+                "evaluations": each.evaluations,
+                "complete": each.complete,
+                "probes": each.probes,
+                "hits": each.hits,
+                "volumes": each.volumes(),
+                "certified": asdict(each.certify(certify)) if certify else None,
+            }
+            for each in found
+        ],
+        "between": [asdict(between(a, b)) for a, b in pairwise(found)],
+    }
+
+
+def text(summary: dict[str, Any]) -> str:
+    """The summary for people."""
+    over = ", ".join(f"{name} in {low:g}..{high:g}" for name, (low, high) in summary["over"].items())
+    lines = [f"{summary['scene']} over {over}, boundary within {summary['tol']:g} of each side"]
+    for each in summary["sets"]:
+        parts = ", ".join(f"{label} {part:.4f}" for label, part in each["volumes"].items())
+        lines.append(f"  {each['model']:22s} {parts}")
+        note = "" if each["complete"] else "; the budget ended the refinement"
+        lines.append(
+            f"  {'':22s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
+            f" contradicted their cell{note}"
+        )
+        if each["certified"]:
+            c = each["certified"]
+            lines.append(
+                f"  {'':22s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within"
+                f" the tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
+            )
+    for pair in summary["between"]:
+        lines.append(
+            f"  {pair['cheap']} -> {pair['rich']}: loses {pair['lost']:.4f} of the box, gains"
+            f" {pair['gained']:.4f} (+- {pair['error']:.4f})"
+        )
+    return "\n".join(lines)
+
+
+def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
+    """Slices of each set, a row for each, over its first two parameters; whole or not. Raises OSError."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    first = found[0]
+    layers = LAYERS if len(first.over) > 2 else 1
+    drawing = Figure(figsize=(1.2 + 3.0 * layers, 0.8 + 2.9 * len(found)), layout="constrained")
+    axes = drawing.subplots(len(found), layers, squeeze=False, sharex=True, sharey=True)
+    seen: set[Label] = set()
+    for row, each in zip(axes, found, strict=True):
+        for k, axis in enumerate(row):
+            part = (k + 1) / (layers + 1)
+            seen |= draw_slice(axis, each, dict.fromkeys(each.over[2:], part))
+        row[0].set_ylabel(f"{each.model.name}\n\n{row[0].get_ylabel()}", fontsize=9)
+    drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
+    handles = [
+        Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
+    ]
+    drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
+    return _write(drawing, Path(file))
+
+
+def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Label]:
+    """Labels over the first two parameters, the others at parts 0..1 of theirs; returns those shown."""
+    from matplotlib.colors import ListedColormap
+
+    low, high = found.box.T
+    grid = (np.arange(PIXELS) + 0.5) / PIXELS
+    columns = [grid, grid] if len(found.over) > 1 else [grid, np.array([0.5])]
+    x, y = np.meshgrid(*columns)
+    places = [x.ravel(), y.ravel()][: len(found.over)]
+    places += [np.full(x.size, at[name]) for name in found.over[2:]]
+    shown: Ints = found.labels(low + np.stack(places, axis=1) * (high - low))
+    extent = (low[0], high[0], *((low[1], high[1]) if len(found.over) > 1 else (0.0, 1.0)))
+    colors = ListedColormap([COLORS[label] for label in Label])
+    axis.imshow(
+        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto", cmap=colors,
+        vmin=-0.5, vmax=len(Label) - 0.5, interpolation="nearest",
+    )  # fmt: skip
+    axis.set_xlabel(_unit_of(found, 0), fontsize=9)
+    axis.set_ylabel(_unit_of(found, 1) if len(found.over) > 1 else "", fontsize=9)
+    axis.tick_params(labelsize=8)
+    if found.over[2:]:
+        axis.set_title(_fixed(found, next(iter(at.values()))).lstrip(", "), fontsize=9)
+    return {Label(value) for value in np.unique(shown)}
+
+
+def _unit_of(found: FeasibleSet, index: int) -> str:
+    name = found.over[index]
+    unit = found.scene.file.parameters[name].unit
+    return f"{name} [{unit}]" if unit else name
+
+
+def _fixed(found: FeasibleSet, part: float) -> str:
+    low, high = found.box.T
+    values = [
+        f"{name} = {low[i] + part * (high[i] - low[i]):.3g}" for i, name in enumerate(found.over) if i > 1
+    ]
+    return "".join(f", {value}" for value in values)
+
+
+def _write(drawing: Figure, file: Path) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    mark = file.with_name(f".{uuid.uuid4().hex[:8]}{file.suffix}")
+    try:
+        drawing.savefig(mark, dpi=120)
+        os.replace(mark, file)
+    finally:
+        mark.unlink(missing_ok=True)
+    return file
+
+
+def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
+    """The boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    faces = surface(found)
+    axis.add_collection3d(Poly3DCollection(faces, facecolor=color, edgecolor="none", alpha=0.6))
+    for setter, (low, high) in zip((axis.set_xlim, axis.set_ylim, axis.set_zlim), found.box, strict=True):
+        setter(low, high)
+    for k, setter in enumerate((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel)):
+        setter(_unit_of(found, k))
+
+
+def surface(found: FeasibleSet) -> list[Reals]:
+    """Faces (corners, 3) of the boundary of the feasible part, one for each cell where it is a plane."""
+    faces = []
+    unit = found.box[:, 1] - found.box[:, 0]
+    for level, crossings in found.crossings.items():
+        points, there = crossings_of_cells(found.tree, level, *crossings)
+        normal, _, sides = planes(found.tree, level, *crossings)
+        size, origins = found.tree.size(level), found.tree.leaves[level]
+        for i in np.flatnonzero((sides == Label.FEASIBLE).any(axis=1)):
+            corners = points[i][there[i]]
+            places = (origins[i] + size * corners[_around(corners, normal[i])]) / (1 << found.tree.finest)
+            faces.append(found.box[:, 0] + places * unit)
+    return faces
+
+
+def _around(corners: Reals, normal: Reals) -> Ints:
+    """Order of points of a plane around their middle."""
+    away = corners - corners.mean(axis=0)
+    first = np.eye(3)[np.argmin(np.abs(normal))]
+    first = first - (first @ normal) * normal
+    return np.argsort(np.arctan2(away @ np.cross(normal, first), away @ first))

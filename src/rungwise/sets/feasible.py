@@ -1,0 +1,475 @@
+"""The set of a scene's parameters by what becomes of the scene there, on one rung."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene, load
+from rungwise.sets import store
+from rungwise.sets.crossings import planes, solve
+from rungwise.sets.labels import Label, labels
+from rungwise.sets.store import Log, SetError
+from rungwise.sets.tree import FIRST_LEVEL, BudgetSpent, Tree
+from rungwise.simulation.batch import Batch, Results
+from rungwise.simulation.run import Run, moving_rung, simulate
+
+if TYPE_CHECKING:
+    import xarray
+
+CELL, DEEPER = 4.0, 2
+"""Side of the cells along the boundary, in tolerances: crossings of their edges are located to within one. A
+cell in which the boundary is no plane is split at most `DEEPER` times more, to the side of a tolerance."""
+ACCURACY = 3e-3
+"""Error allowed per step of a run, relative to the smallest shape of the scene."""
+THETA = 0.5
+KEPT = 4096
+"""Runs of a batch that is kept whole."""
+WIDE = 100.0
+"""A range more than so many times the default is not one to search; see `box_of`."""
+MAX_AXES = 6
+PROBE_ROUNDS = 4
+BUDGET = 50_000_000
+
+
+@dataclass(frozen=True)
+class Certified:
+    """With a confidence of 1 - delta, a random point is labelled wrongly with a probability below `bound`.
+
+    `near` counts the wrong ones among the `wrong` that lie within the tolerance of the boundary.
+    """
+
+    samples: int
+    wrong: int
+    near: int
+    bound: float
+    delta: float
+
+
+@dataclass(frozen=True)
+class FeasibleSet:
+    """Labels over a box of parameters.
+
+    `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
+    the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
+    `probes` and `hits` those of the last round of random probes, and how many of them contradicted their
+    leaf; `complete` is false when the budget ended the refinement.
+    """
+
+    scene: Scene
+    model: Rung
+    over: tuple[str, ...]
+    box: Reals
+    tol: float
+    tree: Tree
+    crossings: dict[int, tuple[Ints, Reals]]
+    evaluations: int
+    probes: int
+    hits: int
+    request: dict[str, Any] = field(repr=False)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the refinement was not ended by its budget."""
+        return not self.tree.spent
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Values of the parameters that the set is not over."""
+        return {k: v for k, v in self.request["parameters"].items() if k not in self.over}
+
+    def classify(self, points: Reals) -> NDArray[np.str_]:
+        """Labels (m,) of points (m, d), in the order of `over`; `unknown` outside the box.
+
+        Raises ValueError for another shape.
+        """
+        return np.array([str(label) for label in Label])[self.labels(points)]
+
+    def labels(self, points: Reals) -> Ints:
+        """As `classify`, as values of `Label`."""
+        points = np.asarray(points, np.float64)
+        if points.ndim != 2 or points.shape[1] != len(self.over):
+            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
+        inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
+        result = np.full(len(points), int(Label.UNKNOWN))
+        result[inside] = self._labels((points[inside] - self.box[:, 0]) / self._unit)
+        return result
+
+    def witness(self, point: Reals) -> dict[str, float] | None:
+        """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
+        holds the point, or none. `replay` runs it."""
+        place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self._unit
+        levels, index = self.tree.locate(place)
+        level = int(levels[0])
+        origin = self.tree.leaves[level][index[0]]
+        corners = origin + self.tree.size(level) * self.tree.corners
+        at, _ = self.tree.vertices.find(self.tree.vertices.key(corners))
+        good = self.tree.vertices.labels[at] == Label.FEASIBLE
+        if not good.any():
+            return None
+        distance = np.where(good, np.linalg.norm(corners - place, axis=1), math.inf)
+        best = self.box[:, 0] + corners[int(np.argmin(distance))] * self._unit
+        return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
+
+    def replay(self, parameters: Mapping[str, float]) -> Run:
+        """The run at these parameters, step by step as it was."""
+        options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
+        return simulate(self.scene, self.model, parameters=parameters, **options)
+
+    def certify(
+        self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
+    ) -> Certified:
+        """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson)."""
+        if n < 1 or not 0.0 < delta < 1.0:
+            raise SetError("certify: n must be at least 1, and delta lie in 0..1")
+        points = self.random(n, seed)
+        truth = labels(_batch(self.scene, self.model, self.over, self.request, threads).run(points).outcome)
+        wrong = self.labels(points) != truth
+        near = np.zeros(n, bool)
+        for axis in range(len(self.over)):
+            for sign in (-1.0, 1.0):
+                moved = points.copy()
+                moved[:, axis] += sign * self.tol * np.ptp(self.box[axis])
+                near |= self.labels(np.clip(moved, *self.box.T)) == truth
+        count = int(wrong.sum())
+        bound = 1.0 if count == n else float(beta.ppf(1.0 - delta, count + 1, n - count))
+        return Certified(n, count, int((wrong & near).sum()), bound, delta)
+
+    def random(self, n: int, seed: int) -> Reals:
+        """Points (n, d), uniform in the box."""
+        low, high = self.box.T
+        return np.asarray(np.random.default_rng(seed).uniform(low, high, (n, len(low))))
+
+    def volumes(self, n: int = 100_000, seed: int = 2) -> dict[str, float]:
+        """Part of the box that each label takes, from n random points (standard error up to 0.5 / sqrt n)."""
+        found = np.bincount(self.labels(self.random(n, seed)), minlength=len(Label)) / n
+        return {str(label): float(found[label]) for label in Label if found[label] > 0.0}
+
+    @cached_property
+    def data(self) -> xarray.Dataset:
+        """Everything as arrays: vertices, leaves and crossings, in the units of the parameters."""
+        return _dataset(self)
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
+        return store.save(Path(folder), self.data)
+
+    @property
+    def _unit(self) -> Reals:
+        return np.asarray((self.box[:, 1] - self.box[:, 0]) / (1 << self.tree.finest))
+
+    @cached_property
+    def _planes(self) -> dict[int, tuple[Reals, Reals, Ints]]:
+        return {level: planes(self.tree, level, *found) for level, found in self.crossings.items()}
+
+    def _labels(self, places: Reals) -> Ints:
+        levels, index = self.tree.locate(places)
+        result = np.full(len(places), int(Label.UNKNOWN))
+        for level, origins in enumerate(self.tree.leaves):
+            here = np.flatnonzero(levels == level)
+            if not len(here):
+                continue
+            inside = places[here] / self.tree.size(level) - origins[index[here]] / self.tree.size(level)
+            corner_labels, _ = self.tree.corner_labels(origins[index[here]], level)
+            nearest = (inside >= 0.5).astype(np.int64) @ (2 ** np.arange(len(self.over))[::-1])
+            result[here] = corner_labels[np.arange(len(here)), nearest]
+            if level in self._planes:
+                normal, offset, sides = (part[index[here]] for part in self._planes[level])
+                side = np.einsum("mi,mi->m", normal, inside) >= offset
+                known = sides[:, 0] >= 0
+                result[here[known]] = sides[known, side[known].astype(np.int64)]
+        return result
+
+
+def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:
+    """Intervals (d, 2) of the parameters: as given, or their range, or, where that is more than `WIDE` times
+    the default, from 0 to twice the default within the range. Raises SetError."""
+    intervals = []
+    for name in over:
+        declared = scene.file.parameters[name]
+        low, high = declared.range if declared.range is not None else (-math.inf, math.inf)
+        if box is not None and name in box:
+            first, last = (float(x) for x in box[name])
+            if not (math.isfinite(first) and math.isfinite(last) and low <= first < last <= high):
+                raise SetError(
+                    f"over: {name}={first:g}:{last:g} must be an interval within {low:g} to {high:g}"
+                )
+            low, high = first, last
+        elif not high - low <= WIDE * abs(declared.default):
+            if declared.default == 0.0:
+                raise SetError(f"over: {name} needs an interval, {name}=LOW:HIGH")
+            ends = sorted((0.0, 2.0 * declared.default))
+            low, high = max(low, ends[0]), min(high, ends[1])
+        intervals.append((low, high))
+    return np.array(intervals)
+
+
+def feasible_set(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    over: Sequence[str],
+    *,
+    tol: float = 0.01,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    accuracy: float | None = None,
+    probes: int | None = None,
+    budget: int = BUDGET,
+    seed: int = 0,
+    threads: int | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    on_progress: Callable[[str, int, int], None] | None = None,
+) -> FeasibleSet:
+    """Where in a box of parameters the scene ends in its goal, and how it ends elsewhere.
+
+    The number of runs grows like the surface between labels, not like the volume. What is thinner than a cell
+    of the first grid may be missed where no probe meets it: see `probes` and `hits` of the result.
+
+    Args:
+        scene, model: as for `simulate`.
+        over: names of 1 to 6 parameters.
+        tol: how well the boundary is located, as a part of the box's side along each axis. Cells are four
+            times as large, and as large as `tol` where the boundary is no plane.
+        box: interval (low, high) by name; see `box_of` for those not given.
+        parameters: values of the other parameters.
+        accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
+        probes: random points per round; as many as the first grid has if not given.
+        budget: greatest number of runs.
+        threads: as many as there are cores if not given. The set does not depend on it.
+        out: folder where every finished batch is kept, and the set in the end.
+        resume: go on from the batches kept in `out`.
+        on_progress: called with what is done, runs so far, and runs asked for so far.
+
+    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
+    """
+    loaded = scene if isinstance(scene, Scene) else load(scene)
+    rung = moving_rung(model)
+    if not 1 <= len(over) <= MAX_AXES:
+        raise SetError(f"over: 1 to {MAX_AXES} parameters, not {len(over)}")
+    if not 1e-6 <= tol <= 0.25:
+        raise SetError(f"tol: {tol!r} must lie in 1e-6..0.25 (a part of the box)")
+    values = loaded.parameters(parameters)
+    request: dict[str, Any] = {
+        "scene": loaded.name,
+        "digest": digest(loaded),
+        "model": rung.name,
+        "inertia": rung.inertia,
+        "over": list(over),
+        "parameters": values,
+        "tol": tol,
+        "accuracy": ACCURACY * smallest(loaded, values) if accuracy is None else accuracy,
+        "theta": THETA,
+        "budget": budget,
+        "seed": seed,
+    }
+    batch = _batch(loaded, rung, over, request, threads)
+    intervals = box_of(loaded, batch.over, box)
+    axes = len(batch.over)
+    target = max(1, math.ceil(math.log2(1.0 / (CELL * tol)) - 1e-9))
+    probes = (1 << min(FIRST_LEVEL[axes], target)) ** axes if probes is None else probes
+    request |= {"box": intervals.tolist(), "probes": probes, "target": target}
+    log = None if out is None else Log(Path(out), request, resume)
+    tree = Tree.empty(axes, target, target + DEEPER)
+    asker = _Asker(batch, intervals, tree.finest, budget, log, on_progress)
+    made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
+    crossings = _cross(tree, asker)
+    result = FeasibleSet(
+        scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree,
+        crossings=crossings, evaluations=asker.count, probes=made, hits=hits, request=request,
+    )  # fmt: skip
+    if out is not None:
+        result.save(out)
+    return result
+
+
+def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
+    """A finished set from the folder that it was saved in; `scene` if it is none that ships.
+
+    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
+    """
+    data = store.load(folder)
+    request = store.attributes(data)
+    loaded = load(request["scene"]) if scene is None else scene
+    if digest(loaded) != request["digest"]:
+        raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
+    axes, target = len(request["over"]), request["target"]
+    tree = Tree.empty(axes, target, target + DEEPER)
+    box = np.array(request["box"])
+    unit = (box[:, 1] - box[:, 0]) / (1 << tree.finest)
+    keys = tree.vertices.key(np.rint((data.vertex.values - box[:, 0]) / unit).astype(np.int64))
+    tree.vertices.keys, tree.vertices.labels = keys, data.label.values.astype(np.int64)
+    tree.vertices.margins, tree.spent = data.margin.values, not data.attrs["complete"]
+    levels = data.level.values
+    tree.leaves = [data.leaf.values[levels == level] for level in range(tree.finest + 1)]
+    edge_levels = data.edge_level.values
+    crossings = {
+        int(level): (data.edge.values[edge_levels == level], data.fraction.values[edge_levels == level])
+        for level in range(target, max(target, *edge_levels.tolist(), 0) + 1)
+    }
+    model = moving_rung(request["model"])
+    return FeasibleSet(
+        scene=loaded, model=model if model.metric else model.with_inertia(request["inertia"]),
+        over=tuple(request["over"]), box=box, tol=request["tol"], tree=tree, crossings=crossings,
+        evaluations=int(data.attrs["evaluations"]), probes=int(data.attrs["probes"]),
+        hits=int(data.attrs["hits"]), request=request,
+    )  # fmt: skip
+
+
+def digest(scene: Scene) -> str:
+    """Mark of all that a scene's file says."""
+    return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]
+
+
+def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator) -> tuple[int, int]:
+    """Refine, then probe leaves that look uniform until a round finds nothing new; its probes and hits."""
+    asker.task = "cells"
+    tree.grow(asker)
+    made = hits = 0
+    for _ in range(PROBE_ROUNDS if probes else 0):
+        asker.task = "probes"
+        places = generator.uniform(0.0, 1 << tree.finest, (probes, tree.axes))
+        levels, index = tree.locate(places)
+        expected = np.full(len(places), -1, np.int64)
+        for level in range(tree.finest + 1):
+            here = levels == level
+            cells = tree.leaves[level][index[here]]
+            found, _ = tree.corner_labels(cells, level)
+            expected[here] = np.where((found == found[:, :1]).all(axis=1), found[:, 0], -1)
+        places, expected = places[expected >= 0], expected[expected >= 0]
+        try:
+            found, _ = asker(places)
+        except BudgetSpent:
+            tree.spent = True
+            break
+        wrong = found != expected
+        made, hits = len(places), int(wrong.sum())
+        if not hits:
+            break
+        asker.task = "cells"
+        tree.probe(places[wrong], asker)
+    return made, hits
+
+
+def _cross(tree: Tree, asker: _Asker) -> dict[int, tuple[Ints, Reals]]:
+    """Crossings by level; cells in which the boundary is no plane go to the next level."""
+    asker.task = "boundary"
+    crossings = {}
+    for level in range(tree.target, tree.finest + 1):
+        crossings[level] = solve(tree, level, asker)
+        _, _, sides = planes(tree, level, *crossings[level])
+        coarse = (sides[:, 0] < 0) & tree.is_mixed(tree.leaves[level], level)
+        if level == tree.finest or not coarse.any():
+            break
+        tree.split(level, coarse, asker)
+    return crossings
+
+
+class _Asker:
+    """The oracle of the tree: places -> parameters -> runs, by kept batches."""
+
+    def __init__(
+        self,
+        batch: Batch,
+        box: Reals,
+        finest: int,
+        budget: int,
+        log: Log | None,
+        on_progress: Callable[[str, int, int], None] | None,
+    ) -> None:
+        self._batch, self._log, self._budget, self._report = batch, log, budget, on_progress
+        self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
+        self.count = 0
+        self.task = ""
+
+    def __call__(self, places: Reals) -> tuple[Ints, Reals]:
+        if self.count + len(places) > self._budget:
+            raise BudgetSpent
+        points = self._low + places * self._unit
+        outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
+        target = self.count + len(points)
+        for at in range(0, len(points), KEPT):
+            part = slice(at, at + KEPT)
+            outcomes[part], margins[part] = self._ask(points[part], target)
+            self.count += len(points[part])
+        return labels(outcomes), margins
+
+    def _ask(self, points: Reals, target: int) -> tuple[Ints, Reals]:
+        kept = None if self._log is None else self._log.read(points)
+        if kept is not None:
+            return kept
+        found: Results = self._batch.run(points, on_progress=lambda done: self._tell(done, target))
+        if self._log is not None:
+            self._log.write(points, found.outcome, found.margin)
+        return found.outcome, found.margin
+
+    def _tell(self, done: int, target: int) -> None:
+        if self._report is not None:
+            self._report(self.task, self.count + done, target)
+
+
+def _batch(
+    scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
+) -> Batch:
+    return Batch(
+        scene, model, over, parameters=request["parameters"], tol=request["accuracy"], theta=request["theta"],
+        threads=threads,
+    )  # fmt: skip
+
+
+def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
+    """Reach of the smallest shape that has one, at these parameters; 1 where none has."""
+    reach = scene.bind(parameters).records.shapes["reach"]
+    known = reach[np.isfinite(reach) & (reach > 0.0)]
+    return float(known.min()) if len(known) else 1.0
+
+
+def _dataset(found: FeasibleSet) -> xarray.Dataset:
+    import xarray as xr
+
+    tree, low, unit = found.tree, found.box[:, 0], found._unit
+    places = tree.vertices.places(tree.vertices.keys)
+    levels = np.concatenate([np.full(len(cells), level) for level, cells in enumerate(tree.leaves)])
+    edges = np.concatenate([keys for keys, _ in found.crossings.values()])
+    fractions = np.concatenate([part for _, part in found.crossings.values()])
+    edge_levels = np.concatenate([np.full(len(keys), level) for level, (keys, _) in found.crossings.items()])
+    starts = tree.vertices.places(edges // tree.axes).astype(np.float64)
+    starts[np.arange(len(edges)), edges % tree.axes] += fractions * 2.0 ** (tree.finest - edge_levels)
+    return xr.Dataset(
+        {
+            "vertex": (("vertices", "axis"), low + places * unit),
+            "label": (
+                ("vertices",),
+                tree.vertices.labels.astype(np.int8),
+                {"labels": [str(x) for x in Label]},
+            ),
+            "margin": (("vertices",), tree.vertices.margins),
+            "leaf": (("leaves", "axis"), np.concatenate(tree.leaves)),
+            "level": (("leaves",), levels.astype(np.int8)),
+            "crossing": (("crossings", "axis"), low + starts * unit),
+            "edge": (("crossings",), edges),
+            "edge_level": (("crossings",), edge_levels.astype(np.int8)),
+            "fraction": (("crossings",), fractions),
+            "box": (("axis", "end"), found.box),
+        },
+        coords={"axis": np.array(found.over, dtype=object)},
+        attrs={
+            "request": json.dumps(found.request),
+            "evaluations": found.evaluations,
+            "probes": found.probes,
+            "hits": found.hits,
+            "complete": int(found.complete),
+        },
+    )

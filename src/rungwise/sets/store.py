@@ -1,0 +1,116 @@
+"""Results on disk: every finished batch is kept, and a run that was stopped goes on where it was.
+
+A set is computed by a sequence of batches that depends only on the request and on what earlier batches found.
+So the log of batches is all that a restart needs: it answers the same questions from the log until the log
+ends. Files appear under their names whole or not at all.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+
+if TYPE_CHECKING:
+    import xarray
+
+REQUEST, BATCHES, STORE = "request.json", "batches", "set.zarr"
+
+
+class SetError(ValueError):
+    """A request for a set, or a folder of one, is wrong; the text is one line that names what."""
+
+
+class Log:
+    """The finished batches of one request in a folder.
+
+    Raises SetError when the folder holds another request, or holds one already and `resume` is false.
+    """
+
+    def __init__(self, folder: Path, request: Mapping[str, object], resume: bool) -> None:
+        self.folder = folder / BATCHES
+        known = folder / REQUEST
+        text = json.dumps(request, indent=1, sort_keys=True)
+        if known.is_file():
+            if not resume:
+                raise SetError(f"out: {folder} holds a set already; give --resume, or another folder")
+            if known.read_text("utf-8") != text:
+                raise SetError(f"resume: {folder} holds another request; see {REQUEST} in it")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        if not known.is_file():
+            _write(known, text.encode())
+        self._next = 0
+
+    def read(self, points: Reals) -> tuple[Ints, Reals] | None:
+        """Outcomes and margins of the next batch if it is kept. Raises SetError if that has other points."""
+        file = self._file()
+        if not file.is_file():
+            return None
+        with np.load(file) as kept:
+            if not np.array_equal(kept["points"], points):
+                raise SetError(f"resume: {file.name} in {self.folder} is of another request")
+            self._next += 1
+            return kept["outcome"], kept["margin"]
+
+    def write(self, points: Reals, outcome: Ints, margin: Reals) -> None:
+        """Keep a batch."""
+        mark = self.folder / f".{uuid.uuid4().hex[:8]}.npz"
+        try:
+            np.savez(mark, points=points, outcome=outcome, margin=margin)
+            os.replace(mark, self._file())
+        finally:
+            mark.unlink(missing_ok=True)
+        self._next += 1
+
+    def _file(self) -> Path:
+        return self.folder / f"{self._next:06d}.npz"
+
+
+def _write(target: Path, content: bytes) -> None:
+    mark = target.with_name(f".{uuid.uuid4().hex[:8]}")
+    try:
+        mark.write_bytes(content)
+        os.replace(mark, target)
+    finally:
+        mark.unlink(missing_ok=True)
+
+
+def save(folder: Path, data: xarray.Dataset) -> Path:
+    """Write the finished set beside its batches, whole or not at all. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
+    mark = folder / f".{uuid.uuid4().hex[:8]}.zarr"
+    old = folder / f".{uuid.uuid4().hex[:8]}.old"
+    try:
+        data.to_zarr(mark, mode="w", consolidated=False)
+        if (folder / STORE).exists():
+            os.replace(folder / STORE, old)
+        os.replace(mark, folder / STORE)
+    finally:
+        shutil.rmtree(mark, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+    return folder / STORE
+
+
+def load(folder: str | Path) -> xarray.Dataset:
+    """The finished set of a folder. Raises FileNotFoundError when it holds none."""
+    import xarray as xr
+
+    store = Path(folder) / STORE
+    if not store.is_dir():
+        raise FileNotFoundError(f"{folder} holds no finished set ({STORE})")
+    data: xarray.Dataset = xr.open_zarr(store, consolidated=False).load()
+    return data
+
+
+def attributes(data: xarray.Dataset) -> dict[str, Any]:
+    """The request that a stored set answers."""
+    request: dict[str, Any] = json.loads(data.attrs["request"])
+    return request

@@ -1,0 +1,181 @@
+"""Many runs in one compiled call: bind a sample, run it to its outcome, keep the verdict and its margin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.scene.bind import BOUND, bind
+from rungwise.scene.records import Records
+from rungwise.simulation.loop import begin, step
+from rungwise.simulation.memory import clear
+from rungwise.simulation.state import Conditions, Timed, Workspace
+from rungwise.simulation.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
+
+RESULT = np.dtype(
+    [(name, np.int64) for name in ("outcome", "steps", "attempts")]
+    + [(name, np.float64) for name in ("time", "margin", "worst_residual")]
+)
+"""One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""
+
+OPTIONS = np.dtype([(name, np.float64) for name in ("step", "duration", "tol", "longest", "jam", "budget")])
+"""nan: the scene's own step or duration. tol 0: fixed steps; longest: in parts of the duration; jam: in parts
+of the goal's tolerance; budget: greatest number of steps of a run."""
+
+STOPPED, DONE = 0, 1
+"""Signals: whether to stop, and how many runs are done."""
+
+
+class Programs(Block):
+    """All that is the same for every sample: programs, checks, and the numbers that samples begin with."""
+
+    code: Ints
+    constants: Reals
+    table: Ints
+    targets: Ints
+    slots: Ints
+    low: Reals
+    high: Reals
+    kinds: Ints
+    buffer: Reals
+    parameters: Reals
+    blank: RecordArray
+
+
+class Place(Block):
+    """One thread's own: the numbers of its sample, the records that are views of them, the workspace."""
+
+    buffer: Reals
+    control: RecordArray
+    records: Records
+    workspace: Workspace
+
+
+@kernel
+def run_samples(
+    programs: Programs,
+    timed: Timed,
+    conditions: Conditions,
+    rung: RecordArray,
+    options: RecordArray,
+    columns: Ints,
+    points: Reals,
+    signals: Ints,
+    place: Place,
+    results: RecordArray,
+    final: Reals,
+) -> None:
+    """Run `points` (m, k), values of the parameters `columns` (k,), into `results` (m,) and `final` (m, n).
+
+    A sample does not depend on those before it. Ends early, with results left RUNNING, when signalled.
+    """
+    for i in range(points.shape[0]):
+        if signals[STOPPED] != 0:
+            break
+        results[i].outcome = _run(
+            programs, timed, conditions, rung, options, columns, points[i], signals, place, results[i : i + 1]
+        )
+        for j in range(final.shape[1]):
+            final[i, j] = place.workspace.state.q[j]
+
+
+@kernel
+def _run(
+    programs: Programs,
+    timed: Timed,
+    conditions: Conditions,
+    rung: RecordArray,
+    options: RecordArray,
+    columns: Ints,
+    point: Reals,
+    signals: Ints,
+    place: Place,
+    result: RecordArray,
+) -> int:
+    """One sample to its outcome; all but the outcome goes to result[0]."""
+    workspace, control = place.workspace, place.control
+    state, scratch = workspace.state, workspace.scratch
+    clock = state.clock[0]
+    result[0].margin = math.nan
+    result[0].steps = result[0].attempts = 0
+    result[0].time = result[0].worst_residual = 0.0
+    if not _bind(programs, columns, point, place):
+        state.q[:] = math.nan
+        return INVALID
+    _set_control(options, place)
+    clear(workspace, programs.blank)
+    if begin(place.records, rung, control, workspace) == INVALID:
+        return INVALID
+    outcome = judge(conditions, state, scratch)
+    best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
+    while outcome == RUNNING:
+        if signals[STOPPED] != 0:
+            return RUNNING
+        if clock.steps >= options[0].budget:
+            outcome = NOT_CONVERGED
+            break
+        outcome = step(place.records, timed, conditions, place.buffer, rung, control, workspace)
+        best, danger = _watch(conditions, workspace, best, danger)
+    result[0].margin = _margin(outcome, best, danger, 1.0 - clock.time / control[0].duration)
+    result[0].steps, result[0].attempts = clock.steps, clock.attempts
+    result[0].time, result[0].worst_residual = clock.time, clock.worst_residual
+    return outcome
+
+
+@kernel
+def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool:
+    """Numbers of the sample into the thread's records; false when the scene is impossible there."""
+    values, records = place.workspace.state.values, place.records
+    values[:] = 0.0
+    for j in range(programs.parameters.shape[0]):
+        values[j] = programs.parameters[j]
+    for j in range(columns.shape[0]):
+        values[columns[j]] = point[j]
+    for j in range(place.buffer.shape[0]):
+        place.buffer[j] = programs.buffer[j]
+    fault, _ = bind(
+        programs.code, programs.constants, programs.table, programs.targets,
+        programs.slots, programs.low, programs.high, programs.kinds, values, place.workspace.scratch.stack,
+        place.buffer, records.bodies, records.coordinates, records.shapes, records.vertices, records.contacts,
+        records.joints, records.measures,
+    )  # fmt: skip
+    values[values.shape[0] - 1] = records.world[0].tolerance
+    return fault == BOUND
+
+
+@kernel
+def _set_control(options: RecordArray, place: Place) -> None:
+    """Step, duration and tolerances of this sample."""
+    world, control, wanted = place.records.world[0], place.control[0], options[0]
+    control.step = world.step if math.isnan(wanted.step) else wanted.step
+    control.duration = world.duration if math.isnan(wanted.duration) else wanted.duration
+    control.tolerance = world.tolerance
+    control.error = wanted.tol
+    control.longest = control.step if wanted.tol == 0.0 else wanted.longest * control.duration
+    control.jam = wanted.jam * world.tolerance
+
+
+@kernel
+def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
+    """Greatest margins so far: of the goal, and of what is unsafe or doomed."""
+    state, scratch = workspace.state, workspace.scratch
+    goal = margin(conditions, 0, state, scratch)
+    if goal > best:
+        best = goal
+    for index in (1, 2):
+        near = margin(conditions, index, state, scratch)
+        if near > danger:
+            danger = near
+    return best, danger
+
+
+@kernel
+def _margin(outcome: int, best: float, danger: float, left: float) -> float:
+    """Signed margin of a run: with the goal reached, how far it stayed from what would have ended it (the
+    part of the time that was left, where nothing would); otherwise how near it came, negative."""
+    if outcome == GOAL:
+        return -danger if danger > -math.inf else left
+    return min(best, 0.0) if best > -math.inf else math.nan

@@ -1,0 +1,220 @@
+"""Feasible sets of the two-finger scene against the closed forms, and what users rely on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.sets.feasible import box_of
+from rungwise.sets.labels import labels
+
+BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}
+
+
+def grasp(model: rw.Rung, over: tuple[str, ...] = ("v1", "v2"), **options: Any) -> rw.FeasibleSet:
+    return rw.feasible_set("two_finger", model, over, **{"box": BOX, "threads": 1, **options})
+
+
+def worst(found: rw.FeasibleSet, end: float) -> float:
+    """Greatest distance of a wrong point from the planes r = end and r = 1 / end, in parts of the box."""
+    points = found.random(100_000, 8)
+    v1, v2 = points[:, 0], points[:, 1]
+    truth = (v2 >= end * v1) & (v1 >= end * v2)
+    wrong = (found.labels(points) == rw.Label.FEASIBLE) != truth
+    away = np.minimum(np.abs(v2 - end * v1), np.abs(v1 - end * v2)) / 2.0
+    return float(np.max(away[wrong], initial=0.0))
+
+
+@pytest.mark.parametrize("tol", [0.01, 0.001])
+@pytest.mark.parametrize(
+    ("model", "parameters", "end"),
+    [
+        (rw.KINEMATIC, {}, 0.5),
+        (rw.QUASISTATIC_RIGID, {}, 0.5),
+        (rw.QUASISTATIC_COMPLIANT, {}, 0.5),
+        (rw.DYNAMIC_RIGID, {}, 0.5),
+        (rw.DYNAMIC_RIGID, {"restitution": 1.0}, 4.0 / 7.0),
+    ],
+    ids=str,
+)
+def test_bands(model: rw.Rung, parameters: dict[str, float], end: float, tol: float) -> None:
+    found = grasp(model, parameters=parameters, tol=tol)
+    assert found.complete and found.hits == 0
+    assert worst(found, end) <= tol
+
+
+@pytest.mark.parametrize("restitution", [0.0, 0.25, 0.5, 0.8, 1.0])
+def test_the_first_impact_decides(restitution: float) -> None:
+    """r from 1 / (1.5 + 0.5 / (1 + e)) to its inverse."""
+    found = grasp(rw.DYNAMIC_RIGID, ("v2",), parameters={"restitution": restitution}, tol=1e-3)
+    v2 = np.linspace(0.2, 2.2, 20_001)
+    caught = v2[found.labels(v2[:, None]) == rw.Label.FEASIBLE]
+    end = 1.0 / (1.5 + 0.5 / (1.0 + restitution))
+    assert (caught.min(), caught.max()) == pytest.approx((end, 1.0 / end), abs=1e-3 * 2.0)
+
+
+def test_bands_in_three_dimensions() -> None:
+    found = grasp(rw.QUASISTATIC_RIGID, ("v1", "v2", "mu"), tol=0.02)
+    assert worst(found, 0.5) <= 0.02
+
+
+def test_damped_impacts_tighten_the_band_with_friction() -> None:
+    """Exact thresholds at v1 = 1, K = 1e6, C = 1e4: 0.50218, 0.50399, 0.51337 for mu = 0, 0.5, 0.9."""
+    found = rw.feasible_set(
+        "two_finger", rw.DYNAMIC_COMPLIANT, ("mu", "v2"), box={"mu": (0.0, 0.9), "v2": (0.49, 0.53)},
+        tol=0.02, threads=1, accuracy=1e-4,
+    )  # fmt: skip
+    for mu, end in ((0.001, 0.50218), (0.5, 0.50399), (0.899, 0.51337)):
+        ratio = np.linspace(0.495, 0.525, 3001)
+        caught = found.labels(np.column_stack([np.full(3001, mu), ratio])) == rw.Label.FEASIBLE
+        assert ratio[caught].min() == pytest.approx(end, abs=0.02 * 0.04 + 2e-4)
+
+
+def test_elastic_lies_inside_plastic() -> None:
+    plastic, elastic = (grasp(rw.DYNAMIC_RIGID, parameters={"restitution": e}) for e in (0.0, 1.0))
+    found = rw.between(plastic, elastic)
+    # The triangle between the lines r = 1/2 and r = 4/7, twice, over the box.
+    lost = _wedge(0.5) - _wedge(4.0 / 7.0)
+    assert found.gained == 0.0 and found.lost == pytest.approx(lost, abs=0.004)
+
+
+def _wedge(end: float) -> float:
+    """Part of the box between r = end and 1 / end."""
+    v = np.linspace(0.2, 2.2, 20001)
+    return float(np.mean(np.minimum(v / end, 2.2) - np.maximum(end * v, 0.2)) / 2.0)
+
+
+def test_force_limited_fingers_capture_everywhere_where_they_stick() -> None:
+    found = rw.feasible_set(
+        "two_finger_servo", rw.QUASISTATIC_RIGID, ("v1", "v2"), box=BOX, parameters={"mu": 1.1}, threads=1
+    )
+    assert found.volumes() == {"feasible": 1.0}
+
+
+def test_free_fingers_capture_far_outside_the_band_of_prescribed_ones() -> None:
+    """Panel (d): with plastic impacts all ratios from 1/20 to 3, where prescribed ones end at 1/2 and 2."""
+    found = rw.feasible_set(
+        "two_finger_free", rw.DYNAMIC_RIGID, ("v2",), box={"v2": (0.05, 3.0)}, tol=0.02, threads=1
+    )
+    assert found.volumes() == {"feasible": 1.0}
+
+
+def test_prescribed_fingers_jam_where_they_stick() -> None:
+    found = grasp(rw.QUASISTATIC_RIGID, parameters={"mu": 1.1}, tol=0.05)
+    assert found.volumes()["jammed"] > 0.9
+    assert found.witness(np.array([1.0, 0.5])) is None
+
+
+def test_sets_that_are_not_intervals() -> None:
+    """Two windows of one speed: a carriage must be seen in either of two places after one second."""
+    scene = rw.load(
+        {
+            "name": "plates",
+            "parameters": {"v": {"default": 1.0, "range": [0.0, 10.0]}},
+            "bodies": {
+                "block": {
+                    "role": "robot", "shape": {"kind": "point"},
+                    "motion": {"kind": "slide", "axis": [1, 0], "name": "s"},
+                    "coordinates": {"s": {"drive": {"kind": "speed", "speed": "v"}}},
+                }
+            },
+            "goal": "t >= 1 and max(0.07 - abs(block.s - 2.31), 0.11 - abs(block.s - 7.77)) >= 0",
+            "duration": 1.5,
+            "step": 1e-3,
+        }
+    )  # fmt: skip
+    found = rw.feasible_set(scene, rw.KINEMATIC, ("v",), tol=1e-4, threads=1)
+    v = np.linspace(0.0, 10.0, 20001)
+    caught = v[found.labels(v[:, None]) == rw.Label.FEASIBLE]
+    ends = caught[np.flatnonzero(np.diff(caught, prepend=-1.0, append=11.0) > 0.01)[:-1]]
+    # It is seen from 1 s on, until the time is over: the slowest come into sight at 1.5 s.
+    assert ends == pytest.approx([2.24 / 1.5, 7.66 / 1.5], abs=2e-3)
+
+
+def test_a_witness_replays_and_a_certificate_bounds_the_error() -> None:
+    found = grasp(rw.DYNAMIC_COMPLIANT, tol=0.02)
+    for point in ([1.0, 0.9], [0.7, 1.1], [2.0, 1.5]):
+        witness = found.witness(np.array(point))
+        assert witness is not None and found.replay(witness).outcome.name == "goal"
+    certified = found.certify(1000, 0.05, threads=1)
+    assert certified.wrong == certified.near and certified.wrong / 1000 < certified.bound < 0.03
+    assert found.certify(1, 0.05, threads=1).bound >= 0.95
+
+
+def test_labels_speak_of_runs() -> None:
+    codes = np.array(
+        [rw.Code.GOAL, rw.Code.MISSED, rw.Code.DOOMED, rw.Code.NOT_CONVERGED, rw.Code.MODEL_INVALID]
+    )
+    assert labels(codes).tolist() == [0, 1, 2, 6, 6]
+    found = grasp(rw.KINEMATIC, tol=0.05)
+    assert found.classify(np.array([[1.0, 1.0], [2.0, 0.5], [9.0, 1.0]])).tolist() == [
+        "feasible",
+        "doomed",
+        "unknown",
+    ]
+
+
+def test_threads_do_not_change_a_set() -> None:
+    one, three = (grasp(rw.DYNAMIC_RIGID, threads=n, tol=0.02) for n in (1, 3))
+    assert one.data.identical(three.data)
+
+
+def test_an_interrupted_set_goes_on_where_it_was(tmp_path: Path) -> None:
+    whole = grasp(rw.QUASISTATIC_RIGID, ("v1", "v2", "mu"), tol=0.03, out=tmp_path / "whole")
+    asked = 0
+
+    def stop(_what: str, done: int, _known: int) -> None:
+        nonlocal asked
+        if done > asked:
+            asked = done + 1500
+            raise KeyboardInterrupt
+
+    options = {"tol": 0.03, "out": tmp_path / "parts", "resume": True}
+    stops = 0
+    while True:
+        try:
+            parts = grasp(rw.QUASISTATIC_RIGID, ("v1", "v2", "mu"), on_progress=stop, **options)
+            break
+        except KeyboardInterrupt:
+            stops += 1
+    assert stops >= 3 and parts.data.identical(whole.data)
+    again = rw.load_set(tmp_path / "parts")
+    points = whole.random(5000, 3)
+    assert (again.labels(points) == whole.labels(points)).all() and again.volumes() == whole.volumes()
+    kept = list((tmp_path / "parts" / "batches").iterdir())
+    assert all(file.name.endswith(".npz") and not file.name.startswith(".") for file in kept)
+
+
+def test_a_folder_answers_one_request(tmp_path: Path) -> None:
+    grasp(rw.KINEMATIC, tol=0.1, out=tmp_path)
+    with pytest.raises(rw.SetError, match="holds a set already"):
+        grasp(rw.KINEMATIC, tol=0.1, out=tmp_path)
+    with pytest.raises(rw.SetError, match="another request"):
+        grasp(rw.DYNAMIC_RIGID, tol=0.1, out=tmp_path, resume=True)
+    with pytest.raises(FileNotFoundError, match="no finished set"):
+        rw.load_set(tmp_path / "nothing")
+
+
+def test_boxes() -> None:
+    scene = rw.load("two_finger")
+    assert box_of(scene, ("v1", "restitution"), {"restitution": (0.1, 0.7)}).tolist() == [
+        [1e-6, 2.0],
+        [0.1, 0.7],
+    ]
+    with pytest.raises(rw.SetError, match="x3 needs an interval"):
+        box_of(scene, ("x3",))
+    with pytest.raises(rw.SetError, match="must be an interval within 0 to 1"):
+        box_of(scene, ("restitution",), {"restitution": (0.5, 2.0)})
+
+
+def test_wrong_input() -> None:
+    with pytest.raises(rw.SetError, match="over: 1 to 6 parameters"):
+        rw.feasible_set("two_finger", rw.KINEMATIC, ())
+    with pytest.raises(rw.SetError, match="tol"):
+        grasp(rw.KINEMATIC, tol=0.0)
+    with pytest.raises(ValueError, match="shape"):
+        grasp(rw.KINEMATIC, tol=0.2).classify(np.zeros((2, 3)))
