@@ -10,6 +10,7 @@ for model in rw.LADDER[1:]:
 from rungwise.contact.closure import Closure, force_closure, form_closure
 from rungwise.contact.mixed import Problem
 from rungwise.contact.pieces import Kind, Piece, Solutions
+from rungwise.contact.sensitivity import Sensitivity, sensitivity
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solutions import extreme_motions, solutions
 from rungwise.contact.solve import solve
@@ -31,17 +32,18 @@ from rungwise.sets.labels import Label
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
+from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run
 from rungwise.viewing.view import ViewError, view
 
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
-    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code",
-    "ContactSolution", "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece",
-    "Problem", "Results", "Run", "Rung", "Scene", "SceneError", "SetError", "Simulation", "Solutions",
-    "Status", "Touching", "ViewError", "between", "extreme_motions", "feasible_set", "force_closure",
-    "form_closure", "load", "load_run", "load_set", "schema", "shipped", "simulate", "solutions", "solve",
-    "touching", "view",
+    "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
+    "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece", "Problem", "Results",
+    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "Solutions", "Status",
+    "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions", "feasible_set",
+    "force_closure", "form_closure", "load", "load_run", "load_set", "schema", "sensitivity", "shipped",
+    "simulate", "solutions", "solve", "step_sensitivity", "touching", "view",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -365,7 +365,9 @@ class Simulation:
         residual = float(self.workspace.state.clock[0]["residual"])
         why = f"residual {residual:.1e}"
         if residual <= TOLERANCE:
-            why += ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
+            why += (
+                ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
+            )
         self.reason = f"{outcome.meaning} ({why}). {outcome.advice}"
 
     def _looks_closer(self) -> bool:

@@ -1,0 +1,184 @@
+"""Assembling a step's contact problem from Python, with what is discrete in it held as it was."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.problem import ContactProblem, trim
+from rungwise.contact.sensitivity import DATA
+from rungwise.models.assemble import approach, assemble
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene
+from rungwise.scene.records import SPEED
+from rungwise.simulation import drives
+from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.run import ModelError, Simulation
+from rungwise.system.planar import joints
+from rungwise.system.planar import terms as planar
+from rungwise.system.planar.place import place
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Held:
+    """Contacts by what touches, their gaps, whether they bounce; coordinates that do not move though driven;
+    eps and theta."""
+
+    keys: tuple[tuple[int, int], ...]
+    gap: Array
+    bounced: NDArray[np.bool_]
+    stopped: NDArray[np.bool_]
+    eps: float
+    theta: float
+
+
+class Assembly:
+    """A scene at one set of parameters, ready to assemble steps of length h from any state."""
+
+    def __init__(
+        self, scene: Scene, model: Rung | str, values: dict[str, float], h: float, theta: float, time: float
+    ) -> None:
+        simulation = Simulation(scene, model, parameters=values, step=h, theta=theta, frames=3)
+        if simulation.workspace is None:
+            raise ModelError(simulation.reason)
+        self._simulation = simulation
+        self.workspace, self.state = simulation.workspace, simulation.workspace.state
+        self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)
+        self.time = time
+
+    def put(self, q: Array, v: Array, strain: Array | None) -> None:
+        """Place the bodies and look for contacts."""
+        state, records = self.state, self.records
+        state.q[:], state.v[:], state.clock["time"] = q, v, self.time
+        place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+        look(records, self.workspace)
+        state.modes[:], state.force[:] = 0, 0.0
+        state.deformation[:] = 0.0 if strain is None else strain
+
+    def set_speeds(self) -> float:
+        """Speeds of prescribed coordinates; the length of the step that their travel allows."""
+        run = self._simulation
+        h, _ = drives.set_speeds(
+            self.records, run._timed, run._bound.buffer, self.rung, self.workspace, self.h
+        )
+        return float(h)
+
+    def place(self, q: Array, v: Array, strain: Array | None, trial: Array | None) -> None:
+        """Loads at (q, v); bodies, rows and joints there, or where the trial speeds lead."""
+        self.put(q, v, strain)
+        self.set_speeds()
+        state, r, terms, h = self.state, self.records, self.workspace.terms, self.h
+        theta = float(self.rung[0]["theta"])
+        if self.rung[0]["loads"]:
+            planar.loads(
+                r.world, r.bodies, r.coordinates, r.potentials, r.terms, state.pose, state.q, state.v,
+                state.start, self.time, h, theta, state.passive, terms,
+            )  # fmt: skip
+        if trial is not None:
+            self.put(q + h * trial, v, strain)
+        if len(r.joints):
+            joints.rows(
+                r.joints, r.measures, r.bodies, state.pose, state.q, self.time + theta * h, h,
+                bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms,
+                self.workspace.scratch.row,
+            )  # fmt: skip
+            if trial is not None:
+                of = slice(int(state.clock[0]["drives"]), int(state.clock[0]["limited"]))
+                terms.error[of, 0] += h * terms.limited[of] @ trial
+        widen(r, self.workspace, 4.0 * h * fastest_pair(r, self.rung, terms, state, state.v, h))
+
+    def gather(self, trial: Array | None) -> int:
+        """Terms of the contacts; returns how many."""
+        count, terms = int(gather(self.records, self.workspace)), self.workspace.terms
+        if trial is not None:
+            terms.gap[:count] -= self.h * terms.rows[: 2 * count : 2] @ trial
+        self.state.clock["contacts"] = count
+        return count
+
+    def widened(self, speed: Array) -> bool:
+        """Whether contacts farther away matter at this speed, which are then looked for."""
+        reach = 2.0 * self.h * fastest_pair(
+            self.records, self.rung, self.workspace.terms, self.state, speed, 0.0
+        )  # fmt: skip
+        if reach <= self.state.clock[0]["near"]:
+            return False
+        widen(self.records, self.workspace, 2.0 * reach)
+        return True
+
+    def hold(self, count: int, problem: ContactProblem) -> Held:
+        """What is discrete in the step just solved."""
+        state, terms, clock = self.state, self.workspace.terms, self.state.clock[0]
+        bounced = np.zeros(count, bool)
+        n, eps = int(clock["free"]), float(clock["eps"])
+        if clock["bounces"] and self._assembled(count, n, eps, float(clock["theta"]), True)[1]:
+            for k in range(count):
+                g = approach(2 * k, terms, state.v, state.speed, state.free, n, eps)
+                bounced[k] = g < 0.0 < terms.restitution[k] and terms.gap[k] + self.h * g <= 0.0
+            if not np.array_equal(trim(self.workspace.problem, n, count, 0).w, problem.w):
+                bounced[:] = False
+        driven = self.records.coordinates["drive"] == SPEED
+        return Held(
+            self._keys(count), terms.gap[:count].copy(), bounced, driven & (state.speed == 0.0), eps,
+            float(clock["theta"]),
+        )  # fmt: skip
+
+    def data(
+        self,
+        held: Held,
+        q: Array,
+        v: Array,
+        strain: Array | None,
+        trial: Array | None,
+        faster: Array | None = None,
+    ) -> dict[str, Array]:
+        """Data of the problem from (q, v), contacts in the order held, with `gap`, and `speed` (n,) of the
+        prescribed coordinates. The gaps in the data are those held.
+
+        Raises ModelError when other points touch than those held.
+        """
+        state, terms, clock = self.state, self.workspace.terms, self.state.clock
+        self.place(q, v, strain, trial)
+        state.speed[held.stopped] = 0.0
+        if faster is not None:
+            state.speed[:] += faster
+        clock["near"] = max(2.0 * float(clock[0]["near"]), 2.0 * float(held.gap.max(initial=0.0)))
+        widen(self.records, self.workspace, float(clock[0]["near"]))
+        count = self.gather(trial)
+        found = {key: k for k, key in enumerate(self._keys(count))}
+        if any(key not in found for key in held.keys):
+            raise ModelError("step: a contact's feature is about to change; there is no derivative here")
+        order = np.array([found[key] for key in held.keys], np.int64)
+        at = (2 * order[:, None] + np.arange(2)).ravel()
+        k = len(order)
+        gap = terms.gap[order].copy()
+        terms.rows[: 2 * k] = terms.rows[at]
+        terms.deformation[: 2 * k] = terms.deformation[at]
+        for field in (terms.friction, terms.restitution, terms.contact_stiffness, terms.contact_damping):
+            field[:k] = field[order]
+        terms.gap[:k] = held.gap
+        terms.restitution[:k][~held.bounced] = 0.0
+        problem, _ = self._assembled(k, int(clock[0]["free"]), held.eps, held.theta, bool(held.bounced.any()))
+        made: dict[str, Array] = {name: getattr(problem, name) for name in DATA}
+        return {**made, "gap": gap, "speed": state.speed.copy()}
+
+    def _assembled(
+        self, count: int, n: int, eps: float, theta: float, bounce: bool
+    ) -> tuple[ContactProblem, bool]:
+        state, work = self.state, self.workspace
+        limited = int(state.clock[0]["limited"])
+        bounced: Any = assemble(
+            self.rung, self.h, theta, eps, work.terms, count, limited, state.free, n, state.v, state.speed,
+            bounce, work.problem,
+        )  # fmt: skip
+        return trim(work.problem, n, count, limited), bool(bounced)
+
+    def _keys(self, count: int) -> tuple[tuple[int, int], ...]:
+        """(pair, feature) of each contact; a stop is its slot."""
+        pairs, features = 2 * len(self.records.pairs), self.state.features
+        slots = [int(slot) for slot in self.workspace.scratch.slots[:count]]
+        return tuple((slot // 2, int(features[slot])) if slot < pairs else (slot, -1) for slot in slots)

@@ -1,0 +1,116 @@
+"""Derivatives of a step against differences of steps that the simulation takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.simulation.attempt import TAKEN, attempt
+from rungwise.simulation.differences import Assembly
+
+Array = np.ndarray
+H = 1e-3
+CASES = {
+    "finger in the air": ("two_finger", {"v2": 0.7}, 0.5),
+    "finger pushes": ("two_finger", {"v2": 0.7}, 1.55),
+    "finger sticks": ("two_finger_servo", {"mu": 1.5, "v2": 0.7}, 1.55),
+    "disc slides": ("slide_roll", {"mu": 0.3, "damping": 1e3}, 0.1),
+    "disc rolls": ("slide_roll", {"mu": 2.0, "spin0": -10.0}, 0.01),
+    "arm on joints": ("two_link", {}, 0.3),
+    "arm pushes": ("two_link", {}, 1.6),
+    "servo fingers": ("two_finger_servo", {"v2": 0.7}, 1.55),
+}
+
+
+def taken(
+    scene: rw.Scene,
+    model: rw.Rung,
+    parameters: dict[str, float],
+    start: Array,
+    strain: Array,
+    theta: float,
+    pause: float = H,
+) -> Array:
+    """(q, v) after one step of the simulation from `start`.
+
+    Overlap is taken back within the step, as what opens is: over a pause, the two would have two slopes.
+    """
+    at = Assembly(scene, model, scene.parameters(parameters), H, theta, 0.0)
+    at.workspace.terms.pause[0] = pause
+    at.put(*np.split(start, 2), strain)
+    assert at.set_speeds() == H
+    assert attempt(at.records, at.rung, at.workspace, H, H) == TAKEN
+    return np.concatenate([at.state.q, at.state.v])
+
+
+@pytest.mark.parametrize("model", rw.LADDER[1:], ids=lambda model: model.name)
+@pytest.mark.parametrize("case", CASES)
+def test_against_steps_taken(case: str, model: rw.Rung) -> None:
+    name, parameters, until = CASES[case]
+    scene, theta = rw.load(name), 0.75 if model == rw.DYNAMIC_COMPLIANT else 1.0
+    run = rw.simulate(scene, model, parameters=parameters, duration=until, frames=3)
+    assert run.workspace is not None
+    state = run.workspace.state
+    start, strain = np.concatenate([state.q, state.v]), state.deformation.copy()
+    n = len(state.q)
+    s = rw.step_sensitivity(scene, model, parameters, state.q, state.v, H, deformation=strain, theta=theta)
+    as_usual = taken(scene, model, parameters, start, strain, theta, pause=2.0 * H)
+    np.testing.assert_allclose(np.concatenate([s.q, s.v]), as_usual, rtol=0.0, atol=1e-11)
+    base = taken(scene, model, parameters, start, strain, theta)
+    one_sided = bool(s.contact.weak or s.contact.weak_rows)
+    wide = 1e3 if one_sided else 1.0  # what begins to act must be more than the solver's tolerance
+
+    def check(kind: str, i: int, steps: dict[float, Array]) -> None:
+        (a, low), (b, high) = sorted(steps.items())
+        if one_sided:
+            a, low = 0.0, base
+        expected = (high - low) / (b - a)
+        got = np.concatenate([s.dq[kind][:, i], s.dv[kind][:, i]])
+        tolerance = (1e-4 if one_sided else 1e-6) * np.abs(expected).max() + 1e-9 / H
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=tolerance, err_msg=f"{kind} {i}")
+
+    for i in range(2 * n):
+        kind, size = ("q", 1e-7) if i < n else ("v", 1e-6)
+        size *= wide
+        steps = {
+            by: taken(scene, model, parameters, start + by * np.eye(2 * n)[i], strain, theta)
+            for by in (-size, size)
+        }
+        check(kind, i % n, steps)
+    for i, parameter in enumerate(s.names):
+        value = scene.parameters(parameters)[parameter]
+        if value == 0.0:
+            continue  # restitution: whether a contact bounces is held
+        steps = {
+            by: taken(scene, model, {**parameters, parameter: value + by}, start, strain, theta)
+            for by in (-1e-6 * wide * value, 1e-6 * wide * value)
+        }
+        check("parameters", i, steps)
+
+
+def test_inputs_by_hand() -> None:
+    """A finger at speed v moves by h v; a force f on the free disc adds h f / m to its speed."""
+    scene = rw.load("two_finger")
+    s = rw.step_sensitivity(scene, rw.DYNAMIC_RIGID, None, [0, 0, 0], [1, 1, 0], H, wrt=("inputs",))
+    np.testing.assert_allclose(s.dq["inputs"], H * np.diag([1.0, 1.0, H]), atol=1e-12)
+    np.testing.assert_allclose(s.dv["inputs"], np.diag([1.0, 1.0, H]), atol=1e-9)
+    assert set(s.dq) == {"inputs"}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"wrt": ("speed",)}, "wrt: 'speed' is none of"),
+        ({"names": ("weight",)}, "names: unknown parameter 'weight'"),
+        ({"q": [0.0]}, "q: must be 3 finite numbers"),
+        ({"deformation": [0.0]}, "deformation: must have shape"),
+        ({"q": [2.0 - 1e-4, 0.0, 0.0]}, "end of its travel"),
+        ({"model": "geometric"}, "does not say how bodies move"),
+    ],
+)
+def test_wrong_input(change: dict[str, object], message: str) -> None:
+    given = {"scene": "two_finger", "model": "dynamic-rigid", "parameters": None, "q": np.zeros(3),
+             "v": np.zeros(3), "h": H}  # fmt: skip
+    with pytest.raises(rw.ModelError, match=message):
+        rw.step_sensitivity(**{**given, **change})  # type: ignore[arg-type]
