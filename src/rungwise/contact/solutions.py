@@ -40,8 +40,8 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
     """All solutions, one piece for each contact mode that has any, and what they amount to (`Kind`).
 
     For problems whose laws are polyhedral: frictionless, or planar (LCPs and boxes too). Work grows with the
-    modes, 4 for each contact, of which most are excluded early; after `nodes` linear programs the rest is
-    left undecided. `pieces.check` verifies the answer without any solver.
+    modes, 4 for each contact, of which most are excluded early, but few where contacts are redundant, as in
+    stacks; after `nodes` modes the rest is undecided. `pieces.check` verifies the answer, without solver.
 
     Raises ValueError for friction in space.
     """
