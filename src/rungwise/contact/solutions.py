@@ -41,7 +41,7 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
 
     For problems whose laws are polyhedral: frictionless, or planar (LCPs and boxes too). Work grows with the
     modes, 4 for each contact, of which most are excluded early, but few where contacts are redundant, as in
-    stacks; after `nodes` modes the rest is left undecided. `pieces.check` verifies the answer, by no solver.
+    stacks; after `nodes` modes the rest is undecided. `pieces.check` verifies the answer, without solver.
 
     Raises ValueError for friction in space.
     """
