@@ -84,7 +84,7 @@ def test_against_steps_taken(case: str, model: rw.Rung) -> None:
             continue  # restitution: whether a contact bounces is held
         steps = {
             by: taken(scene, model, {**parameters, parameter: value + by}, start, strain, theta)
-            for by in (-1e-6 * wide * value, 1e-6 * wide * value)
+            for by in (-1e-5 * value, 1e-5 * value)
         }
         check("parameters", i, steps)
 

@@ -106,7 +106,7 @@ def step_sensitivity(
             raise ModelError("step: it could not be repeated")
     else:
         raise ModelError("step: it could not be repeated")
-    return directions.result(speed, turn, held, contact)
+    return directions.result(went, turn, held, contact)
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
