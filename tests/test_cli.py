@@ -456,3 +456,10 @@ def test_sets_killed_at_any_moment_goes_on(rungwise: Command, tmp_path: Path) ->
     assert rungwise(*command, "--out", tmp_path / "whole").code == 0
     parts, whole = (rw.load_set(tmp_path / name / "dynamic-rigid") for name in ("killed", "whole"))
     assert parts.data.identical(whole.data)
+
+
+def test_the_package_is_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "rungwise", "models"], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.startswith("geometric")

@@ -54,7 +54,8 @@ def moving_rung(model: Rung | str) -> Rung:
         raise ModelError(str(error)) from None
     if not chosen.moves:
         raise ModelError(
-            "model: the geometric rung does not say how bodies move; use `rungwise plan` or a richer rung"
+            "model: the geometric rung does not say how bodies move; it is for planning,"
+            " which is not there yet; use a richer rung"
         )
     return chosen
 
