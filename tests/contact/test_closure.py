@@ -79,14 +79,14 @@ def test_friction_only_helps() -> None:
 
 
 def test_perturbed_certificates_fail() -> None:
-    for closure in (
-        rw.force_closure([[0, 0], [1, 0]], [[1, 0], [-1, 0]], 0.5),
-        rw.form_closure(SQUARE, INWARD),
-    ):
-        for i in range(len(closure.certificate)):
-            wrong = closure.certificate.copy()
-            wrong[i] += -2.0 * np.abs(wrong).max() - 1.0
-            assert not check(replace(closure, certificate=wrong)) or not closure.holds
+    closed = rw.force_closure([[0, 0], [1, 0]], [[1, 0], [-1, 0]], 0.5)
+    for i in range(len(closed.certificate)):
+        wrong = closed.certificate.copy()
+        wrong[i] += -2.0 * np.abs(wrong).max() - 1.0
+        assert not check(replace(closed, certificate=wrong))
+    free = rw.form_closure(SQUARE, INWARD)
+    assert not check(replace(free, certificate=-free.certificate))
+    for closure in (closed, free):
         assert not check(replace(closure, holds=not closure.holds))
         assert not check(replace(closure, certificate=np.full_like(closure.certificate, np.nan)))
 
