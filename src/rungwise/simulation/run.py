@@ -369,7 +369,25 @@ class Simulation:
             why += (
                 ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
             )
-        self.reason = f"{outcome.meaning} ({why}). {outcome.advice}"
+        jump = self._jump()
+        self.reason = jump or f"{outcome.meaning} ({why}). {outcome.advice}"
+
+    def _jump(self) -> str:
+        """Which servo, followed exactly, would have to move far however short the step is."""
+        assert self.workspace is not None
+        state = self.workspace.state
+        least = float(self._control[0]["tolerance"])
+        for i, name in enumerate(self.scene.template.coordinates):
+            servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
+            far = state.speed[i] * state.clock[0]["tried"]
+            if servo and abs(far) > least:
+                body, coordinate = name.split(".")
+                return (
+                    f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"
+                    " kinematic rung follows it at once, through what is in the way. Start at the target, let"
+                    " it move with t, or use a richer rung."
+                )
+        return ""
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
