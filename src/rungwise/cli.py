@@ -252,12 +252,20 @@ def sets(
         Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Table of all runs and boundary points.")
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
     from importlib.util import find_spec
 
     from rungwise.models.ladder import LADDER
+    from rungwise.report import files
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
 
@@ -266,8 +274,10 @@ def sets(
     names, box = _axes(over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     found: list[FeasibleSet] = []
+    wanted = {"csv": table, "mesh": mesh}
     try:
         with _plain_errors():
+            files.check(wanted, len(names))
             loaded = _load(scene)
             parameters = _parameters(loaded, values)
             if out is not None:
@@ -283,6 +293,7 @@ def sets(
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)
+            written = files.write(found, wanted)
             if out is not None and find_spec("matplotlib") is not None:
                 report.figure(found, out / "sets.png")
     except KeyboardInterrupt:
@@ -291,6 +302,7 @@ def sets(
         return INTERRUPTED
     except OSError as error:
         _refuse(f"out: {out} cannot be written ({error.strerror or error}); finished batches are kept")
+    summary["files"] = [str(file) for file in written]
     _print_json(summary) if as_json else _print(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1
 

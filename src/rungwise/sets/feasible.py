@@ -158,6 +158,18 @@ class FeasibleSet:
         """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
         return store.save(Path(folder), self.data)
 
+    def to_csv(self, file: str | Path) -> Path:
+        """Write all runs and all located boundary points as a table; see `rungwise.sets.export`."""
+        from rungwise.sets import export
+
+        return export.to_csv(self, file)
+
+    def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
+        """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
+        from rungwise.sets import export
+
+        return export.to_mesh(self, file, label)
+
     @property
     def unit(self) -> Reals:
         """Lengths (d,) of the tree's unit along each parameter."""
