@@ -86,10 +86,11 @@ def _plain_errors() -> Iterator[None]:
     from rungwise.scene import SceneError
     from rungwise.sets.store import SetError
     from rungwise.simulation.run import ModelError
+    from rungwise.viewing.view import ViewError
 
     try:
         yield
-    except (SceneError, ModelError, SetError) as error:
+    except (SceneError, ModelError, SetError, ViewError) as error:
         _refuse(str(error))
 
 
@@ -252,6 +253,9 @@ def sets(
         Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
+    ] = None,
     table: Annotated[
         Path | None, typer.Option("--csv", help="Table of all runs and boundary points.")
     ] = None,
@@ -268,6 +272,7 @@ def sets(
     from rungwise.report import files
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
+    from rungwise.viewing.view import view
 
     if resume and out is None:
         _refuse("resume: needs --out, the folder to go on in")
@@ -294,6 +299,8 @@ def sets(
                     )  # fmt: skip
             summary = report.summary(found, certify)
             written = files.write(found, wanted)
+            if html is not None:
+                written += view(found, html=html)
             if out is not None and find_spec("matplotlib") is not None:
                 report.figure(found, out / "sets.png")
     except KeyboardInterrupt:
