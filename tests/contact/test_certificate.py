@@ -77,6 +77,37 @@ def test_any_entry_matters(body, kind):
                 assert not check(p, changed(found, row, vector)), (row, i, wrong)
 
 
+@pytest.mark.parametrize("lean", [1e-5, 1e-6, 1e-7])
+def test_near_a_singular_position_the_bound_counts_not_momentum(body, lean):
+    """Two walls that are not quite parallel: the body would have to leave 1 / lean times faster than they
+    close."""
+    p = walls(body)
+    p.mu[:] = 0.0
+    p.W[2] = (-1.0, lean)
+    p.c[:] = p.H @ np.array([0.0, 0.5 / lean])
+    found = certify_infeasible(p)
+    assert found is not None
+    assert found.kind == "kinematic"
+    assert check(p, found)
+    assert not check(p, changed(found, 0, found.vectors[0] * [1.0, 1.01]))
+    p.W[2] = (-1.0, 0.1)
+    assert certify_infeasible(p) is None
+
+
+def test_far_contacts_are_no_part_of_a_proof(body):
+    """A gap that could close at a great rate, in a step that is short, does not hide the jam of the others."""
+    p = body(2, 3)
+    near = walls(body)
+    p.W[:4], p.w[:4], p.mu[:] = near.W, near.w, 0.0
+    p.W[2] = (-1.0, 1e-6)
+    p.W[4], p.w[4] = (0.0, -1.0), 1e8
+    found = certify_infeasible(p)
+    assert found is not None
+    assert found.vectors[0][2] == 0.0
+    p.w[4] = -0.5
+    assert certify_infeasible(p) is not None
+
+
 def test_an_unsupported_motion_must_not_move_joints_or_close_contacts(body):
     p, found = case(body, "unsupported")
     for x in (1e-2, -1e-2, np.nan):

@@ -58,6 +58,23 @@ def test_ways_to_fail(scene: rw.Scene, model: rw.Rung, change: dict[str, float],
         assert run.certificate is not None and run.certificate.kind == "frictional"
 
 
+def test_a_wedge_that_throws_the_part_ever_faster_is_a_jam(scene: rw.Scene) -> None:
+    """Without friction three fingers press the part into a singular position, a million times faster than they
+    close."""
+    parameters = {
+        "v2": 0.4012458644354835,
+        "mu": 0.0,
+        "restitution": 0.6911686486284445,
+        "x": -0.3995305316999105,
+        "y": 0.05680456109513475,
+        "angle": -0.29642110993741577,
+    }
+    run = rw.simulate(scene, rw.DYNAMIC_RIGID, parameters=parameters, frames=3)
+    assert run.outcome.name == "jammed", run.reason
+    assert run.certificate is not None and run.certificate.kind == "kinematic"
+    assert run.final["part"]["angle"] == pytest.approx(-np.pi / 4, abs=1e-6)
+
+
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_mirrored_starts_give_mirrored_runs(scene: rw.Scene, model: rw.Rung) -> None:
     rng = np.random.default_rng(2)

@@ -1,7 +1,8 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
-  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0.
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, not of
+  loads or momentum.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
@@ -10,7 +11,9 @@
 Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
 a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
 A certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause,
-all in the problem's natural units; rounding in the check itself is charged against it.
+all in the problem's natural units (a kinematic one: than the motion that changes gaps as fast as they must
+change); rounding in the check itself is charged against it. Near a singular position, where what is pushed
+would have to be far faster than what pushes it, `left` is not rounding, and the bound is what holds.
 """
 
 from __future__ import annotations
@@ -70,6 +73,12 @@ def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np
     return rows, offset, int(rigid.sum())
 
 
+def demanded(offset: NDArray[np.float64], contacts: int) -> float:
+    """The fastest rate that some row demands: a gap's that would close, or a joint's; 1 when none does."""
+    greatest = max((-offset[:contacts]).max(initial=0.0), np.abs(offset[contacts:]).max(initial=0.0))
+    return float(greatest) or 1.0
+
+
 def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float = 1.0) -> bool:
     """Whether 0 >= sum(gain) + x . (sum of left's rows) is impossible for every |x|_1 <= REACH * least."""
     rounding = _ROUNDING * (len(gain) + 1)
@@ -93,7 +102,7 @@ def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> boo
         return False
     units = natural_units(problem)
     left = force[:, None] * rows * (units.coordinates / units.velocity)
-    return _excludes(-force * offset / units.velocity, left, _free_motion(problem))
+    return _excludes(-force * offset / demanded(offset, contacts), left)
 
 
 def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64]) -> bool:

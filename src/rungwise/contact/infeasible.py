@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.certificate import Certificate, check, excludes_mode, rigid_rows
+from rungwise.contact.certificate import REACH, Certificate, check, demanded, excludes_mode, rigid_rows
 from rungwise.contact.modes import ANY, choices, linear_system, natural_units
 from rungwise.contact.problem import ContactProblem
 
@@ -92,9 +92,38 @@ def _kinematic(problem: ContactProblem) -> Certificate | None:
     if len(rows) == 0:
         return None
     units = natural_units(problem)
-    bounds = [(0.0, 1.0)] * contacts + [(-1.0, 1.0)] * (len(offset) - contacts)
-    found, _ = _minimise(offset / units.velocity, bounds, (rows * (units.coordinates / units.velocity)).T)
+    push = np.arange(len(offset)) < contacts
+    cost = offset / demanded(offset, contacts)
+    balance = (rows * (units.coordinates / units.velocity)).T
+    found, _ = _minimise(cost, [(0.0 if one else -1.0, 1.0) for one in push], balance)
+    if found is None:
+        found = _least_left(cost, push, balance)
     return None if found is None else Certificate("kinematic", (found,))
+
+
+def _least_left(
+    cost: NDArray[np.float64], push: NDArray[np.bool_], balance: NDArray[np.float64]
+) -> NDArray[np.float64] | None:
+    """The x, not negative where `push`, with cost . x <= -1 and the least |balance x|, as at a position that is
+    nearly singular; rows that cost more than `REACH` stay out of it. None if there is none."""
+    from scipy.optimize import linprog
+
+    if not (np.isfinite(cost).all() and np.isfinite(balance).all()):
+        return None
+    near = cost < REACH
+    A, most = balance[:, near], np.full((len(balance), 1), -1.0 / REACH**2)
+    found = linprog(
+        np.append(np.zeros(A.shape[1]), 1.0),
+        np.vstack([np.hstack([A, most]), np.hstack([-A, most]), np.append(cost[near], 0.0)]),
+        np.append(np.zeros(2 * len(A)), -1.0),
+        bounds=[*((0.0 if one else None, None) for one in push[near]), (0.0, None)],
+        method="highs",
+    )
+    if not found.success:
+        return None
+    x = np.zeros(len(cost))
+    x[near] = found.x[:-1]
+    return x
 
 
 def _frictional(problem: ContactProblem) -> Certificate | None:
