@@ -24,6 +24,8 @@ REST = 1e-6
 """What is slower than this part of the pace rests."""
 STRIDE = 0.05
 """How far a preferred motion may go in one step, over the smallest shape's reach: conditions are seen there."""
+FLUNG = 10.0
+"""What is faster than the pace by this factor is part of a preferred motion."""
 FAR = 10.0
 """How far from its start a preferred motion may take a body that nothing stops, in extents of the scene."""
 
@@ -54,7 +56,7 @@ def solve_motion(
     for preferred in (False, True):
         for b in range(records.bodies.shape[0]):
             body = records.bodies[b]
-            if moving > 1 and _may_be_held(records, body, preferred, workspace):
+            if moving > 1 and _may_be_held(records, body, preferred, pace, workspace):
                 _hold(body, True, workspace)
                 rests = _solve(rung, h, contacts, workspace) == SUPPORTED
                 _hold(body, rests, workspace)
@@ -92,14 +94,16 @@ def _is_object(records: Records, body: Record, state: State) -> bool:
 
 
 @kernel
-def _may_be_held(records: Records, body: Record, preferred: bool, workspace: Workspace) -> bool:
+def _may_be_held(
+    records: Records, body: Record, preferred: bool, pace: float, workspace: Workspace
+) -> bool:
     """Whether a body is an object that is not held yet, with or without a preferred motion."""
     state, asked = workspace.state, False
     if not _is_object(records, body, state) or workspace.scratch.held[body.coordinate]:
         return False
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         asked |= state.prefer[i] != 0.0
-    return asked == preferred
+    return asked == preferred and not _goes_on(records, body, pace, workspace)
 
 
 @kernel
@@ -127,17 +131,18 @@ def _rests(records: Records, body: Record, pace: float, workspace: Workspace) ->
 
 @kernel
 def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
-    """Whether a preferred motion of a body has begun and nothing has stopped it: in the limit of fast motions
-    it is one step, however many it takes here. One that has gone too far ends."""
-    state, along, asked = workspace.state, 0.0, 0.0
+    """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
+    is one step, however many it takes here. One that has gone too far ends."""
+    state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
     far = FAR * workspace.terms.rounding[0] / ROUNDING
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         unit = _unit(records.coordinates[i])
         along += state.prefer[i] * state.v[i] * unit
         asked += state.prefer[i] * state.prefer[i] * pace
+        fastest = max(fastest, abs(state.v[i]) * unit)
         if abs(state.q[i] - state.start[i]) * unit > far:
             return False
-    return along > 0.5 * asked
+    return fastest > FLUNG * pace or along > 0.5 * asked
 
 
 @kernel

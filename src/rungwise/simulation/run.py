@@ -98,7 +98,7 @@ def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -
 class Run:
     """How a run ended and what it recorded.
 
-    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
+    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
     counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
     `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
     run left them.
@@ -107,6 +107,7 @@ class Run:
     scene: Scene
     model: Rung
     parameters: dict[str, float]
+    motion: dict[str, float]
     outcome: Outcome
     reason: str
     time: float
@@ -144,6 +145,7 @@ class Run:
             "scene": self.scene.name,
             "model": self.model.name,
             "parameters": self.parameters,
+            "motion": self.motion,
             "outcome": str(self.outcome),
             "reason": self.reason,
             "time": self.time,
@@ -237,6 +239,7 @@ class Simulation:
         stride = None if stride is None else _count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
         preferred = preferences(self.scene, self.model, motion)
+        self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
         self.outcome = Code.RUNNING
@@ -327,6 +330,7 @@ class Simulation:
             scene=self.scene,
             model=self.model,
             parameters=self.parameters,
+            motion=self.motion,
             outcome=OUTCOMES[self.outcome],
             reason=self.reason or OUTCOMES[self.outcome].meaning,
             time=self.time,
