@@ -18,6 +18,7 @@ import yaml
 
 import rungwise as rw
 from rungwise import cli
+from rungwise.cli import progress
 
 
 class Answer(NamedTuple):
@@ -46,7 +47,7 @@ def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         captured = capsys.readouterr()
         return Answer(int(ended.value.code or 0), captured.out, captured.err)
 
-    monkeypatch.setattr(cli, "_announce_compilation", lambda *_: None)
+    monkeypatch.setattr(progress, "announce_compilation", lambda *_: None)
     return run
 
 
@@ -357,8 +358,8 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     # A shell that starts the tests in the background has them ignore the signal; so would the child.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);" + MAIN[-1]
-    telling = "from rungwise import cli; watch = cli._watch;"
-    telling += "cli._watch = lambda *a, **k: (print('running', flush=True), watch(*a, **k))[1];"
+    telling = "from rungwise.cli import progress as p; watch = p.watch;"
+    telling += "p.watch = lambda *a, **k: (print('running', flush=True), watch(*a, **k))[1];"
     command = [*MAIN[:-1], telling + listening, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "running\n"
