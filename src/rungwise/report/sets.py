@@ -17,6 +17,7 @@ from rungwise.sets.between import between
 from rungwise.sets.crossings import crossings_of_cells, planes
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
+from rungwise.sets.motions import SLOWEST
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,6 +50,7 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
         "sets": [
             {
                 "model": each.model.name,
+                "solutions": each.solutions,
                 "evaluations": each.evaluations,
                 "complete": each.complete,
                 "probes": each.probes,
@@ -58,8 +60,17 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
             }
             for each in found
         ],
-        "between": [asdict(between(a, b)) for a, b in pairwise(found)],
+        "between": [asdict(between(a, b)) for a, b in _neighbours(found)],
     }
+
+
+def _neighbours(found: Sequence[FeasibleSet]) -> list[tuple[FeasibleSet, FeasibleSet]]:
+    """Pairs to compare: the same rung by what its motions do, and one rung with the next."""
+    rungs = list(dict.fromkeys(each.model for each in found))
+    kinds = list(dict.fromkeys(each.solutions for each in found))
+    groups = [[each for each in found if each.model == rung] for rung in rungs]
+    groups += [[each for each in found if each.solutions == kind] for kind in kinds]
+    return [pair for group in groups for pair in pairwise(group)]
 
 
 def text(summary: dict[str, Any]) -> str:
@@ -68,7 +79,8 @@ def text(summary: dict[str, Any]) -> str:
     lines = [f"{summary['scene']} over {over}, boundary within {summary['tol']:g} of each side"]
     for each in summary["sets"]:
         parts = ", ".join(f"{label} {part:.4f}" for label, part in each["volumes"].items())
-        lines.append(f"  {each['model']:22s} {parts}")
+        name = each["model"] if each["solutions"] == SLOWEST else f"{each['model']}, {each['solutions']}"
+        lines.append(f"  {name:22s} {parts}")
         note = "" if each["complete"] else "; the budget ended the refinement"
         lines.append(
             f"  {'':22s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
@@ -102,7 +114,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
         for k, axis in enumerate(row):
             part = (k + 1) / (layers + 1)
             seen |= draw_slice(axis, each, dict.fromkeys(each.over[2:], part))
-        row[0].set_ylabel(f"{each.model.name}\n\n{row[0].get_ylabel()}", fontsize=9)
+        row[0].set_ylabel(f"{each.name}\n\n{row[0].get_ylabel()}", fontsize=9)
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
     handles = [
         Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
