@@ -68,6 +68,8 @@ def sets(
 
     if resume and out is None:
         refuse("resume: needs --out, the folder to go on in")
+    if solutions not in (*SOLUTIONS, "all"):
+        refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
     names, box = _axes(over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]

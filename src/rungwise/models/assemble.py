@@ -9,7 +9,8 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     w_t = -(R K delta)_t + W_p v_p
 
     rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree;
-    what overlaps comes apart in no less than a pause, however short the step, or it would be thrown)
+    what overlaps comes apart in no less than a pause, however short the step, or it would be thrown, and what
+    joints hold closes in no less than half a pause)
     restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
@@ -19,7 +20,7 @@ import math
 
 from rungwise.contact.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, kernel
-from rungwise.system.terms import Terms
+from rungwise.system.terms import JOINT, Terms
 
 LIMIT = 1e-8
 """How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
@@ -78,7 +79,8 @@ def assemble(
         problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
         if math.isinf(stiff):
-            problem.w_s[r] = -terms.error[r, 0] / h
+            drifts = terms.account[r] == JOINT and not rung[0].metric
+            problem.w_s[r] = -terms.error[r, 0] / (max(h, 0.5 * terms.pause[0]) if drifts else h)
         problem.w_s[r] += _carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):

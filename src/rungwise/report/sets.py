@@ -77,19 +77,20 @@ def text(summary: dict[str, Any]) -> str:
     """The summary for people."""
     over = ", ".join(f"{name} in {low:g}..{high:g}" for name, (low, high) in summary["over"].items())
     lines = [f"{summary['scene']} over {over}, boundary within {summary['tol']:g} of each side"]
-    for each in summary["sets"]:
+    names = [_name(each) for each in summary["sets"]]
+    width = max(22, *(len(name) for name in names))
+    for name, each in zip(names, summary["sets"], strict=True):
         parts = ", ".join(f"{label} {part:.4f}" for label, part in each["volumes"].items())
-        name = each["model"] if each["solutions"] == SLOWEST else f"{each['model']}, {each['solutions']}"
-        lines.append(f"  {name:22s} {parts}")
+        lines.append(f"  {name:{width}s} {parts}")
         note = "" if each["complete"] else "; the budget ended the refinement"
         lines.append(
-            f"  {'':22s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
+            f"  {'':{width}s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
             f" contradicted their cell{note}"
         )
         if each["certified"]:
             c = each["certified"]
             lines.append(
-                f"  {'':22s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within"
+                f"  {'':{width}s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within"
                 f" the tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
             )
     for pair in summary["between"]:
@@ -98,6 +99,12 @@ def text(summary: dict[str, Any]) -> str:
             f" {pair['gained']:.4f} (+- {pair['error']:.4f})"
         )
     return "\n".join(lines)
+
+
+def _name(summary: dict[str, Any]) -> str:
+    """As `FeasibleSet.name`."""
+    model, solutions = summary["model"], summary["solutions"]
+    return f"{model}" if solutions == SLOWEST else f"{model}, {solutions}"
 
 
 def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:

@@ -42,7 +42,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             state.q, state.v, state.start, clock.time, h, rung[0].theta, state.passive, terms,
         )  # fmt: skip
     if records.joints.shape[0] > 0:
-        _join(records, rung, workspace, h)
+        joints.values(
+            records.joints, records.measures, records.bodies, state.pose, state.q, scratch.row, scratch.measures
+        )
+        join(records, rung, workspace, h)
     open_before = _opening(records, workspace)
     remember(state, workspace.before)
     gap_before = clock.least_gap
@@ -72,7 +75,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = UNSOLVED
             break
         allowed = min(gap_before - terms.rounding[0], -(1e-9 if rung[0].metric else OVERLAP) * clock.size)
-        closed = _opening(records, workspace) <= max(TORN, open_before)
+        closed = _opening(records, workspace) <= max(1e-9 if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
@@ -81,7 +84,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         contacts = gather(records, workspace)
         if records.joints.shape[0] > 0:
-            _join(records, rung, workspace, h)
+            join(records, rung, workspace, h)
         _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
@@ -110,13 +113,13 @@ def _opening(records: Records, workspace: Workspace) -> float:
 
 
 @kernel
-def _join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
-    """Rows of the joints where the bodies are placed."""
-    state = workspace.state
+def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Rows of the joints where the bodies are placed, in a step that began at `scratch.measures`."""
+    state, scratch = workspace.state, workspace.scratch
     clock = state.clock[0]
     joints.rows(
-        records.joints, records.measures, records.bodies, state.pose, state.q, clock.time + rung[0].theta * h,
-        h, rung[0].metric, clock.drives, workspace.terms, workspace.scratch.row,
+        records.joints, records.measures, records.bodies, state.pose, state.q, scratch.measures,
+        clock.time + rung[0].theta * h, h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
     )  # fmt: skip
 
 

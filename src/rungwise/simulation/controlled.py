@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.modes import OPEN
+from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.kernel import Reals, RecordArray, copy, kernel
 from rungwise.scene.records import HINGE, Records
-from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
+from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.memory import bring_back, keep, remember, restore
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
@@ -100,6 +101,12 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
     state, whole, worst = workspace.state, workspace.whole, 0.0
     continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
     later = AHEAD * control[0].longest if continuous else 0.0
+    change = workspace.scratch.v_new
+    for i in range(state.v.shape[0]):
+        change[i] = state.v[i] - whole.v[i]
+    if later > 0.0 and records.joints.shape[0] > 0:
+        join(records, rung, workspace, control[0].step)
+        _keep_joints_closed(workspace, change)
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]
         for j in range(coordinate_count(body)):
@@ -107,8 +114,38 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
             turns = body.motion == HINGE or j == 2
             lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
             worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
-            worst = max(worst, lever * later * abs(state.v[i] - whole.v[i]))
+            worst = max(worst, lever * later * abs(change[i]))
     return worst
+
+
+@kernel
+def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
+    """Take from a change of velocity what would open rigid joints: the next step does so itself, by impulses
+    along their rows, M change' - J^T y = M change, J change' = 0."""
+    state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
+    clock = state.clock[0]
+    free = clock.free
+    size = free
+    for r in range(clock.drives, clock.limited):
+        size += math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0])
+    heaviest = 0.0
+    for i in range(free):
+        heaviest = max(heaviest, terms.inertia[state.free[i], state.free[i]])
+    a[:size, : size + 1] = 0.0
+    for i in range(free):
+        for j in range(free):
+            a[i, j] = terms.inertia[state.free[i], state.free[j]] / heaviest
+            a[i, size] += a[i, j] * change[state.free[j]]
+    row = free
+    for r in range(clock.drives, clock.limited):
+        if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
+            for i in range(free):
+                a[row, i] = terms.limited[r, state.free[i]]
+                a[i, row] = -a[row, i]
+            row += 1
+    solve_in_place(a, size, 1, workspace.scratch.order)
+    for i in range(free):
+        change[state.free[i]] = a[i, size]
 
 
 @kernel

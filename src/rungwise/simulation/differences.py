@@ -79,13 +79,14 @@ class Assembly:
                 r.world, r.bodies, r.coordinates, r.potentials, r.terms, state.pose, state.q, state.v,
                 state.start, self.time, h, theta, state.passive, terms,
             )  # fmt: skip
+        row, begun = self.workspace.scratch.row, self.workspace.scratch.measures
+        joints.values(r.joints, r.measures, r.bodies, state.pose, state.q, row, begun)
         if trial is not None:
             self.put(q + h * trial, v, strain)
         if len(r.joints):
             joints.rows(
-                r.joints, r.measures, r.bodies, state.pose, state.q, self.time + theta * h, h,
-                bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms,
-                self.workspace.scratch.row,
+                r.joints, r.measures, r.bodies, state.pose, state.q, begun, self.time + theta * h, h,
+                bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms, row,
             )  # fmt: skip
             if trial is not None:
                 of = slice(int(state.clock[0]["drives"]), int(state.clock[0]["limited"]))

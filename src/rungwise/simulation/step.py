@@ -130,14 +130,17 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 @kernel
 def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
-    """Whether the inertia that the limit eps -> 0+ leaves in the balance is negligible beside the loads."""
+    """Whether the inertia that the limit eps -> 0+ leaves in the balance is negligible beside the load on each
+    coordinate, or where there is none beside the greatest."""
     clock = state.clock[0]
-    left, scale = 0.0, 0.0
+    greatest, balanced = 0.0, True
+    for i in range(clock.free):
+        greatest = max(greatest, abs(terms.load[state.free[i]]))
     for i in range(clock.free):
         a = state.free[i]
-        scale = max(scale, abs(terms.load[a]))
-        left = max(left, abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a])))
-    return scale == 0.0 or left <= _UNBALANCED * scale
+        left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
+        balanced &= greatest == 0.0 or left <= _UNBALANCED * (abs(terms.load[a]) or greatest)
+    return balanced
 
 
 @kernel

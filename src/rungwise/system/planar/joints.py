@@ -117,6 +117,7 @@ def rows(
     bodies: RecordArray,
     pose: Reals,
     q: Reals,
+    begun: Reals,
     time: float,
     h: float,
     metric: bool,
@@ -124,7 +125,11 @@ def rows(
     terms: Terms,
     row: Reals,
 ) -> None:
-    """Rows and errors at q for a step of length h whose loads are those at `time`; adds given forces."""
+    """Rows and errors at q for a step of length h whose loads are those at `time`; adds given forces.
+
+    `begun` (measures,) are the values at the start of the step, from where given speeds count: q is elsewhere
+    when a step is linearised again.
+    """
     count = first
     n = q.shape[0]
     for m in range(measures.shape[0]):
@@ -135,7 +140,7 @@ def rows(
             count = _fill(count, row, -value, 0.0, terms)
             continue
         if kind.drive == SPEED or kind.drive == SERVO:
-            target = value / unit + h * kind.drive_speed
+            target = begun[m] + h * kind.drive_speed
             if kind.drive == SERVO:
                 target = kind.target if kind.has_target else kind.target_speed * time
             if kind.drive == SPEED or metric:
