@@ -25,7 +25,11 @@ def row(*objects: dict[str, Any], wall: float = 3.0, **more: Any) -> rw.Scene:
         "role": "robot", "shape": {"kind": "point"}, "motion": {"kind": "slide", "axis": [1, 0]},
         "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1.0}}},
     }  # fmt: skip
-    bodies["wall"] = {"role": "obstacle", "pose": {"x": wall}, "shape": {"kind": "halfplane", "normal": [-1, 0]}}
+    bodies["wall"] = {
+        "role": "obstacle",
+        "pose": {"x": wall},
+        "shape": {"kind": "halfplane", "normal": [-1, 0]},
+    }
     contacts = [{"between": ["finger", "a"]}] + [{"between": [name, "wall"]} for name in "ab"[: len(objects)]]
     if len(objects) > 1:
         contacts.append({"between": ["a", "b"]})
@@ -87,5 +91,5 @@ def test_wrong_input() -> None:
         rw.simulate(scene, rw.KINEMATIC, motion={"b.s": 1.0})
     with pytest.raises(rw.ModelError, match=r"motion.a.s: must be a finite number"):
         rw.simulate(scene, rw.KINEMATIC, motion={"a.s": float("nan")})
-    with pytest.raises(rw.ModelError, match="inertia decides the motion on the dynamic-rigid rung"):
+    with pytest.raises(rw.ModelError, match="inertia decides on the dynamic-rigid rung"):
         rw.simulate(scene, rw.DYNAMIC_RIGID, motion={"a.s": 1.0})

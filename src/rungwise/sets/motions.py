@@ -3,9 +3,9 @@
 On a kinematic or quasistatic rung an object that must move may move in many ways. The extremes are those that
 go as fast as contacts allow along one coordinate, either way, until something stops them. A point is possible
 if its slowest motion or one of the extremes reaches the goal, guaranteed if all of them do. So what is found
-to be possible is: a run proves it; and what is found not to be guaranteed is not. The converse holds where the
-object has one free coordinate, since then every motion lies between the two extremes; with more of them, a
-motion that changes its direction on the way may do what no extreme does.
+to be possible is: a run proves it; and what is found not to be guaranteed is not. The converse holds where
+the object has one free coordinate, since then every motion lies between the two extremes; with more of them,
+a motion that changes its direction on the way may do what no extreme does.
 """
 
 from __future__ import annotations
@@ -51,11 +51,12 @@ def motions(scene: Scene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motio
 class Motions:
     """A batch of runs that takes every motion in turn, as long as the point is not decided."""
 
-    def __init__(self, scene: Scene, model: Rung, over: Sequence[str], solutions: str, **options: Any) -> None:
+    def __init__(
+        self, scene: Scene, model: Rung, over: Sequence[str], solutions: str, **options: Any
+    ) -> None:
         self._wanted = solutions == GUARANTEED
         self._batches = [
-            Batch(scene, model, over, motion=motion, **options)
-            for motion in motions(scene, model, solutions)
+            Batch(scene, model, over, motion=motion, **options) for motion in motions(scene, model, solutions)
         ]
         self.over = self._batches[0].over
 

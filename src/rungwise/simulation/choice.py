@@ -19,11 +19,11 @@ from rungwise.simulation.step import SUPPORTED, solve_step
 from rungwise.system.planar.place import coordinate_count
 
 SUDDEN = 5
-"""Beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in a step of this length."""
+"""Beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in so long a step."""
 REST = 1e-6
 """What is slower than this part of the pace rests."""
 STRIDE = 0.05
-"""How far a preferred motion may go in one step, over the smallest shape's reach: conditions are seen there."""
+"""How far a preferred motion may go in one step, over the smallest shape's reach: conditions see it there."""
 FLUNG = 10.0
 """What is faster than the pace by this factor is part of a preferred motion."""
 FAR = 10.0
@@ -94,9 +94,7 @@ def _is_object(records: Records, body: Record, state: State) -> bool:
 
 
 @kernel
-def _may_be_held(
-    records: Records, body: Record, preferred: bool, pace: float, workspace: Workspace
-) -> bool:
+def _may_be_held(records: Records, body: Record, preferred: bool, pace: float, workspace: Workspace) -> bool:
     """Whether a body is an object that is not held yet, with or without a preferred motion."""
     state, asked = workspace.state, False
     if not _is_object(records, body, state) or workspace.scratch.held[body.coordinate]:

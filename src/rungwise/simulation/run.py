@@ -89,7 +89,7 @@ def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -
         chosen[names.index(name)] = float(value)
     if chosen.any() and model.inertia > 0.0:
         raise ModelError(
-            f"motion: inertia decides the motion on the {model.name} rung; take a kinematic or quasistatic one"
+            f"motion: inertia decides on the {model.name} rung; take a kinematic or quasistatic one"
         )
     return chosen
 
@@ -98,8 +98,8 @@ def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -
 class Run:
     """How a run ended and what it recorded.
 
-    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
-    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
+    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
     `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
     run left them.
     """

@@ -34,9 +34,9 @@ CLOCK = np.dtype(
         "joint_work",
     )]
 )  # fmt: skip
-"""Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem starts
-from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
-try next; `reach` is the longest lever arm."""
+"""Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
+starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
+`next` the one to try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype(
     [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
@@ -53,8 +53,8 @@ class State(Block):
     a joint): features, deformation
     (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
     the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
-    `prefer` (n,): preferred velocities in multiples of the pace (see `simulation.choice`), zero for the slowest
-    motion; `wish` (n,) the same as velocities, while a motion is chosen.
+    `prefer` (n,): preferred velocities in multiples of the pace (see `simulation.choice`), zero for the
+    slowest motion; `wish` (n,) the same as velocities, while a motion is chosen.
     """
 
     clock: RecordArray
