@@ -91,7 +91,8 @@ def text(summary: dict[str, Any]) -> str:
             c = each["certified"]
             lines.append(
                 f"  {'':{width}s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them"
-                f" within the tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
+                f" within the tolerance): error rate below {c['bound']:.2g}"
+                f" with confidence {1 - c['delta']:g}"
             )
     for pair in summary["between"]:
         lines.append(

@@ -99,9 +99,9 @@ class Run:
     """How a run ended and what it recorded.
 
     `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
-    `worst_residual` is the largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
-    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
-    run left them.
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `certificate` proves a
+    jam or a missing support, `problem` is the one it speaks of; `wall_s` is the time that steps took, without
+    that to compile them; `workspace` holds the arrays as the run left them.
     """
 
     scene: Scene
