@@ -418,6 +418,17 @@ def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
     assert "dynamic-rigid -> dynamic-compliant: loses" in answer.out
 
 
+def test_sets_of_all_motions(rungwise: Command, tmp_path: Path) -> None:
+    arguments = ("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.3:3", "--solutions", "all")
+    answer = rungwise(*arguments, "--out", tmp_path, "--json")
+    found = {each["solutions"]: each["volumes"]["feasible"] for each in answer.json["sets"]}
+    assert found == pytest.approx(
+        {"slowest": 1.5 / 2.7, "possible": 1.5 / 2.7, "guaranteed": (1.5 - 2.0 / 3.0) / 2.7}, abs=0.01
+    )
+    assert (tmp_path / "kinematic-guaranteed" / "set.zarr").is_dir()
+    assert "kinematic, possible -> kinematic, guaranteed: loses" in rungwise(*arguments).out
+
+
 def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
     assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
 
@@ -431,6 +442,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
         (("--over", "v1,v1"), ("given twice",)),
         (("--over", "x3"), ("x3 needs an interval",)),
         (("--over", "v1", "--tol", "0"), ("tol",)),
+        (("--over", "v1", "--solutions", "any"), ("solutions: 'any' must be one of slowest, possible",)),
         (("--over", "v1", "--resume"), ("resume", "--out")),
         (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
         (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),

@@ -28,6 +28,12 @@ def sets(
         str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
     ],
     values: SetOption = None,
+    solutions: Annotated[
+        str,
+        typer.Option(
+            "--solutions", help="Of several motions: the slowest, possible, guaranteed, or all three sets."
+        ),
+    ] = "slowest",
     tol: Annotated[
         float,
         typer.Option(
@@ -69,12 +75,16 @@ def sets(
     from rungwise.report import files
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
+    from rungwise.sets.motions import SLOWEST, SOLUTIONS
     from rungwise.viewing.view import view
 
     if resume and out is None:
         refuse("resume: needs --out, the folder to go on in")
+    if solutions not in (*SOLUTIONS, "all"):
+        refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
     names, box = _axes(over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
+    wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
     found: list[FeasibleSet] = []
     exports = {"csv": table, "mesh": mesh}
     try:
@@ -85,13 +95,15 @@ def sets(
             if out is not None:
                 writable(out)
             progress.announce_compilation("rungwise.simulation.samples", "run_samples")
-            for name in rungs:
-                with progress.counting(name, quiet=as_json or not sys.stderr.isatty()) as on_progress:
+            for name, each in wanted:
+                folder = name if each == SLOWEST else f"{name}-{each}"
+                with progress.counting(folder, quiet=as_json or not sys.stderr.isatty()) as on_progress:
                     found.append(
                         feasible_set(
-                            loaded, name, names, tol=tol, box=box, parameters=parameters, accuracy=accuracy,
-                            probes=probes, budget=BUDGET if budget is None else budget, threads=threads,
-                            out=None if out is None else out / name, resume=resume, on_progress=on_progress,
+                            loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
+                            accuracy=accuracy, probes=probes, budget=BUDGET if budget is None else budget,
+                            threads=threads, out=None if out is None else out / folder, resume=resume,
+                            on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)

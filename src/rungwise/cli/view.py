@@ -36,7 +36,7 @@ def view(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Draw saved runs or sets, or a scene's runs on several rungs over each other; SCENE.html if no file is named."""
+    """Draw saved runs or sets, or a scene's runs on several rungs over each other; SCENE.html by default."""
     from rungwise.viewing.view import ViewError
     from rungwise.viewing.view import view as draw
 

@@ -23,12 +23,16 @@ def check(wanted: Mapping[str, Path | None], axes: int) -> None:
 
 
 def write(found: Sequence[FeasibleSet], wanted: Mapping[str, Path | None]) -> list[Path]:
-    """Write files by kind (see `WRITERS`); of several sets, `name-MODEL.suffix` each. Raises SetError."""
+    """Write files by kind (see `WRITERS`), of several sets one for each, by its name. Raises SetError."""
     written = []
     chosen = {kind: target for kind, target in wanted.items() if target is not None}
     for kind, target in chosen.items():
         for each in found:
-            file = target if len(found) == 1 else target.with_stem(f"{target.stem}-{each.model.name}")
+            file = (
+                target
+                if len(found) == 1
+                else target.with_stem(f"{target.stem}-{each.name.replace(', ', '-')}")
+            )
             try:
                 written.append(WRITERS[kind](each, file))
             except OSError as error:

@@ -8,9 +8,10 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.sets.labels import labels
+from rungwise.sets.motions import Motions
 from rungwise.sets.store import Log
 from rungwise.sets.tree import BudgetSpent
-from rungwise.simulation.batch import Batch, Results
+from rungwise.simulation.batch import Results
 
 KEPT = 4096
 """Runs of a batch that is kept whole."""
@@ -21,7 +22,7 @@ class Asker:
 
     def __init__(
         self,
-        batch: Batch,
+        batch: Motions,
         box: Reals,
         finest: int,
         budget: int,

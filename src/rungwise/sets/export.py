@@ -64,7 +64,7 @@ def check_mesh(file: Path, axes: int) -> None:
 
 def _obj(found: FeasibleSet, mesh: Mesh, label: Label) -> str:
     axes = ", ".join(f"{axis} = {name}" for axis, name in zip("xyz", found.over, strict=False))
-    lines = [f"# {found.scene.name} on {found.model.name}: boundary of {label}; {axes}"]
+    lines = [f"# {found.scene.name} on {found.name}: boundary of {label}; {axes}"]
     for vertex in mesh.vertices.tolist():
         lines.append("v " + " ".join(repr(x) for x in [*vertex, 0.0][:3]))
     kind = "f" if len(found.over) == 3 else "l"

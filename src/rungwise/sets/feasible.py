@@ -20,10 +20,11 @@ from rungwise.sets import arrays, store
 from rungwise.sets.asker import Asker
 from rungwise.sets.crossings import planes, solve
 from rungwise.sets.labels import Label, labels
+from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
 from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
 from rungwise.sets.store import Log, SetError
 from rungwise.sets.tree import FIRST_LEVEL, BudgetSpent, Tree
-from rungwise.simulation.run import Run, moving_rung, simulate
+from rungwise.simulation.run import Run, moving_rung
 
 if TYPE_CHECKING:
     import xarray
@@ -73,6 +74,16 @@ class FeasibleSet:
     request: dict[str, Any] = field(repr=False)
 
     @property
+    def solutions(self) -> str:
+        """Whether "slowest", "possible" or "guaranteed" motions are meant."""
+        return str(self.request["solutions"])
+
+    @property
+    def name(self) -> str:
+        """The model, and of which of its motions the set speaks if not of the slowest."""
+        return self.model.name if self.solutions == SLOWEST else f"{self.model.name}, {self.solutions}"
+
+    @property
     def complete(self) -> bool:
         """Whether the refinement was not ended by its budget."""
         return not self.tree.spent
@@ -116,9 +127,9 @@ class FeasibleSet:
         return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
 
     def replay(self, parameters: Mapping[str, float]) -> Run:
-        """The run at these parameters, step by step as it was."""
+        """The run at these parameters, step by step as it was; of several motions the one that decides."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
-        return simulate(self.scene, self.model, parameters=parameters, **options)
+        return decisive(self.scene, self.model, self.solutions, parameters=parameters, **options)
 
     def certify(
         self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
@@ -206,6 +217,7 @@ def feasible_set(
     tol: float = 0.01,
     box: Mapping[str, tuple[float, float]] | None = None,
     parameters: Mapping[str, float] | None = None,
+    solutions: str = SLOWEST,
     accuracy: float | None = None,
     probes: int | None = None,
     budget: int = BUDGET,
@@ -227,6 +239,8 @@ def feasible_set(
             times as large, and as large as `tol` where the boundary is no plane.
         box: interval (low, high) by name; see `box_of` for those not given.
         parameters: values of the other parameters.
+        solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
+            one of those tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.
@@ -243,6 +257,8 @@ def feasible_set(
         raise SetError(f"over: 1 to {MAX_AXES} parameters, not {len(over)}")
     if not 1e-6 <= tol <= 0.25:
         raise SetError(f"tol: {tol!r} must lie in 1e-6..0.25 (a part of the box)")
+    if solutions not in SOLUTIONS:
+        raise SetError(f"solutions: {str(solutions)[:60]!r} must be one of {', '.join(SOLUTIONS)}")
     values = loaded.parameters(parameters)
     request: dict[str, Any] = {
         "scene": loaded.name,
@@ -251,6 +267,7 @@ def feasible_set(
         "inertia": rung.inertia,
         "over": list(over),
         "parameters": values,
+        "solutions": solutions,
         "tol": tol,
         "accuracy": ACCURACY * smallest(loaded, values) if accuracy is None else accuracy,
         "theta": THETA,

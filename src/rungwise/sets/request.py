@@ -12,8 +12,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
+from rungwise.sets.motions import Motions
 from rungwise.sets.store import SetError
-from rungwise.simulation.batch import Batch
 
 ACCURACY = 3e-3
 """Error allowed per step of a run, relative to the smallest shape of the scene."""
@@ -59,9 +59,9 @@ def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
 
 def batch_of(
     scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
-) -> Batch:
+) -> Motions:
     """Runs as the request has them."""
-    return Batch(
-        scene, model, over, parameters=request["parameters"], tol=request["accuracy"], theta=request["theta"],
-        threads=threads,
+    return Motions(
+        scene, model, over, request["solutions"], parameters=request["parameters"], tol=request["accuracy"],
+        theta=request["theta"], threads=threads,
     )  # fmt: skip

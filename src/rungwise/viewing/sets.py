@@ -13,6 +13,7 @@ from rungwise.outcome import Code
 from rungwise.scene import shipped
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
+from rungwise.sets.motions import SLOWEST
 from rungwise.sets.surface import Mesh, boundary
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.extent import bounds, largest_force
@@ -122,7 +123,7 @@ def _data(found: Sequence[FeasibleSet]) -> dict[str, Any]:
         "error": 0.5 / VOLUME_SAMPLES**0.5,
         "sets": [
             {
-                "model": each.model.name,
+                "name": each.name,
                 "evaluations": each.evaluations,
                 "complete": each.complete,
                 "volumes": each.volumes(VOLUME_SAMPLES),
@@ -178,7 +179,7 @@ def _command(found: FeasibleSet) -> dict[str, str]:
     fixed = [f"--set {key}={x!r} " for key, x in found.parameters.items() if x != defaults[key]]
     return {
         "scene": name if name in shipped() else f"{name}.yaml",
-        "model": next((rung.name for rung in LADDER if rung == found.model), ""),
+        "model": found.model.name if found.model in LADDER and found.solutions == SLOWEST else "",
         "fixed": "".join(fixed),
         "options": f"--tol {found.request['accuracy']!r} --theta {found.request['theta']!r}",
     }

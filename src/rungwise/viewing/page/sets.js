@@ -33,7 +33,7 @@ function tell() {
     slider.nextElementSibling.textContent = `${at[a]}`;
   });
   const fixed = others().map(a => `, ${DATA.over[a].name} = ${short(at[a])}`).join("");
-  $("slice-title").textContent = `${set.model}${fixed}`;
+  $("slice-title").textContent = `${set.name}${fixed}`;
   SETS.forEach((s, k) => {
     $(`here-${k}`).textContent = DATA.labels[labelAt(s, chosen.point)];
     const clip = runsOf(chosen.run)[k];
@@ -46,7 +46,7 @@ function tell() {
   $("command").textContent = commandOf(set, at);
 }
 
-// A model between two rungs has no name on the command line.
+// A model between two rungs, and a motion that is not the slowest, have no name on the command line.
 function commandOf(set, at) {
   const { scene, model, fixed, options } = set.command;
   if (!model) return `found.replay(found.parameters | {${DATA.over.map((o, a) => `"${o.name}": ${at[a]}`).join(", ")}})`;
@@ -105,13 +105,13 @@ function buildModels() {
   for (const text of ["show", "slice", "model", ...DATA.present.map(k => DATA.labels[k]), "runs", "at the point", "stored run"]) element("th", text, head);
   SETS.forEach((set, k) => {
     const row = element("tr", "", table);
-    const show = element("input", "", element("td", "", row), { type: "checkbox", checked: true, id: `show-${k}`, ariaLabel: `show ${set.model}` });
+    const show = element("input", "", element("td", "", row), { type: "checkbox", checked: true, id: `show-${k}`, ariaLabel: `show ${set.name}` });
     show.onchange = () => { set.visible = show.checked; redraw(); };
-    const pickModel = element("input", "", element("td", "", row), { type: "radio", name: "slice", checked: k === 0, id: `pick-${k}`, ariaLabel: `slice of ${set.model}` });
+    const pickModel = element("input", "", element("td", "", row), { type: "radio", name: "slice", checked: k === 0, id: `pick-${k}`, ariaLabel: `slice of ${set.name}` });
     pickModel.onchange = () => { chosen.model = k; choose(chosen.point); };
     const name = element("td", "", row), swatch = element("span", "", name, { className: "swatch" });
     swatch.style.background = `var(--model-${k % PALETTE.length})`;
-    name.append(set.model);
+    name.append(set.name);
     for (const label of DATA.present) element("td", `${(100 * (set.volumes[DATA.labels[label]] || 0)).toFixed(2)} %`, row);
     element("td", `${set.evaluations}${set.complete ? "" : " (budget spent)"}`, row);
     element("td", "", row, { id: `here-${k}` });
