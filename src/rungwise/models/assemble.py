@@ -127,6 +127,33 @@ def _fill_balance(
 
 
 @kernel
+def lean(
+    rung: RecordArray,
+    h: float,
+    eps: float,
+    terms: Terms,
+    contacts: int,
+    free: Ints,
+    n: int,
+    wish: Reals,
+    problem: ContactProblem,
+) -> None:
+    """Move the assembled step from rest to `wish` (n_v,): c += eps M wish / h, or metric wish (kinematic).
+
+    Of the motions that order 0 admits the solution is then the one nearest to `wish`; where nothing resists
+    (eps = 1) contact forces vanish in the limit, and friction has no say in which one that is.
+    """
+    for i in range(n):
+        for j in range(n):
+            a, b = free[i], free[j]
+            own = terms.metric[a, b] if rung[0].metric else eps / h * terms.inertia[a, b]
+            problem.c[i] += own * wish[b]
+    if eps == 1.0:
+        for k in range(contacts):
+            problem.mu[k] = 0.0
+
+
+@kernel
 def _carried(rows: Reals, r: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0

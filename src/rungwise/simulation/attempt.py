@@ -7,10 +7,11 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
+from rungwise.simulation.choice import SUDDEN, solve_motion
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Scratch, State, Workspace
-from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity, solve_step
+from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -33,7 +34,8 @@ OVERLAP = 1e-4
 def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float, shortest: float) -> int:
     """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before.
 
-    A step longer than `shortest` in which an impact begins at a contact that should bounce is TOO_COARSE.
+    A step longer than `shortest` in which an impact begins at a contact that should bounce, or a preferred
+    motion begins, is TOO_COARSE.
     """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
@@ -62,8 +64,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     clock.tried = h
     for linearisation in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
-        status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
-        if status == UNSOLVED:
+        status = solve_motion(records, rung, h, contacts, shortest, workspace)
+        if status in (UNSOLVED, SUDDEN):
             break
         reach = 2.0 * h * fastest_pair(records, rung, terms, state, scratch.v_new, 0.0)
         if reach > clock.near:
@@ -99,7 +101,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
-    if status == ABSORBED:
+    if status in (ABSORBED, SUDDEN):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
 

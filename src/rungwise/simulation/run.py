@@ -17,6 +17,7 @@ from rungwise.contact.certificate import Certificate
 from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
 from rungwise.contact.problem import ContactProblem, trim
 from rungwise.contact.solvers.planar import TOLERANCE
+from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, load
@@ -74,19 +75,39 @@ def check_options(
     )
 
 
+def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -> Reals:
+    """Preferred velocities (n,) in multiples of the pace, by coordinate. Raises ModelError."""
+    names = scene.template.coordinates
+    chosen = np.zeros(len(names))
+    if not isinstance(motion, Mapping | None):
+        raise ModelError(f"motion: must be a mapping of coordinates to numbers, not {shown(motion)}")
+    for name, value in (motion or {}).items():
+        if name not in names:
+            raise ModelError(f"motion: unknown coordinate {shown(name)}; valid: {', '.join(names) or 'none'}")
+        if not math.isfinite(_real(value)):
+            raise ModelError(f"motion.{name}: must be a finite number, not {shown(value)}")
+        chosen[names.index(name)] = float(value)
+    if chosen.any() and model.inertia > 0.0:
+        raise ModelError(
+            f"motion: inertia decides on the {model.name} rung; take a kinematic or quasistatic one"
+        )
+    return chosen
+
+
 @dataclass(frozen=True)
 class Run:
     """How a run ended and what it recorded.
 
-    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
-    counts as solved; `certificate` proves a jam or a missing support, `problem` is the one it speaks of;
-    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
-    run left them.
+    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `certificate` proves a
+    jam or a missing support, `problem` is the one it speaks of; `wall_s` is the time that steps took, without
+    that to compile them; `workspace` holds the arrays as the run left them.
     """
 
     scene: Scene
     model: Rung
     parameters: dict[str, float]
+    motion: dict[str, float]
     outcome: Outcome
     reason: str
     time: float
@@ -124,6 +145,7 @@ class Run:
             "scene": self.scene.name,
             "model": self.model.name,
             "parameters": self.parameters,
+            "motion": self.motion,
             "outcome": str(self.outcome),
             "reason": self.reason,
             "time": self.time,
@@ -187,6 +209,10 @@ class Simulation:
         duration: end of the run; the scene's own if not given.
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
             where contacts do not change their mode.
+        motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
+            the slowest motion; what turns counts by its radius of gyration. On the kinematic and quasistatic
+            rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
+            not given, nearest to zero: the slowest. See `simulation.choice`.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -202,6 +228,7 @@ class Simulation:
         tol: float | None = None,
         duration: float | None = None,
         theta: float = 1.0,
+        motion: Mapping[str, float] | None = None,
         frames: int = 2000,
         stride: int | None = None,
     ) -> None:
@@ -211,6 +238,8 @@ class Simulation:
         frames = _count("frames", frames, 3)
         stride = None if stride is None else _count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
+        preferred = preferences(self.scene, self.model, motion)
+        self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
         self.outcome = Code.RUNNING
@@ -245,6 +274,7 @@ class Simulation:
             steps = float(self._control[0]["duration"]) / float(self._control[0]["step"])
             stride = 1 if tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.clock["stride"] = stride
+        self.workspace.state.prefer[:] = preferred
         template = self.scene.template
         timed, conditions = template.timed, template.conditions
         self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
@@ -300,6 +330,7 @@ class Simulation:
             scene=self.scene,
             model=self.model,
             parameters=self.parameters,
+            motion=self.motion,
             outcome=OUTCOMES[self.outcome],
             reason=self.reason or OUTCOMES[self.outcome].meaning,
             time=self.time,

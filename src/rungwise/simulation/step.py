@@ -8,7 +8,7 @@ from rungwise.contact.modes import OPEN
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
-from rungwise.models.assemble import assemble, deform, limit_inertia
+from rungwise.models.assemble import assemble, deform, lean, limit_inertia
 from rungwise.simulation.state import Scratch, State
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
@@ -66,6 +66,8 @@ def _solve_in_turn(
             rung, h, clock.theta, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed,
             bounced, problem,
         )  # fmt: skip
+        if clock.leans:
+            lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
         status = _solve(contacts, limited, n, state, scratch, problem)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
@@ -153,7 +155,7 @@ def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> b
         greatest = max(greatest, abs(terms.load[state.free[i]]))
     for i in range(clock.free):
         a = state.free[i]
-        left = abs(clock.eps / step * terms.inertia[a, a] * scratch.v_new[a])
+        left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
         balanced &= greatest == 0.0 or left <= _UNBALANCED * (abs(terms.load[a]) or greatest)
     return balanced
 
