@@ -41,7 +41,13 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         )  # fmt: skip
     if records.joints.shape[0] > 0:
         joints.values(
-            records.joints, records.measures, records.bodies, state.pose, state.q, scratch.row, scratch.measures
+            records.joints,
+            records.measures,
+            records.bodies,
+            state.pose,
+            state.q,
+            scratch.row,
+            scratch.measures,
         )
         join(records, rung, workspace, h)
     open_before = _opening(records, workspace)
