@@ -6,9 +6,10 @@ import math
 
 from rungwise.contact.modes import OPEN
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
+from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import assemble, deform, lean, limit_inertia
+from rungwise.simulation.notes import note
 from rungwise.simulation.state import Scratch, State
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
@@ -106,11 +107,13 @@ def _solve(
             scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
-    status, found = solve_planar(
+    status, found, stage = solve_planar(
         problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force,
         scratch.matrix, scratch.order,
     )  # fmt: skip
     state.clock[0].residual = found
+    if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
+        note(problem, n, contacts, limited, status, stage, state, scratch)
     return status
 
 
