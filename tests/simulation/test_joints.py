@@ -354,7 +354,7 @@ def double_pendulum(friction: float, restitution: float) -> rw.Scene:
     """Two thin rods of length 1, at 20 and 30 degrees from hanging, whose end strikes a floor 0.05 below."""
     upper, lower = math.radians(20.0 - 90.0), math.radians(30.0 - 90.0)
     knee = np.array([math.cos(upper), math.sin(upper)])
-    tip = knee + [math.cos(lower), math.sin(lower)]
+    tip = knee + np.array([math.cos(lower), math.sin(lower)])
     bodies = {
         "world": WORLD,
         "floor": {"role": "obstacle", "shape": {"kind": "halfplane", "at": [0.0, float(tip[1]) - 0.05]}},
@@ -369,7 +369,7 @@ def double_pendulum(friction: float, restitution: float) -> rw.Scene:
 
 
 def test_energy_that_newton_and_coulomb_add_is_reported() -> None:
-    """Kane and Levinson's double pendulum: an impact that gains energy where friction turns the slip around."""
+    """Kane and Levinson's double pendulum: friction turns the slip around in an impact that gains energy."""
     gains = {
         (mu, e): rw.simulate(double_pendulum(mu, e), rw.DYNAMIC_RIGID).energy_gained
         for mu in (0.0, 0.5)
