@@ -18,6 +18,7 @@ import yaml
 
 import rungwise as rw
 from rungwise import cli
+from rungwise.cli import progress
 
 
 class Answer(NamedTuple):
@@ -46,7 +47,7 @@ def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         captured = capsys.readouterr()
         return Answer(int(ended.value.code or 0), captured.out, captured.err)
 
-    monkeypatch.setattr(cli, "_announce_compilation", lambda *_: None)
+    monkeypatch.setattr(progress, "announce_compilation", lambda *_: None)
     return run
 
 
@@ -125,6 +126,13 @@ def test_check(rungwise: Command, name: str) -> None:
     assert {"scene", "bodies", "contacts", "parameters", "goal"} <= set(answer.json)
     text = rungwise("check", name)
     assert text.code == 0 and text.err == "" and name in text.out
+
+
+def test_check_shows_what_joints_leave_free(rungwise: Command) -> None:
+    text = rungwise("check", "two_link").out
+    assert "elbow        hinge  upper | lower  travels -2.61799 to 2.61799  drive servo" in text
+    elbow = rungwise("check", "two_link", "--json").json["joints"]["elbow"]["coordinate"]
+    assert elbow["drive"] == "servo" and elbow["upper"] == pytest.approx(np.radians(150))
 
 
 def test_check_reports_given_values_and_no_bound_as_null(rungwise: Command) -> None:
@@ -357,8 +365,8 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     # A shell that starts the tests in the background has them ignore the signal; so would the child.
     listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler);" + MAIN[-1]
-    telling = "from rungwise import cli; watch = cli._watch;"
-    telling += "cli._watch = lambda *a, **k: (print('running', flush=True), watch(*a, **k))[1];"
+    telling = "from rungwise.cli import progress as p; watch = p.watch;"
+    telling += "p.watch = lambda *a, **k: (print('running', flush=True), watch(*a, **k))[1];"
     command = [*MAIN[:-1], telling + listening, *SIM, "--step", "1e-9", "--json", "--out", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None and process.stdout.readline() == "running\n"
@@ -417,6 +425,17 @@ def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
     assert "dynamic-rigid -> dynamic-compliant: loses" in answer.out
 
 
+def test_sets_of_all_motions(rungwise: Command, tmp_path: Path) -> None:
+    arguments = ("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.3:3", "--solutions", "all")
+    answer = rungwise(*arguments, "--out", tmp_path, "--json")
+    found = {each["solutions"]: each["volumes"]["feasible"] for each in answer.json["sets"]}
+    assert found == pytest.approx(
+        {"slowest": 1.5 / 2.7, "possible": 1.5 / 2.7, "guaranteed": (1.5 - 2.0 / 3.0) / 2.7}, abs=0.01
+    )
+    assert (tmp_path / "kinematic-guaranteed" / "set.zarr").is_dir()
+    assert "kinematic, possible -> kinematic, guaranteed: loses" in rungwise(*arguments).out
+
+
 def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
     assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
 
@@ -430,6 +449,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
         (("--over", "v1,v1"), ("given twice",)),
         (("--over", "x3"), ("x3 needs an interval",)),
         (("--over", "v1", "--tol", "0"), ("tol",)),
+        (("--over", "v1", "--solutions", "any"), ("solutions: 'any' must be one of slowest, possible",)),
         (("--over", "v1", "--resume"), ("resume", "--out")),
         (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
         (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),

@@ -8,8 +8,10 @@ for model in rw.LADDER[1:]:
 """
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
+from rungwise.contact.fclib import write_fclib
 from rungwise.contact.mixed import Problem
 from rungwise.contact.pieces import Kind, Piece, Solutions
+from rungwise.contact.read import read_problem
 from rungwise.contact.sensitivity import Sensitivity, sensitivity
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solutions import extreme_motions, solutions
@@ -29,6 +31,7 @@ from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shippe
 from rungwise.sets.between import Between, between
 from rungwise.sets.feasible import FeasibleSet, feasible_set, load_set
 from rungwise.sets.labels import Label
+from rungwise.sets.solution_sets import SolutionSets, solution_sets
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
@@ -41,9 +44,10 @@ __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
     "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece", "Problem", "Results",
-    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "Solutions", "Status",
-    "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions", "feasible_set",
-    "force_closure", "form_closure", "load", "load_run", "load_set", "schema", "sensitivity", "shipped",
-    "simulate", "solutions", "solve", "step_sensitivity", "touching", "view",
+    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "SolutionSets",
+    "Solutions", "Status", "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions",
+    "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set", "read_problem",
+    "schema", "sensitivity", "shipped", "simulate", "solution_sets", "solutions", "solve",
+    "step_sensitivity", "touching", "view", "write_fclib",
 ]  # fmt: skip
 __version__ = "0.1.0"

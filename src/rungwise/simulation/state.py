@@ -20,10 +20,13 @@ Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 """Programs of the numbers that depend on time: code, constants, table and targets."""
 
+ROUNDING = 1e-12
+"""Rounding of positions, relative to the extent of the scene."""
+
 CLOCK = np.dtype(
     [(name, np.int64) for name in (
         "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
-        "drives",
+        "drives", "chooses", "leans",
     )]
     + [(name, np.float64) for name in (
         "time", "taken", "tried", "next", "eps", "theta", "margin", "near", "least_gap", "residual",
@@ -31,8 +34,9 @@ CLOCK = np.dtype(
         "joint_work",
     )]
 )  # fmt: skip
-"""Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
-try next; `reach` is the longest lever arm."""
+"""Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
+starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
+`next` the one to try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype(
     [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
@@ -42,6 +46,10 @@ per step, 0 for steps of fixed length; jam: motion, of anything, in a step below
 a jam."""
 
 
+ROOM = 1_000_000
+"""Numbers (8 MB) for the notes of hard steps between two looks at them; more if one might not fit."""
+
+
 class State(Block):
     """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
 
@@ -49,6 +57,8 @@ class State(Block):
     a joint): features, deformation
     (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
     the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
+    `prefer` (n,): preferred velocities in multiples of the pace (see `simulation.choice`), zero for the
+    slowest motion; `wish` (n,) the same as velocities, while a motion is chosen.
     """
 
     clock: RecordArray
@@ -61,6 +71,8 @@ class State(Block):
     prescribed: Ints
     free: Ints
     speed: Reals
+    prefer: Reals
+    wish: Reals
     passive: Reals
     reaction: Reals
     pose: Reals
@@ -74,11 +86,14 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end,
-    and in `undefined` (1,) the place of a number that is not finite at this time, or -1."""
+    """Workspace of one step: the solution, the slowest one and which coordinates are held in another, the
+    solver's matrix, what conditions read at its start and end, in `undefined` (1,) the place of a number that
+    is not finite at this time, or -1, and in `hard` what `notes.note` writes, if it has room."""
 
     x: Reals
     v_new: Reals
+    slowest: Reals
+    held: Ints
     contact_force: Reals
     limited_force: Reals
     mode: Ints
@@ -94,6 +109,7 @@ class Scratch(Block):
     begun: Reals
     ended: Reals
     undefined: Ints
+    hard: Reals
 
 
 class Whole(Block):
@@ -153,8 +169,11 @@ class Workspace(Block):
     frames: Frames
 
 
-def allocate(records: Records, values: Reals, parameters: int, frames: int) -> Workspace:
-    """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them."""
+def allocate(records: Records, values: Reals, parameters: int, frames: int, noted: bool = False) -> Workspace:
+    """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them.
+
+    `noted` makes room for notes of hard steps.
+    """
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
     rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
@@ -171,6 +190,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         prescribed=np.zeros(n, np.int64),
         free=np.zeros(n, np.int64),
         speed=np.zeros(n),
+        prefer=np.zeros(n),
+        wish=np.zeros(n),
         passive=np.zeros(n),
         reaction=np.zeros(n),
         pose=np.zeros((len(records.bodies), 4)),
@@ -186,6 +207,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
+        slowest=np.zeros(n),
+        held=np.zeros(n, np.int64),
         contact_force=np.zeros(rows * d),
         limited_force=np.zeros(limited),
         mode=np.zeros(rows + limited, np.int64),
@@ -201,6 +224,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         begun=np.zeros(len(values)),
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
+        hard=np.zeros(max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0),
     )
     before, kept = (
         Snapshot(

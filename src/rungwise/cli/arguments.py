@@ -1,0 +1,68 @@
+"""Arguments that several commands take, and what they mean."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rungwise.cli.terminal import refuse
+
+if TYPE_CHECKING:
+    from rungwise.scene import Scene
+
+SceneArgument = Annotated[str, typer.Argument(help="Name of a scene that ships, or path of a YAML file.")]
+SetOption = Annotated[
+    list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+
+
+def number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
+
+
+def load_scene(source: str) -> Scene:
+    from rungwise.scene import load
+
+    return load(source)
+
+
+def parameters_of(scene: Scene, values: list[str] | None) -> dict[str, float]:
+    from rungwise.scene import SceneError
+
+    given: dict[str, float] = {}
+    for item in values or []:
+        name, equals, text = item.partition("=")
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not equals or not name.strip() or value != value:
+            raise SceneError(
+                f"--set {item[:80]}: must be name=number; names: {', '.join(scene.file.parameters) or 'none'}"
+            )
+        given[name.strip()] = value
+    return scene.parameters(given)
+
+
+def writable(folder: Path) -> None:
+    """Refuse a folder in which nothing can be written, by trying; what this makes is removed again."""
+    missing: list[Path] = []
+    try:
+        missing = [path for path in (folder, *folder.parents) if not path.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        refuse(f"out: {folder} cannot be written ({error.strerror or error})")
+    finally:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()

@@ -1,0 +1,24 @@
+"""`rungwise check`."""
+
+from __future__ import annotations
+
+from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_scene, parameters_of
+from rungwise.cli.terminal import plain_errors, refuse, show, show_json
+
+
+def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
+    """Validate a scene; print its bodies, coordinates, contacts and parameters."""
+    from rungwise.models.ladder import KINEMATIC
+    from rungwise.outcome import Code
+    from rungwise.report.describe import describe, describe_text
+    from rungwise.simulation.run import Simulation
+
+    with plain_errors():
+        loaded = load_scene(scene)
+        parameters = parameters_of(loaded, values)
+        report = describe(loaded, parameters)
+        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3)
+    if start.outcome == Code.INVALID:
+        refuse(start.reason)
+    show_json(report) if as_json else show(describe_text(report))
+    return 0

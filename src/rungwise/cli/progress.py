@@ -1,0 +1,59 @@
+"""Telling that something takes time: compilation, and bars."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rungwise.simulation.run import Simulation
+
+
+def announce_compilation(*kernel: str) -> None:
+    from rungwise.kernel import is_compiled
+
+    if not is_compiled(*kernel):
+        print("rungwise: compiling kernels, once; this takes about a minute", file=sys.stderr, flush=True)
+
+
+def watch(simulation: Simulation, quiet: bool) -> bool:
+    """Run to the end with a progress bar; returns whether Ctrl-C ended it."""
+    silent: tuple[Callable[[], None], Callable[[], None]] = (lambda: None, lambda: None)
+    report, close = silent if quiet else _bar(simulation)
+    try:
+        while simulation.advance():
+            report()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        close()
+    return False
+
+
+def _bar(simulation: Simulation) -> tuple[Callable[[], None], Callable[[], None]]:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    bar = Progress(console=Console(stderr=True), transient=True)
+    task = bar.add_task(f"{simulation.scene.name} {simulation.model.name}", total=1.0)
+    bar.start()
+    return lambda: bar.update(task, completed=simulation.progress), bar.stop
+
+
+@contextmanager
+def counting(name: str, quiet: bool) -> Iterator[Callable[[str, int, int], None] | None]:
+    """A bar of runs done over runs known to be needed, with the time left; they grow with each level."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(name, total=None)
+        yield lambda what, done, known: bar.update(
+            task, description=f"{name}: {what}", completed=done, total=known
+        )

@@ -1,0 +1,29 @@
+"""`rungwise scenes`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from rungwise.cli.arguments import JsonOption
+from rungwise.cli.terminal import show, show_json
+
+
+def scenes(
+    as_json: JsonOption = False,
+    schema: Annotated[bool, typer.Option("--schema", help="Print the JSON schema of scene files.")] = False,
+) -> int:
+    """The scenes that ship."""
+    from rungwise.scene import load, shipped
+    from rungwise.scene import schema as scene_schema
+
+    if schema:
+        show_json(scene_schema(), indent=None if as_json else 1)
+        return 0
+    known = {name: load(name).file.about for name in shipped()}
+    if as_json:
+        show_json({"scenes": known})
+        return 0
+    show("\n".join(f"{name:22s} {about}" for name, about in known.items()))
+    return 0

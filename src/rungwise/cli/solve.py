@@ -1,0 +1,56 @@
+"""`rungwise solve`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rungwise.cli.arguments import JsonOption, number
+from rungwise.cli.terminal import refuse, show, show_json
+
+
+def solve(
+    file: Annotated[Path, typer.Argument(help="FCLIB HDF5, text of Siconos' numerics, or ContactBench npz.")],
+    tol: Annotated[
+        float,
+        typer.Option("--tol", parser=number, metavar="NUMBER", help="Residual to reach; it has no unit."),
+    ] = 1e-9,
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            "--kind", help="Of a text file: lcp, mlcp, relay, local, global; by its name if not given."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="npz file for r (normal first) and u = W r + q.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Solve a contact problem from disk."""
+    from rungwise.contact.read import read_problem
+    from rungwise.contact.solution import Status
+    from rungwise.contact.solve import solve as solve_problem
+
+    try:
+        solution = solve_problem(read_problem(file, kind), tol=tol)
+    except ValueError as error:
+        refuse(str(error))
+    if out is not None:
+        try:
+            solution.save(out)
+        except OSError as error:
+            refuse(f"out: {out} cannot be written ({error.strerror or error})")
+    summary = solution.summary()
+    if as_json:
+        show_json({"file": str(file), **summary})
+    else:
+        show(
+            f"{file.name}: {solution.status}\n"
+            f"  {summary['reason']}\n"
+            f"  {summary['unknowns']} unknowns, {summary['contacts']} contacts;"
+            f" residual {solution.residuals.worst:.1e},"
+            f" {solution.iterations} iterations of {', '.join(solution.chain) or 'none'}"
+        )
+    return 0 if solution.status is Status.SOLVED else 1

@@ -1,0 +1,48 @@
+"""What commands print, and how they refuse."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NoReturn
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def refuse(message: str) -> NoReturn:
+    print(f"rungwise: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(BAD_INPUT)
+
+
+def show(text: str) -> None:
+    """Print; a reader who leaves early ends the program quietly, a full disk with one line."""
+    try:
+        print(text.encode(sys.stdout.encoding, "replace").decode(sys.stdout.encoding), flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            sys.exit(1)
+        refuse(f"output: cannot be written ({error.strerror or error})")
+
+
+def show_json(value: object, indent: int | None = None) -> None:
+    from rungwise.plain import json_text
+
+    show(json_text(value, indent))
+
+
+@contextmanager
+def plain_errors() -> Iterator[None]:
+    """Wrong input of any kind becomes one line."""
+    from rungwise.scene import SceneError
+    from rungwise.sets.store import SetError
+    from rungwise.simulation.run import ModelError
+    from rungwise.viewing.view import ViewError
+
+    try:
+        yield
+    except (SceneError, ModelError, SetError, ViewError) as error:
+        refuse(str(error))
