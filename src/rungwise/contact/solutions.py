@@ -1,6 +1,6 @@
 """All solutions of a problem with few contacts, and what motions they allow.
 
-Branch and bound over contact modes, as in `solvers.branching`, but to the end: a mode is held by a piece known
+Branch and bound over contact modes, as in `solvers.branching`, to the end: a mode is held by a piece known
 before, excluded by a Farkas vector or divided, and one that divides no further is measured. All linear
 programs are solved by HiGHS, through scipy; what they say counts only if `pieces`, `farkas` and `monotone`,
 which know no solver, agree.
