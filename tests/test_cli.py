@@ -128,6 +128,13 @@ def test_check(rungwise: Command, name: str) -> None:
     assert text.code == 0 and text.err == "" and name in text.out
 
 
+def test_check_shows_what_joints_leave_free(rungwise: Command) -> None:
+    text = rungwise("check", "two_link").out
+    assert "elbow        hinge  upper | lower  travels -2.61799 to 2.61799  drive servo" in text
+    elbow = rungwise("check", "two_link", "--json").json["joints"]["elbow"]["coordinate"]
+    assert elbow["drive"] == "servo" and elbow["upper"] == pytest.approx(np.radians(150))
+
+
 def test_check_reports_given_values_and_no_bound_as_null(rungwise: Command) -> None:
     report = rungwise("check", "two_finger", "--set", "v2=0.5", "--set", "mass=3", "--json").json
     assert report["parameters"]["v2"]["value"] == 0.5
@@ -418,6 +425,17 @@ def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
     assert "dynamic-rigid -> dynamic-compliant: loses" in answer.out
 
 
+def test_sets_of_all_motions(rungwise: Command, tmp_path: Path) -> None:
+    arguments = ("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.3:3", "--solutions", "all")
+    answer = rungwise(*arguments, "--out", tmp_path, "--json")
+    found = {each["solutions"]: each["volumes"]["feasible"] for each in answer.json["sets"]}
+    assert found == pytest.approx(
+        {"slowest": 1.5 / 2.7, "possible": 1.5 / 2.7, "guaranteed": (1.5 - 2.0 / 3.0) / 2.7}, abs=0.01
+    )
+    assert (tmp_path / "kinematic-guaranteed" / "set.zarr").is_dir()
+    assert "kinematic, possible -> kinematic, guaranteed: loses" in rungwise(*arguments).out
+
+
 def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
     assert rungwise("sets", "two_finger", "--model", "kinematic", "--over", "v2=0.1:0.3").code == 1
 
@@ -431,6 +449,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
         (("--over", "v1,v1"), ("given twice",)),
         (("--over", "x3"), ("x3 needs an interval",)),
         (("--over", "v1", "--tol", "0"), ("tol",)),
+        (("--over", "v1", "--solutions", "any"), ("solutions: 'any' must be one of slowest, possible",)),
         (("--over", "v1", "--resume"), ("resume", "--out")),
         (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
         (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),

@@ -31,6 +31,7 @@ from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shippe
 from rungwise.sets.between import Between, between
 from rungwise.sets.feasible import FeasibleSet, feasible_set, load_set
 from rungwise.sets.labels import Label
+from rungwise.sets.solution_sets import SolutionSets, solution_sets
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
@@ -43,9 +44,10 @@ __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
     "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece", "Problem", "Results",
-    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "Solutions", "Status",
-    "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions", "feasible_set", "force_closure",
-    "form_closure", "load", "load_run", "load_set", "read_problem", "schema", "sensitivity", "shipped",
-    "simulate", "solutions", "solve", "step_sensitivity", "touching", "view", "write_fclib",
+    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "SolutionSets",
+    "Solutions", "Status", "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions",
+    "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set", "read_problem",
+    "schema", "sensitivity", "shipped", "simulate", "solution_sets", "solutions", "solve",
+    "step_sensitivity", "touching", "view", "write_fclib",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -127,6 +127,33 @@ def _fill_balance(
 
 
 @kernel
+def lean(
+    rung: RecordArray,
+    h: float,
+    eps: float,
+    terms: Terms,
+    contacts: int,
+    free: Ints,
+    n: int,
+    wish: Reals,
+    problem: ContactProblem,
+) -> None:
+    """Move the assembled step from rest to `wish` (n_v,): c += eps M wish / h, or metric wish (kinematic).
+
+    Of the motions that order 0 admits the solution is then the one nearest to `wish`; where nothing resists
+    (eps = 1) contact forces vanish in the limit, and friction has no say in which one that is.
+    """
+    for i in range(n):
+        for j in range(n):
+            a, b = free[i], free[j]
+            own = terms.metric[a, b] if rung[0].metric else eps / h * terms.inertia[a, b]
+            problem.c[i] += own * wish[b]
+    if eps == 1.0:
+        for k in range(contacts):
+            problem.mu[k] = 0.0
+
+
+@kernel
 def _carried(rows: Reals, r: int, speed: Reals) -> float:
     """Part of a row's rate that prescribed coordinates carry; `speed` is zero on the free ones."""
     total = 0.0
@@ -217,10 +244,19 @@ def deform(
 
 @kernel
 def limit_inertia(
-    rung: RecordArray, h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    limited: int,
+    n: int,
+    free: Ints,
+    speed: Reals,
+    landing: bool,
 ) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
+    With `landing` it is so small that what closes any gap within the step still needs no force for it.
     Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
@@ -231,7 +267,8 @@ def limit_inertia(
     for j in range(speed.shape[0]):
         fastest = max(fastest, abs(speed[j]))
     for k in range(contacts):
-        fastest = max(fastest, abs(terms.gap[k]) / h)
+        if landing or terms.gap[k] < 0.0:
+            fastest = max(fastest, abs(terms.gap[k]) / h)
     for i in range(n):
         a = free[i]
         heaviest = max(heaviest, terms.inertia[a, a])

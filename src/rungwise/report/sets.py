@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints
 from rungwise.sets.between import between
-from rungwise.sets.crossings import crossings_of_cells, planes
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
+from rungwise.sets.motions import SLOWEST
+from rungwise.sets.surface import boundary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,6 +50,7 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
         "sets": [
             {
                 "model": each.model.name,
+                "solutions": each.solutions,
                 "evaluations": each.evaluations,
                 "complete": each.complete,
                 "probes": each.probes,
@@ -58,34 +60,53 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
             }
             for each in found
         ],
-        "between": [asdict(between(a, b)) for a, b in pairwise(found)],
+        "between": [asdict(between(a, b)) for a, b in _neighbours(found)],
     }
+
+
+def _neighbours(found: Sequence[FeasibleSet]) -> list[tuple[FeasibleSet, FeasibleSet]]:
+    """Pairs to compare: the same rung by what its motions do, and one rung with the next."""
+    rungs = list(dict.fromkeys(each.model for each in found))
+    kinds = list(dict.fromkeys(each.solutions for each in found))
+    groups = [[each for each in found if each.model == rung] for rung in rungs]
+    groups += [[each for each in found if each.solutions == kind] for kind in kinds]
+    return [pair for group in groups for pair in pairwise(group)]
 
 
 def text(summary: dict[str, Any]) -> str:
     """The summary for people."""
     over = ", ".join(f"{name} in {low:g}..{high:g}" for name, (low, high) in summary["over"].items())
     lines = [f"{summary['scene']} over {over}, boundary within {summary['tol']:g} of each side"]
-    for each in summary["sets"]:
+    names = [_name(each) for each in summary["sets"]]
+    width = max(22, *(len(name) for name in names))
+    for name, each in zip(names, summary["sets"], strict=True):
         parts = ", ".join(f"{label} {part:.4f}" for label, part in each["volumes"].items())
-        lines.append(f"  {each['model']:22s} {parts}")
+        lines.append(f"  {name:{width}s} {parts}")
         note = "" if each["complete"] else "; the budget ended the refinement"
         lines.append(
-            f"  {'':22s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
+            f"  {'':{width}s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
             f" contradicted their cell{note}"
         )
         if each["certified"]:
             c = each["certified"]
             lines.append(
-                f"  {'':22s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them within"
-                f" the tolerance): error rate below {c['bound']:.2g} with confidence {1 - c['delta']:g}"
+                f"  {'':{width}s} {c['wrong']} of {c['samples']} fresh points wrong ({c['near']} of them"
+                f" within the tolerance): error rate below {c['bound']:.2g}"
+                f" with confidence {1 - c['delta']:g}"
             )
     for pair in summary["between"]:
         lines.append(
             f"  {pair['cheap']} -> {pair['rich']}: loses {pair['lost']:.4f} of the box, gains"
             f" {pair['gained']:.4f} (+- {pair['error']:.4f})"
         )
+    lines += [f"wrote {file}" for file in summary.get("files", ())]
     return "\n".join(lines)
+
+
+def _name(summary: dict[str, Any]) -> str:
+    """As `FeasibleSet.name`."""
+    model, solutions = summary["model"], summary["solutions"]
+    return f"{model}" if solutions == SLOWEST else f"{model}, {solutions}"
 
 
 def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
@@ -102,7 +123,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
         for k, axis in enumerate(row):
             part = (k + 1) / (layers + 1)
             seen |= draw_slice(axis, each, dict.fromkeys(each.over[2:], part))
-        row[0].set_ylabel(f"{each.model.name}\n\n{row[0].get_ylabel()}", fontsize=9)
+        row[0].set_ylabel(f"{each.name}\n\n{row[0].get_ylabel()}", fontsize=9)
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
     handles = [
         Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
@@ -165,32 +186,10 @@ def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
     """The boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    faces = surface(found)
+    mesh = boundary(found)
+    faces = list(mesh.vertices[mesh.pieces])
     axis.add_collection3d(Poly3DCollection(faces, facecolor=color, edgecolor="none", alpha=0.6))
     for setter, (low, high) in zip((axis.set_xlim, axis.set_ylim, axis.set_zlim), found.box, strict=True):
         setter(low, high)
     for k, setter in enumerate((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel)):
         setter(_unit_of(found, k))
-
-
-def surface(found: FeasibleSet) -> list[Reals]:
-    """Faces (corners, 3) of the boundary of the feasible part, one for each cell where it is a plane."""
-    faces = []
-    unit = found.box[:, 1] - found.box[:, 0]
-    for level, crossings in found.crossings.items():
-        points, there = crossings_of_cells(found.tree, level, *crossings)
-        normal, _, sides = planes(found.tree, level, *crossings)
-        size, origins = found.tree.size(level), found.tree.leaves[level]
-        for i in np.flatnonzero((sides == Label.FEASIBLE).any(axis=1)):
-            corners = points[i][there[i]]
-            places = (origins[i] + size * corners[_around(corners, normal[i])]) / (1 << found.tree.finest)
-            faces.append(found.box[:, 0] + places * unit)
-    return faces
-
-
-def _around(corners: Reals, normal: Reals) -> Ints:
-    """Order of points of a plane around their middle."""
-    away = corners - corners.mean(axis=0)
-    first = np.eye(3)[np.argmin(np.abs(normal))]
-    first = first - (first @ normal) * normal
-    return np.argsort(np.arctan2(away @ np.cross(normal, first), away @ first))

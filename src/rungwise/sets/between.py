@@ -33,8 +33,8 @@ def between(cheap: FeasibleSet, rich: FeasibleSet, n: int = 200_000, seed: int =
     points = cheap.random(n, seed)
     a, b = cheap.labels(points) == Label.FEASIBLE, rich.labels(points) == Label.FEASIBLE
     return Between(
-        cheap=cheap.model.name,
-        rich=rich.model.name,
+        cheap=cheap.name,
+        rich=rich.name,
         both=float(np.mean(a & b)),
         lost=float(np.mean(a & ~b)),
         gained=float(np.mean(b & ~a)),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,13 +16,15 @@ from scipy.stats import beta
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
-from rungwise.sets import store
+from rungwise.sets import arrays, store
+from rungwise.sets.asker import Asker
 from rungwise.sets.crossings import planes, solve
 from rungwise.sets.labels import Label, labels
+from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
+from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
 from rungwise.sets.store import Log, SetError
 from rungwise.sets.tree import FIRST_LEVEL, BudgetSpent, Tree
-from rungwise.simulation.batch import Batch, Results
-from rungwise.simulation.run import Run, moving_rung, simulate
+from rungwise.simulation.run import Run, moving_rung
 
 if TYPE_CHECKING:
     import xarray
@@ -32,13 +32,6 @@ if TYPE_CHECKING:
 CELL, DEEPER = 4.0, 2
 """Side of the cells along the boundary, in tolerances: crossings of their edges are located to within one. A
 cell in which the boundary is no plane is split at most `DEEPER` times more, to the side of a tolerance."""
-ACCURACY = 3e-3
-"""Error allowed per step of a run, relative to the smallest shape of the scene."""
-THETA = 0.5
-KEPT = 4096
-"""Runs of a batch that is kept whole."""
-WIDE = 100.0
-"""A range more than so many times the default is not one to search; see `box_of`."""
 MAX_AXES = 6
 PROBE_ROUNDS = 4
 BUDGET = 50_000_000
@@ -81,6 +74,16 @@ class FeasibleSet:
     request: dict[str, Any] = field(repr=False)
 
     @property
+    def solutions(self) -> str:
+        """Whether "slowest", "possible" or "guaranteed" motions are meant."""
+        return str(self.request["solutions"])
+
+    @property
+    def name(self) -> str:
+        """The model, and of which of its motions the set speaks if not of the slowest."""
+        return self.model.name if self.solutions == SLOWEST else f"{self.model.name}, {self.solutions}"
+
+    @property
     def complete(self) -> bool:
         """Whether the refinement was not ended by its budget."""
         return not self.tree.spent
@@ -104,13 +107,13 @@ class FeasibleSet:
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
         inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
         result = np.full(len(points), int(Label.UNKNOWN))
-        result[inside] = self._labels((points[inside] - self.box[:, 0]) / self._unit)
+        result[inside] = self._labels((points[inside] - self.box[:, 0]) / self.unit)
         return result
 
     def witness(self, point: Reals) -> dict[str, float] | None:
         """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
         holds the point, or none. `replay` runs it."""
-        place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self._unit
+        place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self.unit
         levels, index = self.tree.locate(place)
         level = int(levels[0])
         origin = self.tree.leaves[level][index[0]]
@@ -120,13 +123,13 @@ class FeasibleSet:
         if not good.any():
             return None
         distance = np.where(good, np.linalg.norm(corners - place, axis=1), math.inf)
-        best = self.box[:, 0] + corners[int(np.argmin(distance))] * self._unit
+        best = self.box[:, 0] + corners[int(np.argmin(distance))] * self.unit
         return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
 
     def replay(self, parameters: Mapping[str, float]) -> Run:
-        """The run at these parameters, step by step as it was."""
+        """The run at these parameters, step by step as it was; of several motions the one that decides."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
-        return simulate(self.scene, self.model, parameters=parameters, **options)
+        return decisive(self.scene, self.model, self.solutions, parameters=parameters, **options)
 
     def certify(
         self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
@@ -135,7 +138,7 @@ class FeasibleSet:
         if n < 1 or not 0.0 < delta < 1.0:
             raise SetError("certify: n must be at least 1, and delta lie in 0..1")
         points = self.random(n, seed)
-        truth = labels(_batch(self.scene, self.model, self.over, self.request, threads).run(points).outcome)
+        truth = labels(batch_of(self.scene, self.model, self.over, self.request, threads).run(points).outcome)
         wrong = self.labels(points) != truth
         near = np.zeros(n, bool)
         for axis in range(len(self.over)):
@@ -160,14 +163,27 @@ class FeasibleSet:
     @cached_property
     def data(self) -> xarray.Dataset:
         """Everything as arrays: vertices, leaves and crossings, in the units of the parameters."""
-        return _dataset(self)
+        return arrays.dataset(self)
 
     def save(self, folder: str | Path) -> Path:
         """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
         return store.save(Path(folder), self.data)
 
+    def to_csv(self, file: str | Path) -> Path:
+        """Write all runs and all located boundary points as a table; see `rungwise.sets.export`."""
+        from rungwise.sets import export
+
+        return export.to_csv(self, file)
+
+    def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
+        """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
+        from rungwise.sets import export
+
+        return export.to_mesh(self, file, label)
+
     @property
-    def _unit(self) -> Reals:
+    def unit(self) -> Reals:
+        """Lengths (d,) of the tree's unit along each parameter."""
         return np.asarray((self.box[:, 1] - self.box[:, 0]) / (1 << self.tree.finest))
 
     @cached_property
@@ -193,29 +209,6 @@ class FeasibleSet:
         return result
 
 
-def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:
-    """Intervals (d, 2) of the parameters: as given, or their range, or, where that is more than `WIDE` times
-    the default, from 0 to twice the default within the range. Raises SetError."""
-    intervals = []
-    for name in over:
-        declared = scene.file.parameters[name]
-        low, high = declared.range if declared.range is not None else (-math.inf, math.inf)
-        if box is not None and name in box:
-            first, last = (float(x) for x in box[name])
-            if not (math.isfinite(first) and math.isfinite(last) and low <= first < last <= high):
-                raise SetError(
-                    f"over: {name}={first:g}:{last:g} must be an interval within {low:g} to {high:g}"
-                )
-            low, high = first, last
-        elif not high - low <= WIDE * abs(declared.default):
-            if declared.default == 0.0:
-                raise SetError(f"over: {name} needs an interval, {name}=LOW:HIGH")
-            ends = sorted((0.0, 2.0 * declared.default))
-            low, high = max(low, ends[0]), min(high, ends[1])
-        intervals.append((low, high))
-    return np.array(intervals)
-
-
 def feasible_set(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -224,6 +217,7 @@ def feasible_set(
     tol: float = 0.01,
     box: Mapping[str, tuple[float, float]] | None = None,
     parameters: Mapping[str, float] | None = None,
+    solutions: str = SLOWEST,
     accuracy: float | None = None,
     probes: int | None = None,
     budget: int = BUDGET,
@@ -245,6 +239,8 @@ def feasible_set(
             times as large, and as large as `tol` where the boundary is no plane.
         box: interval (low, high) by name; see `box_of` for those not given.
         parameters: values of the other parameters.
+        solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
+            one of those tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.
@@ -261,6 +257,8 @@ def feasible_set(
         raise SetError(f"over: 1 to {MAX_AXES} parameters, not {len(over)}")
     if not 1e-6 <= tol <= 0.25:
         raise SetError(f"tol: {tol!r} must lie in 1e-6..0.25 (a part of the box)")
+    if solutions not in SOLUTIONS:
+        raise SetError(f"solutions: {str(solutions)[:60]!r} must be one of {', '.join(SOLUTIONS)}")
     values = loaded.parameters(parameters)
     request: dict[str, Any] = {
         "scene": loaded.name,
@@ -269,13 +267,14 @@ def feasible_set(
         "inertia": rung.inertia,
         "over": list(over),
         "parameters": values,
+        "solutions": solutions,
         "tol": tol,
         "accuracy": ACCURACY * smallest(loaded, values) if accuracy is None else accuracy,
         "theta": THETA,
         "budget": budget,
         "seed": seed,
     }
-    batch = _batch(loaded, rung, over, request, threads)
+    batch = batch_of(loaded, rung, over, request, threads)
     intervals = box_of(loaded, batch.over, box)
     axes = len(batch.over)
     target = max(1, math.ceil(math.log2(1.0 / (CELL * tol)) - 1e-9))
@@ -283,7 +282,7 @@ def feasible_set(
     request |= {"box": intervals.tolist(), "probes": probes, "target": target}
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
-    asker = _Asker(batch, intervals, tree.finest, budget, log, on_progress)
+    asker = Asker(batch, intervals, tree.finest, budget, log, on_progress)
     made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
     crossings = _cross(tree, asker)
     result = FeasibleSet(
@@ -305,35 +304,18 @@ def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
     loaded = load(request["scene"]) if scene is None else scene
     if digest(loaded) != request["digest"]:
         raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
-    axes, target = len(request["over"]), request["target"]
-    tree = Tree.empty(axes, target, target + DEEPER)
-    box = np.array(request["box"])
-    unit = (box[:, 1] - box[:, 0]) / (1 << tree.finest)
-    keys = tree.vertices.key(np.rint((data.vertex.values - box[:, 0]) / unit).astype(np.int64))
-    tree.vertices.keys, tree.vertices.labels = keys, data.label.values.astype(np.int64)
-    tree.vertices.margins, tree.spent = data.margin.values, not data.attrs["complete"]
-    levels = data.level.values
-    tree.leaves = [data.leaf.values[levels == level] for level in range(tree.finest + 1)]
-    edge_levels = data.edge_level.values
-    crossings = {
-        int(level): (data.edge.values[edge_levels == level], data.fraction.values[edge_levels == level])
-        for level in range(target, max(target, *edge_levels.tolist(), 0) + 1)
-    }
+    target = request["target"]
+    tree, crossings = arrays.read(data, len(request["over"]), target, target + DEEPER)
     model = moving_rung(request["model"])
     return FeasibleSet(
         scene=loaded, model=model if model.metric else model.with_inertia(request["inertia"]),
-        over=tuple(request["over"]), box=box, tol=request["tol"], tree=tree, crossings=crossings,
-        evaluations=int(data.attrs["evaluations"]), probes=int(data.attrs["probes"]),
+        over=tuple(request["over"]), box=np.array(request["box"]), tol=request["tol"], tree=tree,
+        crossings=crossings, evaluations=int(data.attrs["evaluations"]), probes=int(data.attrs["probes"]),
         hits=int(data.attrs["hits"]), request=request,
     )  # fmt: skip
 
 
-def digest(scene: Scene) -> str:
-    """Mark of all that a scene's file says."""
-    return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]
-
-
-def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator) -> tuple[int, int]:
+def _grow(tree: Tree, asker: Asker, probes: int, generator: np.random.Generator) -> tuple[int, int]:
     """Refine, then probe leaves that look uniform until a round finds nothing new; its probes and hits."""
     asker.task = "cells"
     tree.grow(asker)
@@ -363,7 +345,7 @@ def _grow(tree: Tree, asker: _Asker, probes: int, generator: np.random.Generator
     return made, hits
 
 
-def _cross(tree: Tree, asker: _Asker) -> dict[int, tuple[Ints, Reals]]:
+def _cross(tree: Tree, asker: Asker) -> dict[int, tuple[Ints, Reals]]:
     """Crossings by level; cells in which the boundary is no plane go to the next level."""
     asker.task = "boundary"
     crossings = {}
@@ -375,101 +357,3 @@ def _cross(tree: Tree, asker: _Asker) -> dict[int, tuple[Ints, Reals]]:
             break
         tree.split(level, coarse, asker)
     return crossings
-
-
-class _Asker:
-    """The oracle of the tree: places -> parameters -> runs, by kept batches."""
-
-    def __init__(
-        self,
-        batch: Batch,
-        box: Reals,
-        finest: int,
-        budget: int,
-        log: Log | None,
-        on_progress: Callable[[str, int, int], None] | None,
-    ) -> None:
-        self._batch, self._log, self._budget, self._report = batch, log, budget, on_progress
-        self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
-        self.count = 0
-        self.task = ""
-
-    def __call__(self, places: Reals) -> tuple[Ints, Reals]:
-        if self.count + len(places) > self._budget:
-            raise BudgetSpent
-        points = self._low + places * self._unit
-        outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
-        target = self.count + len(points)
-        for at in range(0, len(points), KEPT):
-            part = slice(at, at + KEPT)
-            outcomes[part], margins[part] = self._ask(points[part], target)
-            self.count += len(points[part])
-        return labels(outcomes), margins
-
-    def _ask(self, points: Reals, target: int) -> tuple[Ints, Reals]:
-        kept = None if self._log is None else self._log.read(points)
-        if kept is not None:
-            return kept
-        found: Results = self._batch.run(points, on_progress=lambda done: self._tell(done, target))
-        if self._log is not None:
-            self._log.write(points, found.outcome, found.margin)
-        return found.outcome, found.margin
-
-    def _tell(self, done: int, target: int) -> None:
-        if self._report is not None:
-            self._report(self.task, self.count + done, target)
-
-
-def _batch(
-    scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
-) -> Batch:
-    return Batch(
-        scene, model, over, parameters=request["parameters"], tol=request["accuracy"], theta=request["theta"],
-        threads=threads,
-    )  # fmt: skip
-
-
-def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
-    """Reach of the smallest shape that has one, at these parameters; 1 where none has."""
-    reach = scene.bind(parameters).records.shapes["reach"]
-    known = reach[np.isfinite(reach) & (reach > 0.0)]
-    return float(known.min()) if len(known) else 1.0
-
-
-def _dataset(found: FeasibleSet) -> xarray.Dataset:
-    import xarray as xr
-
-    tree, low, unit = found.tree, found.box[:, 0], found._unit
-    places = tree.vertices.places(tree.vertices.keys)
-    levels = np.concatenate([np.full(len(cells), level) for level, cells in enumerate(tree.leaves)])
-    edges = np.concatenate([keys for keys, _ in found.crossings.values()])
-    fractions = np.concatenate([part for _, part in found.crossings.values()])
-    edge_levels = np.concatenate([np.full(len(keys), level) for level, (keys, _) in found.crossings.items()])
-    starts = tree.vertices.places(edges // tree.axes).astype(np.float64)
-    starts[np.arange(len(edges)), edges % tree.axes] += fractions * 2.0 ** (tree.finest - edge_levels)
-    return xr.Dataset(
-        {
-            "vertex": (("vertices", "axis"), low + places * unit),
-            "label": (
-                ("vertices",),
-                tree.vertices.labels.astype(np.int8),
-                {"labels": [str(x) for x in Label]},
-            ),
-            "margin": (("vertices",), tree.vertices.margins),
-            "leaf": (("leaves", "axis"), np.concatenate(tree.leaves)),
-            "level": (("leaves",), levels.astype(np.int8)),
-            "crossing": (("crossings", "axis"), low + starts * unit),
-            "edge": (("crossings",), edges),
-            "edge_level": (("crossings",), edge_levels.astype(np.int8)),
-            "fraction": (("crossings",), fractions),
-            "box": (("axis", "end"), found.box),
-        },
-        coords={"axis": np.array(found.over, dtype=object)},
-        attrs={
-            "request": json.dumps(found.request),
-            "evaluations": found.evaluations,
-            "probes": found.probes,
-            "hits": found.hits,
-            "complete": int(found.complete),
-        },
-    )

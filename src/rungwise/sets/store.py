@@ -46,7 +46,7 @@ class Log:
                 raise SetError(f"resume: {folder} holds another request; see {REQUEST} in it")
         self.folder.mkdir(parents=True, exist_ok=True)
         if not known.is_file():
-            _write(known, text.encode())
+            write(known, text.encode())
         self._next = 0
 
     def read(self, points: Reals) -> tuple[Ints, Reals] | None:
@@ -74,13 +74,16 @@ class Log:
         return self.folder / f"{self._next:06d}.npz"
 
 
-def _write(target: Path, content: bytes) -> None:
+def write(target: Path, content: bytes) -> Path:
+    """Write a file, whole or not at all. Raises OSError."""
+    target.parent.mkdir(parents=True, exist_ok=True)
     mark = target.with_name(f".{uuid.uuid4().hex[:8]}")
     try:
         mark.write_bytes(content)
         os.replace(mark, target)
     finally:
         mark.unlink(missing_ok=True)
+    return target
 
 
 def save(folder: Path, data: xarray.Dataset) -> Path:

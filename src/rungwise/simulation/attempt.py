@@ -7,10 +7,11 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
+from rungwise.simulation.choice import SUDDEN, solve_motion
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Scratch, State, Workspace
-from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity, solve_step
+from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -20,6 +21,9 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
+LEAP = 8.0
+"""Bound on motion between bodies, over the smallest shape's reach, above which a kinematic step that pushes
+something, or that is linearised again, is halved: the bodies could be past each other."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 OVERLAP = 1e-4
@@ -30,7 +34,8 @@ OVERLAP = 1e-4
 def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float, shortest: float) -> int:
     """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before.
 
-    A step longer than `shortest` in which an impact begins at a contact that should bounce is TOO_COARSE.
+    A step longer than `shortest` in which an impact begins at a contact that should bounce, or a preferred
+    motion begins, is TOO_COARSE.
     """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
@@ -57,10 +62,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     contacts = gather(records, workspace)
     status = UNSOLVED
     clock.tried = h
-    for _ in range(MAX_LINEARISATIONS):
+    for linearisation in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
-        status = solve_step(rung, h, terms, contacts, state, scratch, workspace.problem)
-        if status == UNSOLVED:
+        status = solve_motion(records, rung, h, contacts, shortest, workspace)
+        if status in (UNSOLVED, SUDDEN):
             break
         reach = 2.0 * h * fastest_pair(records, rung, terms, state, scratch.v_new, 0.0)
         if reach > clock.near:
@@ -72,6 +77,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         if clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
+            break
+        again = linearisation > 0 or _is_pushed(state, scratch.v_new)
+        if rung[0].metric and again and reach > LEAP * clock.size:
+            status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
@@ -92,7 +101,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
-    if status == ABSORBED:
+    if status in (ABSORBED, SUDDEN):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
 
@@ -103,6 +112,15 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
+
+
+@kernel
+def _is_pushed(state: State, v: Reals) -> bool:
+    """Whether something moves whose motion is not given."""
+    pushed = False
+    for i in range(v.shape[0]):
+        pushed |= not state.prescribed[i] and v[i] != 0.0
+    return pushed
 
 
 @kernel

@@ -17,7 +17,16 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
-from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS, ModelError, check_options, moving_rung
+from rungwise.simulation.run import (
+    CLOSER,
+    JAM,
+    LONGEST,
+    LOOKS,
+    ModelError,
+    check_options,
+    moving_rung,
+    preferences,
+)
 from rungwise.simulation.samples import OPTIONS, RESULT, STOPPED, Place, Programs, run_samples
 from rungwise.simulation.state import CLOCK, CONTROL, allocate
 
@@ -53,7 +62,7 @@ class Batch:
         scene, model: as for `Simulation`.
         over: names of the parameters that points give, in order.
         parameters: values of others; the rest keep their defaults.
-        step, tol, duration, theta: as for `Simulation`; theta is 1/2 if not given (second order).
+        step, tol, duration, theta, motion: as for `Simulation`; theta is 1/2 if not given (second order).
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """
 
@@ -68,11 +77,13 @@ class Batch:
         tol: float | None = 1e-3,
         duration: float | None = None,
         theta: float = 0.5,
+        motion: Mapping[str, float] | None = None,
         threads: int | None = None,
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
         self.over = names_of(scene, over)
+        self._preferred = preferences(scene, self.model, motion)
         template = scene.template
         self.parameters = scene.parameters(parameters)
         self._columns = np.array([template.parameters.index(name) for name in self.over], np.int64)
@@ -163,12 +174,9 @@ class Batch:
         buffer = template.buffer.copy()
         records = rec.views(buffer, template.counts)
         values = np.zeros(template.value_count)
-        return Place(
-            buffer=buffer,
-            control=np.zeros(1, CONTROL),
-            records=records,
-            workspace=allocate(records, values, len(template.parameters), 3),
-        )
+        workspace = allocate(records, values, len(template.parameters), 3)
+        workspace.state.prefer[:] = self._preferred
+        return Place(buffer=buffer, control=np.zeros(1, CONTROL), records=records, workspace=workspace)
 
 
 def names_of(scene: Scene, over: Sequence[str]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
 from rungwise.simulation.nearby import fastest_pair, look
-from rungwise.simulation.state import Conditions, Timed, Workspace
+from rungwise.simulation.state import ROUNDING, Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
     JAMMED,
@@ -30,8 +30,6 @@ from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
 
 MAX_HALVINGS = 60
-ROUNDING = 1e-12
-"""Rounding of positions, relative to the extent of the scene."""
 PAUSE = 2.0
 """An approach no faster than what loads cause in so many nominal steps does not bounce."""
 
@@ -46,6 +44,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     n = state.q.shape[0]
     clock.free = 0
     for i in range(n):
+        clock.chooses |= state.prefer[i] != 0.0
         drive = records.coordinates[i].drive
         state.prescribed[i] = drive == SPEED or (rung[0].metric and drive == SERVO)
         if not state.prescribed[i]:

@@ -17,6 +17,7 @@ from rungwise.contact.certificate import Certificate
 from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
 from rungwise.contact.problem import ContactProblem, trim
 from rungwise.contact.solvers.planar import TOLERANCE
+from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, load
@@ -75,20 +76,40 @@ def check_options(
     )
 
 
+def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -> Reals:
+    """Preferred velocities (n,) in multiples of the pace, by coordinate. Raises ModelError."""
+    names = scene.template.coordinates
+    chosen = np.zeros(len(names))
+    if not isinstance(motion, Mapping | None):
+        raise ModelError(f"motion: must be a mapping of coordinates to numbers, not {shown(motion)}")
+    for name, value in (motion or {}).items():
+        if name not in names:
+            raise ModelError(f"motion: unknown coordinate {shown(name)}; valid: {', '.join(names) or 'none'}")
+        if not math.isfinite(_real(value)):
+            raise ModelError(f"motion.{name}: must be a finite number, not {shown(value)}")
+        chosen[names.index(name)] = float(value)
+    if chosen.any() and model.inertia > 0.0:
+        raise ModelError(
+            f"motion: inertia decides on the {model.name} rung; take a kinematic or quasistatic one"
+        )
+    return chosen
+
+
 @dataclass(frozen=True)
 class Run:
     """How a run ended and what it recorded.
 
-    `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that
-    counts as solved; `problem` is that of the last step, where it had no solution, and `certificate` proves
-    a jam or a missing support; `hard` is what was saved of hard steps, if that was asked for;
-    `wall_s` is the time that steps took, without that to compile them; `workspace` holds the arrays as the
-    run left them.
+    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
+    last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
+    was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
+    compile them; `workspace` holds the arrays as the run left them.
     """
 
     scene: Scene
     model: Rung
     parameters: dict[str, float]
+    motion: dict[str, float]
     outcome: Outcome
     reason: str
     time: float
@@ -127,6 +148,7 @@ class Run:
             "scene": self.scene.name,
             "model": self.model.name,
             "parameters": self.parameters,
+            "motion": self.motion,
             "outcome": str(self.outcome),
             "reason": self.reason,
             "time": self.time,
@@ -191,6 +213,10 @@ class Simulation:
         duration: end of the run; the scene's own if not given.
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
             where contacts do not change their mode.
+        motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
+            the slowest motion; what turns counts by its radius of gyration. On the kinematic and quasistatic
+            rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
+            not given, nearest to zero: the slowest. See `simulation.choice`.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -207,6 +233,7 @@ class Simulation:
         tol: float | None = None,
         duration: float | None = None,
         theta: float = 1.0,
+        motion: Mapping[str, float] | None = None,
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
@@ -217,6 +244,8 @@ class Simulation:
         frames = _count("frames", frames, 3)
         stride = None if stride is None else _count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
+        preferred = preferences(self.scene, self.model, motion)
+        self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
         self.outcome = Code.RUNNING
@@ -260,6 +289,7 @@ class Simulation:
             steps = float(self._control[0]["duration"]) / float(self._control[0]["step"])
             stride = 1 if tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.clock["stride"] = stride
+        self.workspace.state.prefer[:] = preferred
         template = self.scene.template
         timed, conditions = template.timed, template.conditions
         self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
@@ -330,6 +360,7 @@ class Simulation:
             scene=self.scene,
             model=self.model,
             parameters=self.parameters,
+            motion=self.motion,
             outcome=OUTCOMES[self.outcome],
             reason=self.reason or OUTCOMES[self.outcome].meaning,
             time=self.time,
@@ -401,7 +432,25 @@ class Simulation:
             why += (
                 ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
             )
-        self.reason = f"{outcome.meaning} ({why}). {outcome.advice}"
+        jump = self._jump()
+        self.reason = jump or f"{outcome.meaning} ({why}). {outcome.advice}"
+
+    def _jump(self) -> str:
+        """Which servo, followed exactly, would have to move far however short the step is."""
+        assert self.workspace is not None
+        state = self.workspace.state
+        least = float(self._control[0]["tolerance"])
+        for i, name in enumerate(self.scene.template.coordinates):
+            servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
+            far = state.speed[i] * state.clock[0]["tried"]
+            if servo and abs(far) > least:
+                body, coordinate = name.split(".")
+                return (
+                    f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"
+                    " kinematic rung follows it at once, through what is in the way. Start at the target, let"
+                    " it move with t, or use a richer rung."
+                )
+        return ""
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.

@@ -20,10 +20,13 @@ Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 """Programs of the numbers that depend on time: code, constants, table and targets."""
 
+ROUNDING = 1e-12
+"""Rounding of positions, relative to the extent of the scene."""
+
 CLOCK = np.dtype(
     [(name, np.int64) for name in (
         "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
-        "drives",
+        "drives", "chooses", "leans",
     )]
     + [(name, np.float64) for name in (
         "time", "taken", "tried", "next", "eps", "theta", "margin", "near", "least_gap", "residual",
@@ -31,8 +34,9 @@ CLOCK = np.dtype(
         "joint_work",
     )]
 )  # fmt: skip
-"""Counters and clocks. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to
-try next; `reach` is the longest lever arm."""
+"""Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
+starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
+`next` the one to try next; `reach` is the longest lever arm."""
 
 CONTROL = np.dtype(
     [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
@@ -53,6 +57,8 @@ class State(Block):
     a joint): features, deformation
     (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
     the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
+    `prefer` (n,): preferred velocities in multiples of the pace (see `simulation.choice`), zero for the
+    slowest motion; `wish` (n,) the same as velocities, while a motion is chosen.
     """
 
     clock: RecordArray
@@ -65,6 +71,8 @@ class State(Block):
     prescribed: Ints
     free: Ints
     speed: Reals
+    prefer: Reals
+    wish: Reals
     passive: Reals
     reaction: Reals
     pose: Reals
@@ -78,12 +86,14 @@ class State(Block):
 
 
 class Scratch(Block):
-    """Workspace of one step: the solution, the solver's matrix, what conditions read at its start and end,
-    in `undefined` (1,) the place of a number that is not finite at this time, or -1, and in `hard` what
-    `notes.note` writes, if it has room."""
+    """Workspace of one step: the solution, the slowest one and which coordinates are held in another, the
+    solver's matrix, what conditions read at its start and end, in `undefined` (1,) the place of a number that
+    is not finite at this time, or -1, and in `hard` what `notes.note` writes, if it has room."""
 
     x: Reals
     v_new: Reals
+    slowest: Reals
+    held: Ints
     contact_force: Reals
     limited_force: Reals
     mode: Ints
@@ -180,6 +190,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         prescribed=np.zeros(n, np.int64),
         free=np.zeros(n, np.int64),
         speed=np.zeros(n),
+        prefer=np.zeros(n),
+        wish=np.zeros(n),
         passive=np.zeros(n),
         reaction=np.zeros(n),
         pose=np.zeros((len(records.bodies), 4)),
@@ -195,6 +207,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
     scratch = Scratch(
         x=np.zeros(n),
         v_new=np.zeros(n),
+        slowest=np.zeros(n),
+        held=np.zeros(n, np.int64),
         contact_force=np.zeros(rows * d),
         limited_force=np.zeros(limited),
         mode=np.zeros(rows + limited, np.int64),

@@ -1,0 +1,95 @@
+"""Sets of a model that has several motions: those of the slowest, of some and of all admissible ones.
+
+On a kinematic or quasistatic rung an object that must move may move in many ways. The extremes are those that
+go as fast as contacts allow along one coordinate, either way, until something stops them. A point is possible
+if its slowest motion or one of the extremes reaches the goal, guaranteed if all of them do. So what is found
+to be possible is: a run proves it; and what is found not to be guaranteed is not. The converse holds where
+the object has one free coordinate, since then every motion lies between the two extremes; with more of them,
+a motion that changes its direction on the way may do what no extreme does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.scene import Scene
+from rungwise.scene import records as rec
+from rungwise.simulation.batch import Batch, Results
+from rungwise.simulation.run import Run, simulate
+
+SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
+SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
+HASTE = 1e3
+"""Speed of an extreme motion in multiples of the pace (see `Simulation`): what it crosses meanwhile is early
+by one part in so many."""
+Motion = Mapping[str, float]
+
+
+def motions(scene: Scene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
+    """The slowest motion, and, of a model that has others, the extremes: both ways along each coordinate of
+    what nothing drives."""
+    if solutions == SLOWEST or model.inertia > 0.0:
+        return ({},)
+    template = scene.template
+    coordinates = rec.views(template.buffer, template.counts).coordinates
+    alone = [
+        name
+        for name, drive in zip(template.coordinates, coordinates["drive"], strict=True)
+        if drive == rec.NO_DRIVE
+    ]
+    return ({}, *({name: sign * HASTE} for name in alone for sign in (-1.0, 1.0)))
+
+
+class Motions:
+    """A batch of runs that takes every motion in turn, as long as the point is not decided."""
+
+    def __init__(
+        self, scene: Scene, model: Rung, over: Sequence[str], solutions: str, **options: Any
+    ) -> None:
+        self._wanted = solutions == GUARANTEED
+        self._batches = [
+            Batch(scene, model, over, motion=motion, **options) for motion in motions(scene, model, solutions)
+        ]
+        self.over = self._batches[0].over
+
+    def run(self, points: Reals, *, on_progress: Callable[[int], None] | None = None) -> Results:
+        """As `Batch.run`. Margins are the greatest (possible) or least (guaranteed) of those known."""
+        found = self._batches[0].run(points, on_progress=on_progress)
+        for batch in self._batches[1:]:
+            open_ = (found.outcome != Code.INVALID) & ((found.outcome == Code.GOAL) == self._wanted)
+            at = np.flatnonzero(open_)
+            if len(at):
+                _merge(found, at, batch.run(points[at]), self._wanted)
+        return found
+
+
+def _merge(found: Results, at: NDArray[np.intp], other: Results, wanted: bool) -> None:
+    """Replace what another motion decides otherwise; else keep the run, with the margin nearer to that."""
+    margin = found.margin[at]
+    nearer = np.fmin(margin, other.margin) if wanted else np.fmax(margin, other.margin)
+    changed = (other.outcome == Code.GOAL) != wanted
+    for field in fields(Results):
+        values = getattr(found, field.name)
+        values[at[changed]] = getattr(other, field.name)[changed]
+    found.margin[at[~changed]] = nearer[~changed]
+
+
+def decisive(scene: Scene, model: Rung, solutions: str, **options: Any) -> Run:
+    """The run that decides a point: the first that reaches the goal (possible) or does not (guaranteed), or
+    else the slowest."""
+    first: Run | None = None
+    for motion in motions(scene, model, solutions):
+        run = simulate(scene, model, motion=motion, **options)
+        first = first or run
+        if (run.outcome.code == Code.GOAL) != (solutions == GUARANTEED):
+            return run
+    assert first is not None
+    return first

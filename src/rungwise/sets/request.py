@@ -1,0 +1,67 @@
+"""What is asked of a set: the box, the accuracy of runs, and the batch that answers."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene
+from rungwise.sets.motions import Motions
+from rungwise.sets.store import SetError
+
+ACCURACY = 3e-3
+"""Error allowed per step of a run, relative to the smallest shape of the scene."""
+THETA = 0.5
+WIDE = 100.0
+"""A range more than so many times the default is not one to search; see `box_of`."""
+
+
+def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:
+    """Intervals (d, 2) of the parameters: as given, or their range, or, where that is more than `WIDE` times
+    the default, from 0 to twice the default within the range. Raises SetError."""
+    intervals = []
+    for name in over:
+        declared = scene.file.parameters[name]
+        low, high = declared.range if declared.range is not None else (-math.inf, math.inf)
+        if box is not None and name in box:
+            first, last = (float(x) for x in box[name])
+            if not (math.isfinite(first) and math.isfinite(last) and low <= first < last <= high):
+                raise SetError(
+                    f"over: {name}={first:g}:{last:g} must be an interval within {low:g} to {high:g}"
+                )
+            low, high = first, last
+        elif not high - low <= WIDE * abs(declared.default):
+            if declared.default == 0.0:
+                raise SetError(f"over: {name} needs an interval, {name}=LOW:HIGH")
+            ends = sorted((0.0, 2.0 * declared.default))
+            low, high = max(low, ends[0]), min(high, ends[1])
+        intervals.append((low, high))
+    return np.array(intervals)
+
+
+def digest(scene: Scene) -> str:
+    """Mark of all that a scene's file says."""
+    return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]
+
+
+def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
+    """Reach of the smallest shape that has one, at these parameters; 1 where none has."""
+    reach = scene.bind(parameters).records.shapes["reach"]
+    known = reach[np.isfinite(reach) & (reach > 0.0)]
+    return float(known.min()) if len(known) else 1.0
+
+
+def batch_of(
+    scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
+) -> Motions:
+    """Runs as the request has them."""
+    return Motions(
+        scene, model, over, request["solutions"], parameters=request["parameters"], tol=request["accuracy"],
+        theta=request["theta"], threads=threads,
+    )  # fmt: skip

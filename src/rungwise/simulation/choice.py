@@ -1,0 +1,185 @@
+"""Of the motions that a step admits, which: the slowest, or the one nearest to a preferred velocity.
+
+A quasistatic or kinematic step from which loads, drives and friction do not single out one motion admits many
+velocities. The slowest is that nearest to zero in the norm of the inertia; here zero is replaced by what is
+preferred. Far preferences give the extremes of the admissible motions. An object for which rest is admissible
+rests: so first the slowest motion says what moves, then of several objects that move as many are held as can
+be, those without a preference first, and what is left takes the motion nearest to its preference. Every
+motion found so is admissible: it solves the step's own problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Record, RecordArray, copy, kernel
+from rungwise.scene.records import NO_DRIVE, Records
+from rungwise.simulation.state import ROUNDING, State, Workspace
+from rungwise.simulation.step import SUPPORTED, solve_step
+from rungwise.system.planar.place import coordinate_count
+
+SUDDEN = 5
+"""Beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in so long a step."""
+REST = 1e-6
+"""What is slower than this part of the pace rests."""
+STRIDE = 0.05
+"""How far a preferred motion may go in one step, over the smallest shape's reach: conditions see it there."""
+FLUNG = 10.0
+"""What is faster than the pace by this factor is part of a preferred motion."""
+FAR = 10.0
+"""How far from its start a preferred motion may take a body that nothing stops, in extents of the scene."""
+
+
+@kernel
+def solve_motion(
+    records: Records, rung: RecordArray, h: float, contacts: int, shortest: float, workspace: Workspace
+) -> int:
+    """As `solve_step`; where something is preferred, of the admissible motions the one nearest to it, or
+    SUDDEN in a step longer than `shortest`."""
+    state, scratch = workspace.state, workspace.scratch
+    clock = state.clock[0]
+    status = _solve(rung, h, contacts, workspace)
+    if status != SUPPORTED or not clock.chooses:
+        return status
+    pace = _pace(records, workspace)
+    if pace == 0.0:
+        return status
+    copy(scratch.v_new, scratch.slowest)
+    clock.leans = 1
+    moving = 0
+    for b in range(records.bodies.shape[0]):
+        if _is_object(records, records.bodies[b], state):
+            rests = _rests(records, records.bodies[b], pace, workspace)
+            rests &= not _goes_on(records, records.bodies[b], pace, workspace)
+            _hold(records.bodies[b], rests, workspace)
+            moving += not rests
+    for preferred in (False, True):
+        for b in range(records.bodies.shape[0]):
+            body = records.bodies[b]
+            if moving > 1 and _may_be_held(records, body, preferred, pace, workspace):
+                _hold(body, True, workspace)
+                rests = _solve(rung, h, contacts, workspace) == SUPPORTED
+                _hold(body, rests, workspace)
+                moving -= rests
+    if moving > 0:
+        _wish(records, pace, workspace)
+        status = _solve(rung, h, contacts, workspace)
+        if status == SUPPORTED and h > shortest and _is_sudden(records, h, pace, workspace):
+            status = SUDDEN
+        if rung[0].loads and clock.eps == 1.0:
+            scratch.contact_force[:] = 0.0
+            scratch.limited_force[:] = 0.0
+    clock.leans = 0
+    state.wish[:] = 0.0
+    scratch.held[:] = 0
+    _set_free(workspace)
+    return status
+
+
+@kernel
+def _solve(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> int:
+    return solve_step(
+        rung, h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
+    )
+
+
+@kernel
+def _is_object(records: Records, body: Record, state: State) -> bool:
+    """Whether a body moves and nothing drives it."""
+    count = coordinate_count(body)
+    alone = count > 0
+    for i in range(body.coordinate, body.coordinate + count):
+        alone &= not state.prescribed[i] and records.coordinates[i].drive == NO_DRIVE
+    return alone
+
+
+@kernel
+def _may_be_held(records: Records, body: Record, preferred: bool, pace: float, workspace: Workspace) -> bool:
+    """Whether a body is an object that is not held yet, with or without a preferred motion."""
+    state, asked = workspace.state, False
+    if not _is_object(records, body, state) or workspace.scratch.held[body.coordinate]:
+        return False
+    for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
+        asked |= state.prefer[i] != 0.0
+    return asked == preferred and not _goes_on(records, body, pace, workspace)
+
+
+@kernel
+def _pace(records: Records, workspace: Workspace) -> float:
+    """Greatest speed of any coordinate in the slowest motion."""
+    fastest = 0.0
+    for i in range(records.coordinates.shape[0]):
+        fastest = max(fastest, abs(workspace.scratch.v_new[i]) * _unit(records.coordinates[i]))
+    return fastest
+
+
+@kernel
+def _unit(coordinate: Record) -> float:
+    """Distance per unit of a coordinate: 1, or the radius of gyration of what turns."""
+    return math.sqrt(coordinate.metric) if coordinate.metric > 0.0 else 1.0
+
+
+@kernel
+def _rests(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
+    rests = True
+    for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
+        rests &= abs(workspace.scratch.slowest[i]) * _unit(records.coordinates[i]) <= REST * pace
+    return rests
+
+
+@kernel
+def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
+    """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
+    is one step, however many it takes here. One that has gone too far ends."""
+    state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
+    far = FAR * workspace.terms.rounding[0] / ROUNDING
+    for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
+        unit = _unit(records.coordinates[i])
+        along += state.prefer[i] * state.v[i] * unit
+        asked += state.prefer[i] * state.prefer[i] * pace
+        fastest = max(fastest, abs(state.v[i]) * unit)
+        if abs(state.q[i] - state.start[i]) * unit > far:
+            return False
+    return fastest > FLUNG * pace or along > 0.5 * asked
+
+
+@kernel
+def _hold(body: Record, holds: bool, workspace: Workspace) -> None:
+    """Take a body's coordinates out of the unknowns, at rest, or back into them."""
+    for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
+        workspace.scratch.held[i] = holds
+    _set_free(workspace)
+
+
+@kernel
+def _set_free(workspace: Workspace) -> None:
+    state = workspace.state
+    clock = state.clock[0]
+    clock.free = 0
+    for i in range(state.q.shape[0]):
+        if not state.prescribed[i] and not workspace.scratch.held[i]:
+            state.free[clock.free] = i
+            clock.free += 1
+
+
+@kernel
+def _wish(records: Records, pace: float, workspace: Workspace) -> None:
+    """Preferred velocities of what is not held."""
+    state = workspace.state
+    for i in range(state.q.shape[0]):
+        if not state.prescribed[i] and not workspace.scratch.held[i]:
+            state.wish[i] = state.prefer[i] * pace / _unit(records.coordinates[i])
+
+
+@kernel
+def _is_sudden(records: Records, h: float, pace: float, workspace: Workspace) -> bool:
+    """Whether a preferred motion begins in this step, or goes far in it."""
+    state, scratch = workspace.state, workspace.scratch
+    far = STRIDE * state.clock[0].size
+    sudden = False
+    for i in range(state.q.shape[0]):
+        unit = _unit(records.coordinates[i])
+        beyond = unit * abs(scratch.v_new[i] - scratch.slowest[i])
+        if beyond > REST * pace:
+            sudden |= abs(state.v[i]) * unit <= REST * pace or h * beyond > far
+    return sudden
