@@ -49,6 +49,10 @@ def sets(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
+    ] = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
     ] = 0,
@@ -102,8 +106,8 @@ def sets(
                         feasible_set(
                             loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
                             accuracy=accuracy, probes=probes, budget=BUDGET if budget is None else budget,
-                            threads=threads, out=None if out is None else out / folder, resume=resume,
-                            on_progress=on_progress,
+                            threads=threads, cluster=cluster, out=None if out is None else out / folder,
+                            resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)
