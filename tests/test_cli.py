@@ -475,23 +475,6 @@ def test_sets_refuses_wrong_input(
     refused(rungwise("sets", "two_finger", "--model", "kinematic", *arguments), *words)
 
 
-def test_sets_killed_at_any_moment_goes_on(rungwise: Command, tmp_path: Path) -> None:
-    over = ("--over", "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9", "--tol", "0.01", "--threads", "1")
-    command = ["sets", "two_finger", "--model", "dynamic-rigid", *over]
-    program = [sys.executable, "-c", "from rungwise.cli import main; main()", *command]
-    batches = tmp_path / "killed" / "dynamic-rigid" / "batches"
-    for kept in (1, 3, 5):
-        process = subprocess.Popen([*program, "--out", str(tmp_path / "killed"), "--resume"])
-        while process.poll() is None and len(list(batches.glob("0*.npz"))) < kept:
-            time.sleep(0.005)
-        process.kill()
-        process.wait()
-    assert rungwise(*command, "--out", tmp_path / "killed", "--resume").code == 0
-    assert rungwise(*command, "--out", tmp_path / "whole").code == 0
-    parts, whole = (rw.load_set(tmp_path / name / "dynamic-rigid") for name in ("killed", "whole"))
-    assert parts.data.identical(whole.data)
-
-
 def test_the_package_is_the_command() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rungwise", "models"], capture_output=True, text=True, check=True, timeout=60
