@@ -156,6 +156,15 @@ class Browser:
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key, code=code, text=text, modifiers=held)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key, code=code, modifiers=held)
 
+    def click(self, x: float, y: float, to: tuple[float, float] | None = None) -> None:
+        """Press the left button at a place of the page and release it there, or elsewhere."""
+        held: dict[str, Any] = {"button": "left", "clickCount": 1}
+        end_x, end_y = (x, y) if to is None else to
+        self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, **held)
+        if to is not None:
+            self.call("Input.dispatchMouseEvent", type="mouseMoved", x=end_x, y=end_y, buttons=1, **held)
+        self.call("Input.dispatchMouseEvent", type="mouseReleased", x=end_x, y=end_y, **held)
+
     def dark(self, on: bool) -> None:
         """The colour scheme that the user prefers."""
         feature = {"name": "prefers-color-scheme", "value": "dark" if on else "light"}

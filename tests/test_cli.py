@@ -128,6 +128,13 @@ def test_check(rungwise: Command, name: str) -> None:
     assert text.code == 0 and text.err == "" and name in text.out
 
 
+def test_check_shows_what_joints_leave_free(rungwise: Command) -> None:
+    text = rungwise("check", "two_link").out
+    assert "elbow        hinge  upper | lower  travels -2.61799 to 2.61799  drive servo" in text
+    elbow = rungwise("check", "two_link", "--json").json["joints"]["elbow"]["coordinate"]
+    assert elbow["drive"] == "servo" and elbow["upper"] == pytest.approx(np.radians(150))
+
+
 def test_check_reports_given_values_and_no_bound_as_null(rungwise: Command) -> None:
     report = rungwise("check", "two_finger", "--set", "v2=0.5", "--set", "mass=3", "--json").json
     assert report["parameters"]["v2"]["value"] == 0.5

@@ -8,8 +8,10 @@ for model in rw.LADDER[1:]:
 """
 
 from rungwise.contact.closure import Closure, force_closure, form_closure
+from rungwise.contact.fclib import write_fclib
 from rungwise.contact.mixed import Problem
 from rungwise.contact.pieces import Kind, Piece, Solutions
+from rungwise.contact.read import read_problem
 from rungwise.contact.sensitivity import Sensitivity, sensitivity
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solutions import extreme_motions, solutions
@@ -46,7 +48,8 @@ __all__ = [
     "Problem", "Results", "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation",
     "SolutionSets", "Solutions", "Status", "StepSensitivity", "Touching", "ViewError", "between",
     "doomed_set", "extreme_motions", "feasible_set", "force_closure", "form_closure", "load",
-    "load_doomed_set", "load_run", "load_set", "schema", "sensitivity", "shipped", "simulate",
-    "solution_sets", "solutions", "solve", "step_sensitivity", "touching", "view",
+    "load_doomed_set", "load_run", "load_set", "read_problem", "schema", "sensitivity", "shipped",
+    "simulate", "solution_sets", "solutions", "solve", "step_sensitivity", "touching", "view",
+    "write_fclib",
 ]  # fmt: skip
 __version__ = "0.1.0"

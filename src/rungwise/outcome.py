@@ -99,7 +99,7 @@ OUTCOMES: dict[Code, Outcome] = {
             Code.NOT_CONVERGED,
             1,
             "no solver brought the step's residual below tolerance, and no certificate says why",
-            "Use a smaller step; report the saved problem.",
+            "Use a smaller step; --save-hard DIR keeps the problem for `rungwise solve` and other solvers.",
         ),
     )
 }

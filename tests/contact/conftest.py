@@ -118,7 +118,7 @@ def _run(
     scratch = (np.zeros((size, size + 1)), np.zeros(size, np.int64))
     status = 0
     if solver == "planar":
-        status, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
+        status, _, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
     elif solver == "lemke":
         status = solve_lemke(p, n, contacts, limited, *out)
     elif solver == "proximal":

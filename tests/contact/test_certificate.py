@@ -95,7 +95,7 @@ def test_near_a_singular_position_the_bound_counts_not_momentum(body, lean):
 
 
 def test_far_contacts_are_no_part_of_a_proof(body):
-    """A gap that could close at a great rate, in a step that is short, does not hide the jam of the others."""
+    """A gap that could close at a great rate, in a short step, does not hide the jam of the others."""
     p = body(2, 3)
     near = walls(body)
     p.W[:4], p.w[:4], p.mu[:] = near.W, near.w, 0.0

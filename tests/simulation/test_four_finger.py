@@ -59,8 +59,8 @@ def test_ways_to_fail(scene: rw.Scene, model: rw.Rung, change: dict[str, float],
 
 
 def test_a_wedge_that_throws_the_part_ever_faster_is_a_jam(scene: rw.Scene) -> None:
-    """Without friction three fingers press the part into a singular position, a million times faster than they
-    close."""
+    """Without friction three fingers press the part into a singular position, a million times faster than
+    they close."""
     parameters = {
         "v2": 0.4012458644354835,
         "mu": 0.0,

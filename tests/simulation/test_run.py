@@ -477,3 +477,53 @@ def test_summaries_are_json_without_nan(tmp_path: Path) -> None:
     text = (broken.save(tmp_path) / trajectory.SUMMARY).read_text()
     read = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert read["worst_residual"] is None and read["parameters"] == {"v1": None}
+
+
+def pusher(**drive: Any) -> dict[str, Any]:
+    """A finger at 0, a part at 0.5 in its way (a little aside), both of radius 0.1."""
+    disc = {"kind": "disc", "radius": 0.1}
+    damped = {name: {"damping": 1.0} for name in ("x", "y", "angle")}
+    return {
+        "name": "pusher",
+        "bodies": {
+            "finger": {
+                "role": "robot",
+                "shape": disc,
+                "motion": {"kind": "slide", "axis": [1, 0], "name": "x"},
+                "coordinates": {"x": {"drive": drive}},
+            },
+            "part": {
+                "role": "object",
+                "shape": disc,
+                "pose": {"x": 0.5, "y": 0.02},
+                "mass": 1.0,
+                "motion": {"kind": "free"},
+                "coordinates": damped,
+            },
+        },
+        "contacts": [{"between": ["finger", "part"], "friction": 0.2}],
+        "duration": 1.0,
+        "step": 1e-3,
+    }
+
+
+@pytest.mark.parametrize("target", [0.35, 0.9])
+def test_a_servo_that_jumps_is_named_by_the_kinematic_rung(target: float) -> None:
+    """It is followed exactly there, and would pass through what stands in its way."""
+    scene = pusher(kind="servo", stiffness=1e3, damping=1e2, target=target)
+    run = rw.simulate(scene, rw.KINEMATIC)
+    assert run.outcome.name == "not_converged" and run.time == 0.0
+    assert run.reason.startswith(f"bodies.finger.coordinates.x.drive: its target is {target} away")
+    assert rw.simulate(scene, rw.QUASISTATIC_RIGID).outcome.name == "timeout"
+    free = rw.simulate(pusher(kind="servo", stiffness=1e3, target=0.2), rw.KINEMATIC)
+    assert free.outcome.name == "missed" and free.final["finger"]["x"] == 0.2
+
+
+@pytest.mark.parametrize("h", [1e-3, 1e-2, 0.1, 1.0])
+def test_a_kinematic_step_does_not_lead_past_what_it_pushes(h: float) -> None:
+    """A finger that would cover 0.9 in one step pushes the part ahead, or around itself."""
+    run = rw.simulate(pusher(kind="speed", speed=0.9 / h), rw.KINEMATIC, step=h, duration=h)
+    assert run.outcome.name == "timeout" and run.final["finger"]["x"] == pytest.approx(0.9)
+    part = run.final["part"]
+    assert np.hypot(part["x"] - 0.9, part["y"]) >= 0.2 - 1e-9
+    assert part["x"] > 0.85 and part["y"] < 0.2

@@ -49,6 +49,10 @@ def sets(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
+    ] = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
     ] = 0,
@@ -56,15 +60,27 @@ def sets(
         Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Table of all runs and boundary points.")
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
     from importlib.util import find_spec
 
     from rungwise.models.ladder import LADDER
+    from rungwise.report import files
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
     from rungwise.sets.motions import SLOWEST, SOLUTIONS
+    from rungwise.viewing.view import view
 
     if resume and out is None:
         refuse("resume: needs --out, the folder to go on in")
@@ -74,8 +90,10 @@ def sets(
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
     found: list[FeasibleSet] = []
+    exports = {"csv": table, "mesh": mesh}
     try:
         with plain_errors():
+            files.check(exports, len(names))
             loaded = load_scene(scene)
             parameters = parameters_of(loaded, values)
             if out is not None:
@@ -88,11 +106,14 @@ def sets(
                         feasible_set(
                             loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
                             accuracy=accuracy, probes=probes, budget=BUDGET if budget is None else budget,
-                            threads=threads, out=None if out is None else out / folder, resume=resume,
-                            on_progress=on_progress,
+                            threads=threads, cluster=cluster, out=None if out is None else out / folder,
+                            resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)
+            written = files.write(found, exports)
+            if html is not None:
+                written += view(found, html=html)
             if out is not None and find_spec("matplotlib") is not None:
                 report.figure(found, out / "sets.png")
     except KeyboardInterrupt:
@@ -101,6 +122,7 @@ def sets(
         return INTERRUPTED
     except OSError as error:
         refuse(f"out: {out} cannot be written ({error.strerror or error}); finished batches are kept")
+    summary["files"] = [str(file) for file in written]
     show_json(summary) if as_json else show(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1
 

@@ -65,6 +65,10 @@ def sim(
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
+    save_hard: Annotated[
+        Path | None,
+        typer.Option("--save-hard", help="Folder for the problems of hard steps, at most 101 (FCLIB)."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
     """Run a scene on one rung to its outcome."""
@@ -84,9 +88,13 @@ def sim(
             writable(out)
         progress.announce_compilation()
         simulation = Simulation(
-            loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta
-        )
-        interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())
+            loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
+            save_hard=save_hard,
+        )  # fmt: skip
+        try:
+            interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())
+        except OSError as error:
+            refuse(f"save_hard: {save_hard} cannot be written ({error.strerror or error})")
     run = simulation.result()
     if run.outcome.name == "invalid":
         refuse(run.reason)
@@ -108,4 +116,9 @@ def _sentence(run: Run) -> str:
         f" {run.wall_s:.3f} s",
         f"  {final}",
     ]
+    if run.energy_gained > 0.0:
+        lines.append(
+            f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can;"
+            " a compliant rung cannot"
+        )
     return "\n".join(lines)

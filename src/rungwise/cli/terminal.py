@@ -40,8 +40,9 @@ def plain_errors() -> Iterator[None]:
     from rungwise.scene import SceneError
     from rungwise.sets.store import SetError
     from rungwise.simulation.run import ModelError
+    from rungwise.viewing.view import ViewError
 
     try:
         yield
-    except (SceneError, ModelError, SetError) as error:
+    except (SceneError, ModelError, SetError, ViewError) as error:
         refuse(str(error))

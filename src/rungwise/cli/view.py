@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def view(
     sources: Annotated[
-        list[str], typer.Argument(metavar="DIR|SCENE...", help="Folders that sim --out wrote, or one scene.")
+        list[str], typer.Argument(metavar="DIR|SCENE...", help="Folders of runs or sets, or one scene.")
     ],
     model: Annotated[
         list[str] | None,
@@ -36,7 +36,7 @@ def view(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Draw saved runs, or a scene's runs on several rungs over each other; SCENE.html if no file is named."""
+    """Draw saved runs or sets, or a scene's runs on several rungs over each other; SCENE.html by default."""
     from rungwise.viewing.view import ViewError
     from rungwise.viewing.view import view as draw
 

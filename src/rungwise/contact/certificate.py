@@ -1,8 +1,8 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
-  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, not of
-  loads or momentum.
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, of
+  neither loads nor momentum.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:

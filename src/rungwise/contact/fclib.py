@@ -3,6 +3,8 @@
 Local form u = W r + q; global form M v = H r + G lambda + f, u = H^T v + w, G^T v + b = 0; normal first.
 Matrices are triplets (nz >= 0), compressed columns (nz = -1) or rows (nz = -2). Source: Acary, Bremond,
 Dubois, Heyn, Koziara: FCLIB, a collection of discrete 3D frictional contact problems (2014).
+
+The problem of a step is also kept as it is, in a group `rungwise` beside, which is then what is read.
 """
 
 from __future__ import annotations
@@ -13,24 +15,29 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from rungwise.contact.equivalent import in_contacts
 from rungwise.contact.mixed import Array, Matrix, Problem
+from rungwise.contact.problem import ContactProblem
 
 _CSR = -2
+_STEP = "rungwise"
 
 
-def h5py_library() -> Any:
-    """The optional h5py; ValueError with what to install when it is missing."""
+def h5py_library(field: str = "file") -> Any:
+    """The optional h5py; ValueError naming `field`, with what to install, when it is missing."""
     try:
         import h5py
     except ImportError:
-        raise ValueError("file: HDF5 needs h5py; pip install 'rungwise[fclib]'") from None
+        raise ValueError(f"{field}: HDF5 needs h5py; pip install 'rungwise[fclib]'") from None
     return h5py
 
 
-def read_fclib(path: Path) -> Problem:
+def read_fclib(path: Path) -> Problem | ContactProblem:
     """The problem in `path`; ValueError naming what is missing or wrong."""
     try:
         with h5py_library().File(path, "r") as file:
+            if _STEP in file:
+                return _read_step(file[_STEP])
             if "fclib_local" in file:
                 return _read_local(file["fclib_local"])
             if "fclib_global" in file:
@@ -44,6 +51,19 @@ def read_fclib(path: Path) -> Problem:
 
 def _directions(group: Any) -> int:
     return int(np.ravel(group["spacedim"][()])[0])
+
+
+def _read_step(group: Any) -> ContactProblem:
+    made = {
+        name: np.ascontiguousarray(group[name][()], np.float64) for name in ContactProblem.__annotations__
+    }
+    k, b, d = len(made["mu"]), len(made["F"]), made["R"].shape[-1]
+    for name, shape in (("R", (k, d, d)), ("R_s", (b,)), ("quantum", (1,))):
+        if made[name].shape != shape:
+            raise ValueError(f"{name}: has shape {made[name].shape}; the other fields make it {shape}")
+    step = ContactProblem(**made)
+    Problem.of_step(step)
+    return step
 
 
 def _read_local(group: Any) -> Problem:
@@ -82,13 +102,28 @@ def _read_matrix(group: Any) -> sp.csr_array:
         raise ValueError(f"{group.name.split('/')[-1]}: not a sparse matrix ({error})") from None
 
 
-def write_fclib(path: Path, problem: Problem, r: Array | None = None, title: str = "rungwise") -> None:
+def write_fclib(
+    path: Path,
+    problem: Problem | ContactProblem,
+    r: Array | None = None,
+    title: str = "rungwise",
+    description: str = "",
+    math_info: str = "",
+) -> None:
     """Write `problem`, in local form if it has contacts alone, else in global form; r (k d,) as a guess.
 
-    Raises ValueError for what FCLIB has no words for: limits, compliance beside velocities, one direction.
+    Compliance and limited forces, for which FCLIB has no words, are written as contacts and velocities that
+    amount to the same (see `equivalent`), after those of the problem. The file appears whole or not at all.
+
+    Raises ValueError for one direction, and for unknowns with limits to one side; OSError.
     """
+    step = problem if isinstance(problem, ContactProblem) else None
+    if isinstance(problem, ContactProblem):
+        problem = Problem.of_step(problem)
     if problem.directions == 1 and len(problem.mu):
         raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
+    if np.isfinite(problem.upper).any() or _yields(problem):
+        problem = in_contacts(problem)
     parts = _local_parts(problem) if len(problem.lower) == 0 else _global_parts(problem)
     form, matrices, vectors = parts
     h5py = h5py_library()
@@ -101,13 +136,23 @@ def write_fclib(path: Path, problem: Problem, r: Array | None = None, title: str
                 _write_matrix(group.create_group(name), matrix)
             for name, vector in {**vectors, "mu": problem.mu}.items():
                 group[f"vectors/{name}"] = vector
-            group["info/title"], group["info/description"], group["info/math_info"] = title, "", ""
+            for name, text in (("title", title), ("description", description), ("math_info", math_info)):
+                group[f"info/{name}"] = text
+            for name in ContactProblem.__annotations__ if step is not None else ():
+                file[f"{_STEP}/{name}"] = getattr(step, name)
             if r is not None:
                 file["guesses/number_of_guesses"] = np.array([1], np.int32)
                 file["guesses/1/r"] = r
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def _yields(problem: Problem) -> bool:
+    """Whether contacts or joints beside velocities are compliant."""
+    rows, n = problem.rows, problem.velocities
+    A = sp.csr_array(problem.A)
+    return n > 0 and any(abs(A[own, own]).sum() > 0.0 for own in (slice(0, rows), slice(rows + n, None)))
 
 
 _Parts = tuple[str, dict[str, Matrix], dict[str, Array]]

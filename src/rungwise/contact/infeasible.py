@@ -104,7 +104,7 @@ def _kinematic(problem: ContactProblem) -> Certificate | None:
 def _least_left(
     cost: NDArray[np.float64], push: NDArray[np.bool_], balance: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """The x, not negative where `push`, with cost . x <= -1 and the least |balance x|, as at a position that is
+    """The x, not negative where `push`, with cost . x <= -1 and the least |balance x|, for positions that are
     nearly singular; rows that cost more than `REACH` stay out of it. None if there is none."""
     from scipy.optimize import linprog
 

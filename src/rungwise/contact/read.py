@@ -9,12 +9,13 @@ import numpy as np
 
 from rungwise.contact.fclib import read_fclib
 from rungwise.contact.mixed import Problem
+from rungwise.contact.problem import ContactProblem
 from rungwise.contact.textfile import read_text
 
 _HDF5, _ZIP = b"\x89HDF", b"PK"
 
 
-def read_problem(path: Path, kind: str | None = None) -> Problem:
+def read_problem(path: Path, kind: str | None = None) -> Problem | ContactProblem:
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
     Raises ValueError with one line that says what is wrong.

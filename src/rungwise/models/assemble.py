@@ -244,10 +244,19 @@ def deform(
 
 @kernel
 def limit_inertia(
-    rung: RecordArray, h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    limited: int,
+    n: int,
+    free: Ints,
+    speed: Reals,
+    landing: bool,
 ) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
+    With `landing` it is so small that what closes any gap within the step still needs no force for it.
     Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
@@ -258,7 +267,8 @@ def limit_inertia(
     for j in range(speed.shape[0]):
         fastest = max(fastest, abs(speed[j]))
     for k in range(contacts):
-        fastest = max(fastest, abs(terms.gap[k]) / h)
+        if landing or terms.gap[k] < 0.0:
+            fastest = max(fastest, abs(terms.gap[k]) / h)
     for i in range(n):
         a = free[i]
         heaviest = max(heaviest, terms.inertia[a, a])

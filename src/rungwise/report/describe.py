@@ -5,7 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rungwise.scene import Scene
+from rungwise.scene.fields import Joint
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -39,9 +43,10 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
         | {field: float(record[field]) for field in ("friction", "restitution", "stiffness", "damping")}
         for pair, record in zip(template.contacts, records.contacts, strict=True)
     ]
-    joints = {
-        name: {"kind": joint.kind, "between": list(joint.between)} for name, joint in file.joints.items()
-    }
+    joints: dict[str, Any] = {}
+    for index, (name, joint) in enumerate(file.joints.items()):
+        own = records.measures[records.measures["joint"] == index]
+        joints[name] = {"kind": joint.kind, "between": list(joint.between)} | _freedom(joint, own)
     world = records.world[0]
     return {
         "scene": scene.name,
@@ -68,6 +73,19 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
+def _freedom(joint: Joint, measures: NDArray[np.void]) -> dict[str, Any]:
+    """Travel, resistance and drive of the coordinate that a joint leaves free; nothing for a weld."""
+    free = measures[measures["held"] == 0]
+    if len(free) == 0:
+        return {}
+    drive = None if joint.coordinate is None else joint.coordinate.drive
+    fields = ("lower", "upper", "damping", "dry_friction")
+    return {
+        "coordinate": {field: float(free[0][field]) for field in fields}
+        | {"drive": None if drive is None else drive.kind}
+    }
+
+
 def describe_text(report: Mapping[str, Any]) -> str:
     """The same as lines of text."""
     lines = [f"{report['scene']}: {report['about']}", "bodies"]
@@ -81,13 +99,19 @@ def describe_text(report: Mapping[str, Any]) -> str:
         for coordinate, c in body["coordinates"].items():
             drive = f"  drive {c['drive']}" if c["drive"] else ""
             lines.append(
-                f"    {name}.{coordinate}: starts at {c['start']:.6g},"
+                f"    {name}.{coordinate}: starts {c['start']:.6g} from the pose,"
                 f" travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
             )
     if report["joints"]:
         lines.append("joints")
     for name, joint in report["joints"].items():
-        lines.append(f"  {name:12s} {joint['kind']:6s} {' | '.join(joint['between'])}")
+        line = f"  {name:12s} {joint['kind']:6s} {' | '.join(joint['between'])}"
+        if "coordinate" in joint:
+            c = joint["coordinate"]
+            line += f"  travels {c['lower']:.6g} to {c['upper']:.6g}"
+            line += "".join(f"  {field} {c[field]:.6g}" for field in ("damping", "dry_friction") if c[field])
+            line += f"  drive {c['drive']}" if c["drive"] else ""
+        lines.append(line)
     lines.append("contacts")
     for c in report["contacts"]:
         a, b = c["between"]

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints
 from rungwise.sets.between import between
-from rungwise.sets.crossings import crossings_of_cells, planes
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
 from rungwise.sets.motions import SLOWEST
+from rungwise.sets.surface import boundary
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -99,6 +99,7 @@ def text(summary: dict[str, Any]) -> str:
             f"  {pair['cheap']} -> {pair['rich']}: loses {pair['lost']:.4f} of the box, gains"
             f" {pair['gained']:.4f} (+- {pair['error']:.4f})"
         )
+    lines += [f"wrote {file}" for file in summary.get("files", ())]
     return "\n".join(lines)
 
 
@@ -185,32 +186,10 @@ def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
     """The boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    faces = surface(found)
+    mesh = boundary(found)
+    faces = list(mesh.vertices[mesh.pieces])
     axis.add_collection3d(Poly3DCollection(faces, facecolor=color, edgecolor="none", alpha=0.6))
     for setter, (low, high) in zip((axis.set_xlim, axis.set_ylim, axis.set_zlim), found.box, strict=True):
         setter(low, high)
     for k, setter in enumerate((axis.set_xlabel, axis.set_ylabel, axis.set_zlabel)):
         setter(_unit_of(found, k))
-
-
-def surface(found: FeasibleSet) -> list[Reals]:
-    """Faces (corners, 3) of the boundary of the feasible part, one for each cell where it is a plane."""
-    faces = []
-    unit = found.box[:, 1] - found.box[:, 0]
-    for level, crossings in found.crossings.items():
-        points, there = crossings_of_cells(found.tree, level, *crossings)
-        normal, _, sides = planes(found.tree, level, *crossings)
-        size, origins = found.tree.size(level), found.tree.leaves[level]
-        for i in np.flatnonzero((sides == Label.FEASIBLE).any(axis=1)):
-            corners = points[i][there[i]]
-            places = (origins[i] + size * corners[_around(corners, normal[i])]) / (1 << found.tree.finest)
-            faces.append(found.box[:, 0] + places * unit)
-    return faces
-
-
-def _around(corners: Reals, normal: Reals) -> Ints:
-    """Order of points of a plane around their middle."""
-    away = corners - corners.mean(axis=0)
-    first = np.eye(3)[np.argmin(np.abs(normal))]
-    first = first - (first @ normal) * normal
-    return np.argsort(np.arctan2(away @ np.cross(normal, first), away @ first))

@@ -33,11 +33,11 @@ def crossing_edges(tree: Tree, level: int) -> Ints:
     lower, axis = edges_of(tree.axes)
     starts = tree.vertices.key(origins[:, None, :] + tree.size(level) * lower)
     keys = np.unique(starts * tree.axes + axis)
-    low, high = _ends(tree, level, keys)
+    low, high = ends_of(tree, level, keys)
     return np.asarray(keys[tree.vertices.labels[low] != tree.vertices.labels[high]])
 
 
-def _ends(tree: Tree, level: int, keys: Ints) -> tuple[Ints, Ints]:
+def ends_of(tree: Tree, level: int, keys: Ints) -> tuple[Ints, Ints]:
     """Indices of the vertices at both ends of edges."""
     side = (1 << tree.finest) + 1
     starts = keys // tree.axes
@@ -53,7 +53,7 @@ def solve(tree: Tree, level: int, oracle: Oracle) -> tuple[Ints, Reals]:
     """
     keys = crossing_edges(tree, level)
     vertices = tree.vertices
-    low, high = _ends(tree, level, keys)
+    low, high = ends_of(tree, level, keys)
     origin, axis = vertices.places(keys // tree.axes).astype(np.float64), keys % tree.axes
     a, b = np.zeros(len(keys)), np.ones(len(keys))
     label = vertices.labels[low]

@@ -18,6 +18,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
 from rungwise.sets import arrays, store
 from rungwise.sets.asker import Asker
+from rungwise.sets.cluster import runner
 from rungwise.sets.crossings import planes, solve
 from rungwise.sets.labels import Label, labels
 from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
@@ -169,6 +170,18 @@ class FeasibleSet:
         """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
         return store.save(Path(folder), self.data)
 
+    def to_csv(self, file: str | Path) -> Path:
+        """Write all runs and all located boundary points as a table; see `rungwise.sets.export`."""
+        from rungwise.sets import export
+
+        return export.to_csv(self, file)
+
+    def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
+        """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
+        from rungwise.sets import export
+
+        return export.to_mesh(self, file, label)
+
     @property
     def unit(self) -> Reals:
         """Lengths (d,) of the tree's unit along each parameter."""
@@ -211,6 +224,7 @@ def feasible_set(
     budget: int = BUDGET,
     seed: int = 0,
     threads: int | None = None,
+    cluster: str | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
@@ -233,6 +247,7 @@ def feasible_set(
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.
         threads: as many as there are cores if not given. The set does not depend on it.
+        cluster: address of a dask scheduler whose workers run instead of threads; nor does it depend on this.
         out: folder where every finished batch is kept, and the set in the end.
         resume: go on from the batches kept in `out`.
         on_progress: called with what is done, runs so far, and runs asked for so far.
@@ -270,9 +285,10 @@ def feasible_set(
     request |= {"box": intervals.tolist(), "probes": probes, "target": target}
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
-    asker = Asker(batch, intervals, tree.finest, budget, log, on_progress)
-    made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
-    crossings = _cross(tree, asker)
+    with runner(batch, cluster, loaded, request) as runs:
+        asker = Asker(runs, intervals, tree.finest, budget, log, on_progress)
+        made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
+        crossings = _cross(tree, asker)
     result = FeasibleSet(
         scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree,
         crossings=crossings, evaluations=asker.count, probes=made, hits=hits, request=request,

@@ -21,6 +21,9 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED = 3
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
+LEAP = 8.0
+"""Bound on motion between bodies, over the smallest shape's reach, above which a kinematic step that pushes
+something, or that is linearised again, is halved: the bodies could be past each other."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 OVERLAP = 1e-4
@@ -59,7 +62,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     contacts = gather(records, workspace)
     status = UNSOLVED
     clock.tried = h
-    for _ in range(MAX_LINEARISATIONS):
+    for linearisation in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
         status = solve_motion(records, rung, h, contacts, shortest, workspace)
         if status in (UNSOLVED, SUDDEN):
@@ -74,6 +77,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         if clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
+            break
+        again = linearisation > 0 or _is_pushed(state, scratch.v_new)
+        if rung[0].metric and again and reach > LEAP * clock.size:
+            status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
@@ -105,6 +112,15 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
+
+
+@kernel
+def _is_pushed(state: State, v: Reals) -> bool:
+    """Whether something moves whose motion is not given."""
+    pushed = False
+    for i in range(v.shape[0]):
+        pushed |= not state.prescribed[i] and v[i] != 0.0
+    return pushed
 
 
 @kernel

@@ -50,17 +50,17 @@ def remember(state: State, saved: Snapshot) -> None:
 
 @kernel
 def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
-    """Back to the saved coordinates, contacts and deformations."""
+    """Back to the saved coordinates, contacts and deformations; what has come into view since stays there."""
     state = workspace.state
     for i in range(state.q.shape[0]):
         state.q[i] = saved.q[i]
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
-    look(records, workspace)
     for slot in range(state.features.shape[0]):
         state.features[slot] = saved.features[slot]
         state.modes[slot] = saved.modes[slot]
         for i in range(state.deformation.shape[1]):
             state.deformation[slot, i] = saved.deformation[slot, i]
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    look(records, workspace)
 
 
 @kernel

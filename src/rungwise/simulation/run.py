@@ -24,7 +24,8 @@ from rungwise.scene import InvalidScene, Scene, load
 from rungwise.scene import records as rec
 from rungwise.scene.values import shown
 from rungwise.simulation import loop, trajectory
-from rungwise.simulation.state import CONTROL, Workspace, allocate
+from rungwise.simulation.hard import HardSteps
+from rungwise.simulation.state import CONTROL, SCALARS, Workspace, allocate
 
 if TYPE_CHECKING:
     import xarray
@@ -35,6 +36,8 @@ TURN_S = 0.1
 
 LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
+NOTICED = 1e-3
+"""Energy that contacts add, over all energies of the run, from which on it is reported."""
 MANY = 10**9
 """Most frames, and most steps between two of them."""
 
@@ -99,9 +102,10 @@ class Run:
     """How a run ended and what it recorded.
 
     `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
-    `worst_residual` is the largest scaled residual of a step that counts as solved; `certificate` proves a
-    jam or a missing support, `problem` is the one it speaks of; `wall_s` is the time that steps took, without
-    that to compile them; `workspace` holds the arrays as the run left them.
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
+    last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
+    was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
+    compile them; `workspace` holds the arrays as the run left them.
     """
 
     scene: Scene
@@ -118,6 +122,7 @@ class Run:
     certificate: Certificate | None
     problem: ContactProblem | None
     workspace: Workspace | None
+    hard: HardSteps | None = None
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
@@ -128,6 +133,21 @@ class Run:
                 body, coordinate = name.split(".")
                 places.setdefault(body, {})[coordinate] = float(value)
         return places
+
+    @cached_property
+    def energy_gained(self) -> float:
+        """Energy that contacts added between recorded frames, where momentum counts: 0 by all laws of this
+        program but one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
+
+        It is the sum of the rises of contact work and elastic energy; one that steps may explain is 0.
+        """
+        if self.workspace is None or self.model.inertia == 0.0:
+            return 0.0
+        frames, count = self.workspace.frames, int(self.workspace.state.clock[0]["frames"])
+        account = dict(zip(SCALARS, frames.scalars[:count].T, strict=True))
+        rises = np.maximum(np.diff(account["contact_work"] + account["elastic_energy"]), 0.0).sum()
+        scale = max(np.abs(account[name]).max() for name in SCALARS if name != "residual")
+        return float(rises) if rises > NOTICED * scale else 0.0
 
     @cached_property
     def trajectory(self) -> xarray.Dataset:
@@ -154,7 +174,9 @@ class Run:
             "final": self.final,
             "worst_residual": self.worst_residual,
             "certificate": None if self.certificate is None else self.certificate.kind,
+            "energy_gained": self.energy_gained,
             "wall_s": round(self.wall_s, 6),
+            **({} if self.hard is None else {"hard": self.hard.summary()}),
         }
 
     def save(self, folder: str | Path) -> Path:
@@ -216,6 +238,7 @@ class Simulation:
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
+        save_hard: a folder, for the problems of hard steps (see `HardSteps`); needs h5py.
     """
 
     def __init__(
@@ -231,6 +254,7 @@ class Simulation:
         motion: Mapping[str, float] | None = None,
         frames: int = 2000,
         stride: int | None = None,
+        save_hard: str | Path | None = None,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load(scene)
         self.model = moving_rung(model)
@@ -247,6 +271,12 @@ class Simulation:
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
         self._turn = 10
+        self.hard: HardSteps | None = None
+        if save_hard is not None:
+            try:
+                self.hard = HardSteps(save_hard, f"{self.scene.name}, {self.model.name}")
+            except ValueError as error:
+                raise ModelError(str(error)) from None
         try:
             self._bound = self.scene.bind(self.parameters)
         except InvalidScene as error:
@@ -263,8 +293,11 @@ class Simulation:
         )
         self._control["error"] = 0.0 if tol is None else tol
         self._rung = self.model.record(theta)
+        noted = self.hard is not None
         try:
-            self.workspace = allocate(self._bound.records, self._bound.values, len(self.parameters), frames)
+            self.workspace = allocate(
+                self._bound.records, self._bound.values, len(self.parameters), frames, noted
+            )
         except MemoryError:
             pairs = len(self._bound.records.pairs)
             raise ModelError(
@@ -303,11 +336,24 @@ class Simulation:
         took = time.perf_counter() - began
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
+        if self.hard is not None:
+            self.hard.take(self.workspace)
         if self.outcome != Code.RUNNING:
             self._explain()
         if self.outcome == Code.NOT_CONVERGED and self._looks_closer():
-            self.outcome, self.reason = Code.RUNNING, ""
+            self.outcome, self.reason, self.problem = Code.RUNNING, "", None
+        if self.outcome != Code.RUNNING and self.hard is not None:
+            self._save_last(self.hard, self.workspace)
         return self.outcome == Code.RUNNING
+
+    def _save_last(self, hard: HardSteps, workspace: Workspace) -> None:
+        problem = self.problem
+        if problem is not None and self.outcome == Code.UNSUPPORTED:
+            problem = trim(problem, len(problem.c), len(problem.mu), len(problem.F))
+            problem.H[...] = self._resisting()
+        last = hard.end(workspace, OUTCOMES[self.outcome].name, problem)
+        if self.outcome == Code.NOT_CONVERGED and last is not None:
+            self.reason += f" Here: rungwise solve {last}"
 
     def _take(self, turns: int, workspace: Workspace) -> Code:
         return Code(
@@ -325,6 +371,8 @@ class Simulation:
 
     def result(self) -> Run:
         """The run as far as it has come."""
+        if self.hard is not None and self.workspace is not None:
+            self.hard.end(self.workspace)
         clock = None if self.workspace is None else self.workspace.state.clock[0]
         return Run(
             scene=self.scene,
@@ -341,6 +389,7 @@ class Simulation:
             certificate=self.certificate,
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
+            hard=self.hard,
         )
 
     def _overlap(self) -> str:
@@ -374,12 +423,13 @@ class Simulation:
         self.reason = f"{outcome.meaning}. {outcome.advice}"
         if self.outcome == Code.INVALID:
             self.reason = self._undefined()
-        if self.outcome == Code.NOT_CONVERGED:
-            self._give_up()
-        if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED):
+        if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
             return
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
         self.problem = trim(self.workspace.problem, n, contacts, limited)
+        if self.outcome == Code.NOT_CONVERGED:
+            self._give_up()
+            return
         if self.outcome == Code.JAMMED:
             self.certificate = certify_infeasible(self.problem)
         else:
@@ -400,7 +450,25 @@ class Simulation:
             why += (
                 ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
             )
-        self.reason = f"{outcome.meaning} ({why}). {outcome.advice}"
+        jump = self._jump()
+        self.reason = jump or f"{outcome.meaning} ({why}). {outcome.advice}"
+
+    def _jump(self) -> str:
+        """Which servo, followed exactly, would have to move far however short the step is."""
+        assert self.workspace is not None
+        state = self.workspace.state
+        least = float(self._control[0]["tolerance"])
+        for i, name in enumerate(self.scene.template.coordinates):
+            servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
+            far = state.speed[i] * state.clock[0]["tried"]
+            if servo and abs(far) > least:
+                body, coordinate = name.split(".")
+                return (
+                    f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"
+                    " kinematic rung follows it at once, through what is in the way. Start at the target, let"
+                    " it move with t, or use a richer rung."
+                )
+        return ""
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.

@@ -46,6 +46,10 @@ per step, 0 for steps of fixed length; jam: motion, of anything, in a step below
 a jam."""
 
 
+ROOM = 1_000_000
+"""Numbers (8 MB) for the notes of hard steps between two looks at them; more if one might not fit."""
+
+
 class State(Block):
     """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
 
@@ -83,8 +87,8 @@ class State(Block):
 
 class Scratch(Block):
     """Workspace of one step: the solution, the slowest one and which coordinates are held in another, the
-    solver's matrix, what conditions read at its start and end, and in `undefined` (1,) the place of a number
-    that is not finite at this time, or -1."""
+    solver's matrix, what conditions read at its start and end, in `undefined` (1,) the place of a number that
+    is not finite at this time, or -1, and in `hard` what `notes.note` writes, if it has room."""
 
     x: Reals
     v_new: Reals
@@ -105,6 +109,7 @@ class Scratch(Block):
     begun: Reals
     ended: Reals
     undefined: Ints
+    hard: Reals
 
 
 class Whole(Block):
@@ -164,8 +169,11 @@ class Workspace(Block):
     frames: Frames
 
 
-def allocate(records: Records, values: Reals, parameters: int, frames: int) -> Workspace:
-    """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them."""
+def allocate(records: Records, values: Reals, parameters: int, frames: int, noted: bool = False) -> Workspace:
+    """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them.
+
+    `noted` makes room for notes of hard steps.
+    """
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
     rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
@@ -216,6 +224,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int) -> W
         begun=np.zeros(len(values)),
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
+        hard=np.zeros(max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0),
     )
     before, kept = (
         Snapshot(

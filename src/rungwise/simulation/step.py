@@ -6,9 +6,10 @@ import math
 
 from rungwise.contact.modes import OPEN
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
+from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import assemble, deform, lean, limit_inertia
+from rungwise.simulation.notes import note
 from rungwise.simulation.state import Scratch, State
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
@@ -30,28 +31,42 @@ def solve_step(
 
     Contact modes and forces start from those of the slots, and `state.modes` is left as it was.
     """
+    status, balanced = NO_SOLUTION, True
+    for landing in (False, True):
+        status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem, landing)
+        if status == SOLVED:
+            _take_over(rung, terms, contacts, state, scratch, problem)
+            balanced = rung[0].inertia > 0.0 or not rung[0].loads or _is_balanced(h, terms, state, scratch)
+        if rung[0].inertia > 0.0 or rung[0].metric or (status == SOLVED and balanced):
+            break
+    if status != SOLVED:
+        return UNSOLVED
+    return SUPPORTED if balanced else UNSUPPORTED
+
+
+@kernel
+def _solve_in_turn(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+    landing: bool,
+) -> int:
+    """Solve with restitution or else without it, and with theta = 1 where something rigid holds."""
     clock = state.clock[0]
     n, limited = clock.free, clock.limited
-    clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed)
+    clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed, landing)
     bounced = rung[0].inertia > 0.0
     clock.theta = rung[0].theta
     status = NO_SOLUTION
     for _ in range(3):
         bounced = assemble(
-            rung,
-            h,
-            clock.theta,
-            clock.eps,
-            terms,
-            contacts,
-            limited,
-            state.free,
-            n,
-            state.v,
-            state.speed,
-            bounced,
-            problem,
-        )
+            rung, h, clock.theta, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed,
+            bounced, problem,
+        )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
         status = _solve(contacts, limited, n, state, scratch, problem)
@@ -61,9 +76,16 @@ def solve_step(
             break
         else:
             bounced = False
-    if status != SOLVED:
-        return UNSOLVED
-    if _is_free_of_load(rung, n, clock.eps, problem):
+    return status
+
+
+@kernel
+def _take_over(
+    rung: RecordArray, terms: Terms, contacts: int, state: State, scratch: Scratch, problem: ContactProblem
+) -> None:
+    """All velocities into scratch.v_new, and forces as they are in the limit."""
+    n, limited = state.clock[0].free, state.clock[0].limited
+    if _is_free_of_load(rung, n, state.clock[0].eps, problem):
         for r in range(contacts * terms.contact_stiffness.shape[1]):
             scratch.contact_force[r] = 0.0
         for r in range(limited):
@@ -71,11 +93,7 @@ def solve_step(
     for i in range(state.v.shape[0]):
         scratch.v_new[i] = state.speed[i]
     for i in range(n):
-        a = state.free[i]
-        scratch.v_new[a] = scratch.x[i]
-    if rung[0].loads and rung[0].inertia == 0.0 and not _is_balanced(h, terms, state, scratch):
-        return UNSUPPORTED
-    return SUPPORTED
+        scratch.v_new[state.free[i]] = scratch.x[i]
 
 
 @kernel
@@ -89,11 +107,13 @@ def _solve(
             scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
-    status, found = solve_planar(
+    status, found, stage = solve_planar(
         problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force,
         scratch.matrix, scratch.order,
     )  # fmt: skip
     state.clock[0].residual = found
+    if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
+        note(problem, n, contacts, limited, status, stage, state, scratch)
     return status
 
 
@@ -130,8 +150,8 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 @kernel
 def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
-    """Whether the inertia that the limit eps -> 0+ leaves in the balance is negligible beside the load on each
-    coordinate, or where there is none beside the greatest."""
+    """Whether what inertia the limit eps -> 0+ leaves in the balance is negligible beside the load on each
+    coordinate, or beside the greatest where there is none."""
     clock = state.clock[0]
     greatest, balanced = 0.0, True
     for i in range(clock.free):

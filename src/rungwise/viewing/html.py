@@ -16,7 +16,7 @@ from rungwise.viewing.clip import Clip
 from rungwise.viewing.extent import bounds, largest_force, receives_first
 
 PAGE = files("rungwise.viewing") / "page"
-SCRIPTS = ("data.js", "stage.js", "charts.js", "player.js")
+SCRIPTS = ("unpack.js", "data.js", "stage.js", "charts.js", "player.js")
 LARGEST = 4_500_000
 """Bytes of a file: frames are left out, evenly, until it is no larger."""
 CURVES = 8
@@ -40,14 +40,18 @@ def _kept(count: int, every: int) -> NDArray[np.int64]:
 
 
 def _fill(clips: Sequence[Clip]) -> str:
-    data = json.dumps(_data(clips), separators=(",", ":"), allow_nan=False)
+    return fill("page.html", title(clips), ("page.css",), SCRIPTS, _data(clips))
+
+
+def fill(frame: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: object) -> str:
+    """A page of its frame, styles, scripts and data."""
     parts = {
-        "title": html.escape(title(clips)),
-        "style": (PAGE / "page.css").read_text("utf-8"),
-        "script": "\n".join((PAGE / name).read_text("utf-8") for name in SCRIPTS),
-        "data": data.replace("<", "\\u003c"),
+        "title": html.escape(title),
+        "style": "\n".join((PAGE / name).read_text("utf-8") for name in styles),
+        "script": "\n".join((PAGE / name).read_text("utf-8") for name in scripts),
+        "data": json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     }
-    text = (PAGE / "page.html").read_text("utf-8")
+    text = (PAGE / frame).read_text("utf-8")
     for name, value in parts.items():
         before, after = text.split("{{" + name + "}}")
         text = before + value + after
@@ -86,7 +90,7 @@ def _data(clips: Sequence[Clip]) -> dict[str, Any]:
         "push": " / ".join(dict.fromkeys(pushes)),
         "contacts": [clips[0].contacts[c] for c in curves],
         "clips": [
-            _clip(clip, curves) | {"label": label, "note": ". ".join(filter(None, (note, clip.reason)))}
+            clip_data(clip, curves) | {"label": label, "note": ". ".join(filter(None, (note, clip.reason)))}
             for clip, label, note in zip(clips, labels(clips), notes, strict=True)
         ],
     }
@@ -98,7 +102,8 @@ def _curves(clips: Sequence[Clip]) -> NDArray[np.int64]:
     return np.sort(np.lexsort((gap, -push))[:CURVES])
 
 
-def _clip(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
+def clip_data(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
+    """A clip as `clipOf` of unpack.js reads it; gaps and forces along time of the contacts `curves` only."""
     t = clip.touches
     force = np.where(receives_first(clip)[t.contact, None], t.force, -t.force)
     first = np.searchsorted(t.frame, np.arange(len(clip.time) + 1))
@@ -107,14 +112,14 @@ def _clip(clip: Clip, curves: NDArray[np.int64]) -> dict[str, Any]:
         "reason": clip.reason,
         "bodies": _bodies(clip),
         "joints": clip.joints,
-        "time": _bytes(clip.time, "<f4"),
-        "pose": _quantised(clip.pose.reshape(len(clip.time), -1)),
-        "gap": _bytes(clip.gap[:, curves], "<f4"),
-        "push": _bytes(clip.push[:, curves], "<f4"),
-        "first": _bytes(first, "<u4"),
-        "mode": _bytes(t.mode, "<u1"),
-        "place": _quantised(t.place),
-        "force": _quantised(force),
+        "time": bytes_of(clip.time, "<f4"),
+        "pose": quantised(clip.pose.reshape(len(clip.time), -1)),
+        "gap": bytes_of(clip.gap[:, curves], "<f4"),
+        "push": bytes_of(clip.push[:, curves], "<f4"),
+        "first": bytes_of(first, "<u4"),
+        "mode": bytes_of(t.mode, "<u1"),
+        "place": quantised(t.place),
+        "force": quantised(force),
     }
 
 
@@ -135,15 +140,16 @@ def _bodies(clip: Clip) -> list[dict[str, Any]]:
     return bodies
 
 
-def _bytes(values: NDArray[Any], kind: str) -> str:
+def bytes_of(values: NDArray[Any], kind: str) -> str:
+    """Base64 of values as numbers of that kind."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
 
 
-def _quantised(values: NDArray[np.float64]) -> dict[str, Any]:
+def quantised(values: NDArray[np.float64]) -> dict[str, Any]:
     """Columns in 16 bits each, over their own range: value = low + step * integer."""
     if len(values) == 0:
         return {"low": [0.0] * values.shape[1], "step": [0.0] * values.shape[1], "data": ""}
     low, high = values.min(axis=0), values.max(axis=0)
     step = (high - low) / 65535.0
     integers = np.rint((values - low) / np.where(step > 0.0, step, 1.0))
-    return {"low": low.tolist(), "step": step.tolist(), "data": _bytes(integers, "<u2")}
+    return {"low": low.tolist(), "step": step.tolist(), "data": bytes_of(integers, "<u2")}

@@ -9,12 +9,14 @@ from contextlib import suppress
 from pathlib import Path
 
 from rungwise.scene import SceneError
+from rungwise.sets.feasible import FeasibleSet, load_set
+from rungwise.sets.store import STORE, SetError
 from rungwise.simulation.run import Run
-from rungwise.viewing import draw
+from rungwise.viewing import draw, sets
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
 
-Source = Run | str | Path
+Source = Run | FeasibleSet | str | Path
 
 
 class ViewError(ValueError):
@@ -30,10 +32,11 @@ def view(
     frames: int = 6,
     at: float | None = None,
 ) -> list[Path]:
-    """Write pictures of a run, or of several of one scene over each other; returns the files written.
+    """Write pictures of a run, or of several over each other, or of sets; returns the files written.
 
     Args:
-        runs: runs, or folders that `Run.save` wrote.
+        runs: runs, or folders that `Run.save` wrote; or, for html only, sets of one scene over the
+            same box, or folders that `FeasibleSet.save` wrote.
         html: an animation in one file that any browser plays, without a network.
         png: a strip of `frames` pictures, or the one at time `at` (needs the extra `view`).
         gif: a short animation (needs the extra `view`).
@@ -41,13 +44,18 @@ def view(
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
-    sources = [runs] if isinstance(runs, Run | str | Path) else list(runs)
+    sources = [_source(one) for one in ([runs] if isinstance(runs, Source) else runs)]
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
         raise ViewError(f"frames: {frames!r} must be at least 1")
+    found = [source for source in sources if isinstance(source, FeasibleSet)]
+    if found:
+        if len(found) < len(sources) or png is not None or gif is not None:
+            raise ViewError("view: sets and runs go to files of their own, and sets to html only")
+        return [_sets(found, html)]
     try:
-        clips = [clip(source) for source in sources]
+        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet)]
     except SceneError as error:
         raise ViewError(str(error)) from None
     _same_bodies(clips)
@@ -64,6 +72,28 @@ def view(
         _needs_matplotlib("gif")
         made.append(("gif", gif, lambda file: draw.save_gif(clips, file)))
     return [_write(*one) for one in made]
+
+
+def _source(source: Source) -> Source:
+    """What a folder of a set holds; anything else as it is."""
+    if isinstance(source, str | Path) and (Path(source) / STORE).is_dir():
+        try:
+            return load_set(source)
+        except (SceneError, SetError, OSError) as error:
+            raise ViewError(f"view: {error}") from None
+    return source
+
+
+def _sets(found: Sequence[FeasibleSet], html: str | Path | None) -> Path:
+    first = found[0]
+    for other in found[1:]:
+        if (other.scene.file, other.over, other.box.tolist()) != (
+            first.scene.file, first.over, first.box.tolist()
+        ):  # fmt: skip
+            raise ViewError("view: the sets must be of one scene, over the same parameters and box")
+    text = sets.page(found)
+    target = f"{first.scene.name}_sets.html" if html is None else html
+    return _write("html", target, lambda file: file.write_text(text, "utf-8"))
 
 
 def _same_bodies(clips: Sequence[Clip]) -> None:

@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import block_diag
 
 from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
-from rungwise.contact.mixed import Array
+from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.system import System
@@ -85,12 +86,12 @@ def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | No
     return made if check(system, made) else None
 
 
-def divide(system: System, mode: Mode, x: Array) -> list[Mode]:
-    """Children by the law that x violates most, the likeliest last."""
+def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> list[Mode]:
+    """Children by the law `first`, or else the one that x violates most, the likeliest last."""
     size = natural_parts(system, x)
     d, contacts = system.directions, len(system.mu)
     worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
-    for law in sorted(range(len(mode)), key=lambda law: -worst[law]):
+    for law in sorted(range(len(mode)), key=lambda law: (law != first, -worst[law])):
         parts = pieces(system, law, mode[law])
         if parts:
             force = x[law * d] if law < contacts else 1.0
@@ -104,15 +105,10 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     from scipy.optimize import linprog
 
     s = system
-    back = sp.csr_array(s.matrix().T)
     least, most = signs(s, mode)
     lower, upper = limits(s, mode)
-    rays = [generators(s, k, mode[k]) for k in range(len(s.mu))]
-    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
     m = len(lower)
-    # (A^T p)_j = above - below: how much x_j is drawn to its upper and to its lower limit.
-    push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
-    drawn = sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
+    cone, push, drawn = _constraints(s, mode)
     bounds = [(max(a, -1.0), min(c, 1.0)) for a, c in zip(least, most, strict=True)]
     bounds += [(0.0, 0.0 if np.isinf(c) else None) for c in upper]
     bounds += [(0.0, 0.0 if np.isinf(a) else None) for a in lower]
@@ -130,18 +126,34 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     if found.x is None:
         return None, None
     if found.fun < -ROUNDING:
-        return _sharpen(np.asarray(found.x)[: s.size], sp.vstack([push, drawn])[:, : s.size]), None
+        rows = np.vstack([push, drawn]) if s.size <= LARGEST else sp.vstack([push, drawn], format="csr")
+        return _sharpen(np.asarray(found.x)[: s.size], rows[:, : s.size]), None
     contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
     return None, np.concatenate([contact, others])
 
 
-def _sharpen(p: Array, constraints: sp.csr_array) -> Array:
+def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
+    """Rays of all contacts, how multipliers draw along them, and (A^T p)_j = above - below: how much x_j is
+    drawn to its upper and to its lower limit. Dense for few unknowns."""
+    rays, m = [generators(s, k, mode[k]) for k in range(len(s.mu))], len(s.lower)
+    if s.size <= LARGEST:
+        back, cone = s.matrix().toarray().T, block_diag(*rays) if rays else np.zeros((0, 0))
+        push = np.hstack([cone @ back[: s.rows], np.zeros((len(cone), 2 * m))])
+        return cone, push, np.hstack([back[s.rows :], -np.eye(m), np.eye(m)])
+    back = sp.csr_array(s.matrix().T)
+    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
+    push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
+    return cone, push, sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
+
+
+def _sharpen(p: Array, constraints: Matrix) -> Array:
     """p with rounding removed: what is nearly zero is zero, and constraints nearly active are met."""
     p = np.where(np.abs(p) > ROUNDING, p, 0.0)
     inside = np.abs(p) > 0.0
     active = np.abs(constraints @ p) < 1e-6
-    rows = constraints[active][:, inside].toarray()
+    rows = constraints[active][:, inside]
+    rows = rows.toarray() if sp.issparse(rows) else rows
     for _ in range(2):
         p[inside] -= np.linalg.lstsq(rows, rows @ p[inside], rcond=None)[0]
     return p

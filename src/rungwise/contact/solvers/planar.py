@@ -25,6 +25,8 @@ beside them any other error looks small."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
+GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
+"""Stages of the chain."""
 _SPARE = 8
 """Rows of the scratch matrix for vectors, beside those of the largest system."""
 
@@ -46,23 +48,24 @@ def solve_planar(
     tau: Reals,
     matrix: Reals,
     order: Ints,
-) -> tuple[int, float]:
-    """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual)."""
+) -> tuple[int, float, int]:
+    """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual, the stage
+    that the chain came to)."""
     size = _determined_size(problem, n, contacts, limited, mode)
     kept = matrix[matrix.shape[0] - 2]
     if 0 < size <= LARGE:
         collect(contacts, limited, force, tau, kept)
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
         if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
-            return SOLVED, found
+            return SOLVED, found, GUESS
         spread(contacts, limited, kept, force, tau)
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
     if found > TOLERANCE and size > LARGE:
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
     if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
-        return SOLVED, found
+        return SOLVED, found, PROXIMAL
     if contacts + limited == 0:
-        return NO_SOLUTION, found
+        return NO_SOLUTION, found, PROXIMAL
     for polish in (True, False):
         if solve_lemke(problem, n, contacts, limited, mode, v, force, tau) != LEMKE_SOLVED:
             break
@@ -71,20 +74,20 @@ def solve_planar(
         else:
             found = residual(problem, n, contacts, limited, v, force, tau)
         if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
-            return SOLVED, found
+            return SOLVED, found, PIVOTING
     if mode_count(contacts, limited) <= MAX_MODES:
         found = solve_by_enumeration(
             problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
         )
         if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
-            return SOLVED, found
+            return SOLVED, found, ENUMERATION
     for k in range(contacts):
         mode[k] = OPEN
         force[2 * k] = force[2 * k + 1] = 0.0
     for r in range(limited):
         mode[contacts + r] = STICK
         tau[r] = 0.0
-    return NO_SOLUTION, found
+    return NO_SOLUTION, found, ENUMERATION
 
 
 @kernel

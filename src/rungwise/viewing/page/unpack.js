@@ -1,0 +1,57 @@
+"use strict";
+// Columns of numbers unpacked from base64 (see html.py), and what pages of either kind share.
+
+function bytes(text) {
+  const raw = atob(text), out = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) out[i] = raw.charCodeAt(i);
+  return out.buffer;
+}
+
+// Rows of columns, each column quantised over its own range to 16 bits.
+function unpack(packed) {
+  const q = new Uint16Array(bytes(packed.data)), n = packed.low.length, out = new Float32Array(q.length);
+  for (let i = 0; i < q.length; i++) out[i] = packed.low[i % n] + q[i] * packed.step[i % n];
+  return out;
+}
+
+function clipOf(c, index) {
+  return {
+    ...c, index, visible: true,
+    colour: () => css(`--model-${index % PALETTE.length}`),
+    time: new Float32Array(bytes(c.time)),
+    pose: unpack(c.pose),
+    gap: new Float32Array(bytes(c.gap)),
+    push: new Float32Array(bytes(c.push)),
+    first: new Uint32Array(bytes(c.first)),
+    mode: new Uint8Array(bytes(c.mode)),
+    place: unpack(c.place),
+    force: unpack(c.force),
+  };
+}
+
+// Frame and fraction at time t; the last frame lasts.
+function locate(clip, t) {
+  const time = clip.time, last = time.length - 1;
+  if (t >= time[last]) return [last, 0];
+  let a = 0, b = last;
+  while (b - a > 1) { const m = (a + b) >> 1; if (time[m] <= t) a = m; else b = m; }
+  const span = time[b] - time[a];
+  return [a, span > 0 ? Math.max(0, (t - time[a]) / span) : 0];
+}
+
+// Okabe and Ito's colours, which people see apart whatever their colour vision; light theme, dark theme.
+const PALETTE = [["#0072b2", "#56b4e9"], ["#d55e00", "#f08a3c"], ["#007f5f", "#2fc79a"], ["#b0508c", "#e59ac6"],
+  ["#8a6d00", "#f0e442"], ["#333333", "#dddddd"]];
+
+const root = document.documentElement;
+const css = name => getComputedStyle(root).getPropertyValue(name).trim();
+const $ = id => document.getElementById(id);
+// Numbers for people.
+const short = x => x === 0 ? "0" : Math.abs(x) >= 1e4 || Math.abs(x) < 1e-3 ? x.toExponential(2) : String(+x.toPrecision(4));
+
+function fitted(canvas) {
+  const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();
+  const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  return [box.width, box.height, ratio];
+}

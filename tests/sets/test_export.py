@@ -1,0 +1,154 @@
+"""Meshes of sets whose form is known, and the files that other programs read."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import rungwise as rw
+from rungwise.sets.surface import Mesh, boundary
+
+RADIUS = 0.73
+
+
+def solid(goal: str, axes: int = 3, tol: float = 0.01) -> rw.FeasibleSet:
+    """The set of parameters x, y, z in -1..1 that satisfy a condition, each of them asked by a run."""
+    names = ("x", "y", "z")[:axes]
+    scene = rw.load(
+        {
+            "name": "solid",
+            "parameters": {name: {"default": 0.1, "range": [-1.0, 1.0]} for name in names},
+            "bodies": {
+                "block": {
+                    "role": "robot", "shape": {"kind": "point"},
+                    "motion": {"kind": "slide", "axis": [1, 0], "name": "s"},
+                    "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1.0}}},
+                }
+            },
+            "goal": goal,
+            "duration": 0.1,
+            "step": 0.1,
+        }
+    )  # fmt: skip
+    return rw.feasible_set(scene, rw.KINEMATIC, names, tol=tol, threads=1, accuracy=0.1)
+
+
+@pytest.fixture(scope="module")
+def ball() -> rw.FeasibleSet:
+    return solid(f"{RADIUS}**2 - x**2 - y**2 - z**2 >= 0")
+
+
+def enclosed(mesh: Mesh) -> float:
+    """Volume (or area) within a closed mesh, by the divergence theorem."""
+    corners = mesh.vertices[mesh.pieces]
+    return float(np.linalg.det(corners).sum()) / {2: 2.0, 3: 6.0}[mesh.vertices.shape[1]]
+
+
+def directed_edges(mesh: Mesh) -> NDArray[np.int64]:
+    return np.concatenate([mesh.pieces[:, [i, (i + 1) % 3]] for i in range(3)])
+
+
+def euler(mesh: Mesh) -> int:
+    edges = directed_edges(mesh)
+    return len(np.unique(mesh.pieces)) - len(edges) // 2 + len(mesh.pieces)
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether every edge is passed as often in one direction as in the other."""
+    edges = directed_edges(mesh)
+    there, back = (e[np.lexsort(e.T)] for e in (edges, edges[:, ::-1]))
+    return np.array_equal(there, back)
+
+
+def test_a_ball_is_closed_and_has_its_volume(ball: rw.FeasibleSet) -> None:
+    mesh = boundary(ball)
+    assert is_closed(mesh) and euler(mesh) == 2
+    assert enclosed(mesh) == pytest.approx(4.0 / 3.0 * np.pi * RADIUS**3, rel=0.01)
+    assert ball.volumes()["feasible"] == pytest.approx(np.pi / 6.0 * RADIUS**3, abs=0.005)
+    away = np.abs(np.linalg.norm(mesh.vertices, axis=1) - RADIUS)
+    assert away.max() <= 2.0 * ball.tol  # of the side, which is 2
+
+
+def test_a_ring_has_a_hole() -> None:
+    mesh = boundary(solid("0.3**2 - (sqrt(x**2 + y**2) - 0.6)**2 - z**2 >= 0"))
+    assert is_closed(mesh) and euler(mesh) == 0
+    assert enclosed(mesh) == pytest.approx(2.0 * np.pi**2 * 0.6 * 0.3**2, rel=0.02)
+
+
+def test_corners_that_touch_are_kept_apart_from_both_sides() -> None:
+    """Opposite octants: along the axes cells have the label at two corners across a face."""
+    mesh = boundary(solid("x * y * z - 1e-3 >= 0", tol=0.03))
+    edges = directed_edges(mesh)
+    inner = (np.abs(mesh.vertices) < 1.0).all(axis=1)
+    edges = edges[inner[edges].any(axis=1)]
+    assert {tuple(e) for e in edges.tolist()} == {tuple(e[::-1]) for e in edges.tolist()}
+
+
+def test_a_disc_in_two_dimensions() -> None:
+    mesh = boundary(solid(f"{RADIUS}**2 - x**2 - y**2 >= 0", axes=2))
+    starts, ends = mesh.pieces.T
+    assert sorted(starts.tolist()) == sorted(ends.tolist()) == list(range(len(mesh.vertices)))
+    assert enclosed(mesh) == pytest.approx(np.pi * RADIUS**2, rel=0.01)
+
+
+def test_coarsened_keeps_the_form(ball: rw.FeasibleSet) -> None:
+    mesh = boundary(ball)
+    coarse = mesh.coarsened(12, ball.box)
+    assert 100 < len(coarse.pieces) < len(mesh.pieces) / 4
+    assert enclosed(coarse) == pytest.approx(enclosed(mesh), rel=0.05)
+
+
+def test_the_other_side_is_the_same_surface_turned_over(ball: rw.FeasibleSet) -> None:
+    assert enclosed(boundary(ball, rw.Label.INFEASIBLE)) == pytest.approx(-enclosed(boundary(ball)), rel=1e-3)
+
+
+def test_files(ball: rw.FeasibleSet, tmp_path: Path) -> None:
+    mesh = boundary(ball)
+    lines = ball.to_mesh(tmp_path / "ball.obj").read_text().splitlines()
+    vertices = np.array([line.split()[1:] for line in lines if line.startswith("v ")], float)
+    pieces = np.array([line.split()[1:] for line in lines if line.startswith("f ")], int) - 1
+    assert np.array_equal(vertices, mesh.vertices) and np.array_equal(pieces, mesh.pieces)
+    content = ball.to_mesh(tmp_path / "ball.stl").read_bytes()
+    kind = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
+    triangles = np.frombuffer(content, kind, offset=84)
+    assert int.from_bytes(content[80:84], "little") == len(triangles) == len(pieces)
+    outward = np.einsum("ti,ti->t", triangles["normal"], triangles["corners"].mean(axis=1))
+    assert (outward > 0.99 * RADIUS).all()
+    assert np.allclose(np.linalg.norm(triangles["normal"], axis=1), 1.0, atol=1e-5)
+    flat = solid("x + y >= 0.3", axes=2, tol=0.05)
+    text = flat.to_mesh(tmp_path / "line.obj").read_text()
+    ends = np.array([line.split()[1:] for line in text.splitlines() if line.startswith("v ")], float)
+    assert text.count("\nl ") > 3 and np.allclose(ends[:, :2].sum(axis=1), 0.3, atol=0.1)
+    with pytest.raises(rw.SetError, match="triangles only"):
+        flat.to_mesh(tmp_path / "line.stl")
+    with pytest.raises(rw.SetError, match="must end in"):
+        ball.to_mesh(tmp_path / "ball.ply")
+    with pytest.raises(rw.SetError, match="2 or 3 parameters, not 1"):
+        solid("x >= 0.3", axes=1).to_mesh(tmp_path / "x.obj")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["ball.obj", "ball.stl", "line.obj"]
+
+
+def test_a_table_has_every_run_and_every_boundary_point(tmp_path: Path) -> None:
+    found = solid("x + y >= 0.3", axes=2, tol=0.05)
+    with found.to_csv(tmp_path / "set.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    runs = [row for row in rows if row["kind"] == "run"]
+    edge = [row for row in rows if row["kind"] == "boundary"]
+    assert len(runs) == len(found.tree.vertices.keys) and len(edge) == len(found.data.crossing)
+    for row in runs:
+        inside = float(row["x"]) + float(row["y"]) >= 0.3
+        assert row["label"] == ("feasible" if inside else "infeasible")
+        assert (float(row["margin"]) > 0.0) == inside or float(row["margin"]) == 0.0
+    for row in edge:
+        assert (row["label"], row["beyond"]) == ("infeasible", "feasible")
+        assert float(row["x"]) + float(row["y"]) == pytest.approx(0.3, abs=0.1)
+
+
+def test_a_set_without_boundary_is_an_empty_mesh(tmp_path: Path) -> None:
+    found = solid("x + y + z >= 5", tol=0.1)
+    assert len(boundary(found).pieces) == 0
+    assert found.to_mesh(tmp_path / "none.stl").stat().st_size == 84
