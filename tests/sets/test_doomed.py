@@ -166,6 +166,8 @@ def test_kept_and_read_again(tmp_path: Path) -> None:
         "doomed",
         "invalid",
     ]
+    with pytest.raises(rw.SetError, match="holds a set of states"):
+        rw.load_set(tmp_path)
     with pytest.raises(rw.SetError, match="is not the scene as it was"):
         rw.load_doomed_set(tmp_path, braking())
 

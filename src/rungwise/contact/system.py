@@ -178,9 +178,7 @@ def measured(
 
 
 @kernel
-def rescaled(
-    row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals
-) -> None:
+def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
     """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
     d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
     for i in range(len(s)):

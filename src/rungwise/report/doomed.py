@@ -68,8 +68,9 @@ def figure(found: DoomedSet, file: str | Path) -> Path:
     colors = ListedColormap([COLORS[label] for label in Label])
     for k, axis in enumerate(drawing.subplots(1, layers, squeeze=False, sharex=True, sharey=True)[0]):
         fixed = [int((k + 0.5) / layers * count) for count in found.cells.shape[2:]]
-        shown = found.cells[(..., *fixed)] if fixed else found.cells
-        shown = shown if shown.ndim > 1 else shown[:, None]
+        shown = found.cells.reshape(len(found.cells), -1, *found.cells.shape[2:])
+        for index in fixed:
+            shown = shown[:, :, index]
         ends = found.box[1] if len(found.over) > 1 else (0.0, 1.0)
         axis.imshow(
             shown.T, origin="lower", extent=(*found.box[0], *ends), aspect="auto", cmap=colors,
@@ -81,7 +82,8 @@ def figure(found: DoomedSet, file: str | Path) -> Path:
         axis.tick_params(labelsize=8)
         middles = found.box[2:, 0] + (np.array(fixed, float) + 0.5) * found.unit[2:]
         axis.set_title(
-            ", ".join(f"{name} = {x:.3g}" for name, x in zip(found.over[2:], middles, strict=True)), fontsize=9
+            ", ".join(f"{name} = {x:.3g}" for name, x in zip(found.over[2:], middles, strict=True)),
+            fontsize=9,
         )
     drawing.suptitle(f"{found.scene.name}, {found.model.name}: no input reaches the goal", fontsize=11)
     handles = [

@@ -305,6 +305,8 @@ def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
     """
     data = store.load(folder)
     request = store.attributes(data)
+    if "tol" not in request:
+        raise SetError(f"{folder} holds a set of states; read it with load_doomed_set")
     loaded = load(request["scene"]) if scene is None else scene
     if digest(loaded) != request["digest"]:
         raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
