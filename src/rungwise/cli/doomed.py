@@ -60,7 +60,7 @@ def doomed(
     controls, bounds = intervals("inputs", inputs)
     for name in controls:
         if name not in bounds:
-            refuse(f"inputs: {name[:60]!r} needs an interval, {name[:60]}=LOW:HIGH")
+            refuse(f"inputs: {name[:60]} needs an interval, {name[:60]}=LOW:HIGH")
     try:
         with plain_errors():
             loaded = load_scene(scene)
