@@ -475,6 +475,24 @@ def test_sets_refuses_wrong_input(
     refused(rungwise("sets", "two_finger", "--model", "kinematic", *arguments), *words)
 
 
+def test_doomed_states(rungwise: Command, tmp_path: Path) -> None:
+    arguments = (
+        "doomed", "two_finger", "--model", "kinematic", "--over", "x1,x2,x3=-1.6:1.6",
+        "--inputs", "v1=0.5:1,v2=0.5:1", "--cells", 32, "--set", "offset=0.3",
+    )  # fmt: skip
+    answer = rungwise(*arguments, "--out", tmp_path, "--json")
+    assert answer.code == 0 and answer.json["volumes"]["doomed"] > 0.3
+    assert answer.json["rule"]["both"] > 0.4 and answer.json["holds_on"]["dynamic-rigid"] is False
+    assert (tmp_path / "doomed.png").stat().st_size > 5000
+    for change, words in (
+        (("--inputs", "v1"), "v1 needs an interval"),
+        (("--over", "x1,x2"), "lacks part.x3"),
+        (("--model", "quasistatic-compliant"), "take a rigid rung"),
+        (("--stride", "-1"), "strides must lie"),
+    ):
+        refused(rungwise(*arguments, *change), words)
+
+
 def test_the_package_is_the_command() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "rungwise", "models"], capture_output=True, text=True, check=True, timeout=60

@@ -13,6 +13,7 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
+    intervals,
     load_scene,
     number,
     parameters_of,
@@ -92,7 +93,7 @@ def sets(
         refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
     if lift and model != "all":
         refuse("lift: needs --model all, rungs to climb")
-    names, box = _axes(over)
+    names, box = intervals("over", over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
     per_rung = len(wanted) // len(rungs)
@@ -137,18 +138,3 @@ def sets(
     summary["files"] = [str(file) for file in written]
     show_json(summary) if as_json else show(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1
-
-
-def _axes(over: str) -> tuple[list[str], dict[str, tuple[float, float]]]:
-    """Names, and the intervals that are given, of NAME or NAME=LOW:HIGH, separated by commas."""
-    names, box = [], {}
-    for item in over.split(","):
-        name, equals, interval = (part.strip() for part in item.partition("="))
-        names.append(name)
-        if equals:
-            low, _, high = interval.partition(":")
-            try:
-                box[name] = float(low), float(high)
-            except ValueError:
-                refuse(f"over: {item[:60]!r} must be NAME or NAME=LOW:HIGH")
-    return names, box

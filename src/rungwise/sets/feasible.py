@@ -307,9 +307,11 @@ def feasible_set(
 
 def load_set(folder: str | Path) -> FeasibleSet:
     """A finished set from the folder that it was saved in. Raises FileNotFoundError when that holds none,
-    SceneError when this version does not read its scene."""
+    SetError for a set of states, SceneError when this version does not read its scene."""
     data = store.load(folder)
     request = store.attributes(data)
+    if "tol" not in request:
+        raise SetError(f"{folder} holds a set of states; read it with load_doomed_set")
     loaded = load(json.loads(data.attrs["scene_file"]))
     target = request["target"]
     tree, crossings = arrays.read(data, len(request["over"]), target, target + DEEPER)
