@@ -158,6 +158,40 @@ def test_labels_speak_of_runs() -> None:
     ]
 
 
+def test_around_the_boundary_of_a_lower_rung(tmp_path: Path) -> None:
+    """The same set with fewer runs, whether the boundary moves (damping, restitution) or not."""
+    over, box = ("v1", "v2", "mu"), BOX | {"v1": (0.02, 2.0), "v2": (0.02, 2.0)}
+    cheap = grasp(rw.QUASISTATIC_RIGID, over, box=box, tol=0.02)
+    for model, parameters in (
+        (rw.DYNAMIC_RIGID, {}),
+        (rw.DYNAMIC_RIGID, {"restitution": 1.0}),
+        (rw.DYNAMIC_COMPLIANT, {"damping": 1e4}),
+    ):
+        whole = grasp(model, over, box=box, tol=0.02, parameters=parameters)
+        found = grasp(model, over, box=box, tol=0.02, parameters=parameters, near=cheap)
+        assert found.evaluations < 0.9 * whole.evaluations
+        points = found.random(20_000, 5)
+        assert np.mean(found.labels(points) != whole.labels(points)) < 1e-3
+    found.save(tmp_path / "found")
+    again = rw.load_set(tmp_path / "found")
+    assert np.array_equal(again.tree.vertices.borrowed, found.tree.vertices.borrowed)
+    borrowed = found.tree.vertices.places(found.tree.vertices.keys[found.tree.vertices.borrowed])
+    assert len(borrowed) and found.witness(found.box[:, 0] + borrowed[0] * found.unit) is None
+    with pytest.raises(rw.SetError, match=r"near: its tol must be the same, not 0\.02"):
+        grasp(rw.DYNAMIC_RIGID, over, box=box, tol=0.01, near=cheap)
+
+
+def test_what_a_lower_rung_does_not_show_is_found_by_probes() -> None:
+    """Labels borrowed from a set that is wrong everywhere stand only until a probe contradicts them."""
+    box = {"v2": (0.05, 2.0)}
+    empty = grasp(rw.QUASISTATIC_RIGID, ("v2",), box=box, parameters={"x3": 0.45, "mu": 3.0}, tol=0.01)
+    whole = grasp(rw.DYNAMIC_RIGID, ("v2",), box=box, tol=0.01)
+    found = grasp(rw.DYNAMIC_RIGID, ("v2",), box=box, tol=0.01, near=empty)
+    points = found.random(5_000, 5)
+    assert set(np.unique(empty.labels(points))).isdisjoint({rw.Label.FEASIBLE})
+    assert np.array_equal(found.labels(points), whole.labels(points))
+
+
 def test_threads_do_not_change_a_set() -> None:
     one, three = (grasp(rw.DYNAMIC_RIGID, threads=n, tol=0.02) for n in (1, 3))
     assert one.data.identical(three.data)

@@ -34,6 +34,10 @@ def sets(
             "--solutions", help="Of several motions: the slowest, possible, guaranteed, or all three sets."
         ),
     ] = "slowest",
+    lift: Annotated[
+        bool,
+        typer.Option("--lift", help="With --model all: look for a boundary where the rung below has it."),
+    ] = False,
     tol: Annotated[
         float,
         typer.Option(
@@ -48,6 +52,10 @@ def sets(
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
     ] = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
@@ -82,9 +90,12 @@ def sets(
         refuse("resume: needs --out, the folder to go on in")
     if solutions not in (*SOLUTIONS, "all"):
         refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
+    if lift and model != "all":
+        refuse("lift: needs --model all, rungs to climb")
     names, box = _axes(over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
+    per_rung = len(wanted) // len(rungs)
     found: list[FeasibleSet] = []
     exports = {"csv": table, "mesh": mesh}
     try:
@@ -96,14 +107,16 @@ def sets(
                 writable(out)
             progress.announce_compilation("rungwise.simulation.samples", "run_samples")
             for name, each in wanted:
+                below = found[-per_rung] if lift and name != rungs[0] else None
                 folder = name if each == SLOWEST else f"{name}-{each}"
                 with progress.counting(folder, quiet=as_json or not sys.stderr.isatty()) as on_progress:
                     found.append(
                         feasible_set(
                             loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
-                            accuracy=accuracy, probes=probes, budget=BUDGET if budget is None else budget,
-                            threads=threads, out=None if out is None else out / folder, resume=resume,
-                            on_progress=on_progress,
+                            near=below, accuracy=accuracy, probes=probes,
+                            budget=BUDGET if budget is None else budget,
+                            threads=threads, cluster=cluster, out=None if out is None else out / folder,
+                            resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.natural import natural_map
-from rungwise.contact.system import System, units
+from rungwise.contact.system import System, compressed, fitted
+from rungwise.kernel import Ints, Reals, kernel
 
 _ROUNDING, _FLOOR = 2.0**-54, 1e-6
 
@@ -42,33 +43,64 @@ class Residuals:
 
 def judge(problem: Problem, system: System, x: Array) -> Residuals:
     """Residuals of x (N,); `system` gives the units only. Infinite where x is not finite."""
-    if not np.isfinite(x).all():
-        return Residuals(*[np.inf] * 7)
-    rows, d = problem.rows, problem.directions
+    return judged(problem, system, x)[0]
+
+
+def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array]:
+    """Residuals of x (N,), and its rates y = A x + b (N,)."""
     y = problem.A @ x + problem.b
-    kept = system.kept
-    natural = natural_map(
-        x[kept] / system.force,
-        y[kept] / system.rate,
-        system.mu,
-        d,
-        system.lower,
-        system.upper,
-        np.empty(len(kept)),
-    )
+    if not math.isfinite(float(y @ y)):
+        return Residuals(*[np.inf] * 7), y
+    terms, found = abs(problem.A) @ np.abs(x), np.empty(7)
+    violations(
+        x, y, terms, system.kept, system.force, system.rate, system.mu, problem.directions, system.lower,
+        system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
+    )  # fmt: skip
+    found[1] = _imbalance(problem, system, x, y)
+    return Residuals(*found.tolist()), y
+
+
+@kernel
+def violations(
+    x: Reals,
+    y: Reals,
+    terms: Reals,
+    kept: Ints,
+    force: Reals,
+    rate: Reals,
+    mu: Reals,
+    d: int,
+    scaled_lower: Reals,
+    scaled_upper: Reals,
+    lower: Reals,
+    upper: Reals,
+    scratch: Reals,
+    found: Reals,
+) -> None:
+    """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|."""
+    own, slope, out = scratch[0], scratch[1], scratch[2]
     # What rounding leaves in the rates: no residual is known better than that.
-    doubt = _ROUNDING * float(np.linalg.norm((abs(problem.A) @ np.abs(x))[kept] / system.rate))
-    r, u = x[:rows].reshape(-1, d), y[:rows].reshape(-1, d)
-    pull, slip = np.linalg.norm(r[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
-    return Residuals(
-        max(float(natural), doubt),
-        _imbalance(problem, system, x, y),
-        float((-u[:, 0]).max(initial=0.0)),
-        float(np.maximum(pull - problem.mu * r[:, 0], -r[:, 0]).max(initial=0.0)),
-        float(np.abs(r[:, 0] * u[:, 0]).max(initial=0.0)),
-        float(np.abs(problem.mu * r[:, 0] * slip + (r[:, 1:] * u[:, 1:]).sum(axis=1)).max(initial=0.0)),
-        float(np.maximum(problem.lower - x[rows:], x[rows:] - problem.upper).max(initial=0.0)),
-    )
+    doubt = 0.0
+    for i in range(len(kept)):
+        own[i], slope[i] = x[kept[i]] / force[i], y[kept[i]] / rate[i]
+        doubt += (terms[kept[i]] / rate[i]) ** 2
+    for i in range(len(found)):
+        found[i] = 0.0
+    natural = natural_map(own, slope, mu, d, scaled_lower, scaled_upper, out)
+    found[0] = max(natural, _ROUNDING * math.sqrt(doubt))
+    for k in range(len(mu)):
+        n, pull, slip, power = k * d, 0.0, 0.0, 0.0
+        for i in range(n + 1, n + d):
+            pull += x[i] * x[i]
+            slip += y[i] * y[i]
+            power += x[i] * y[i]
+        found[2] = max(found[2], -y[n])
+        found[3] = max(found[3], math.sqrt(pull) - mu[k] * x[n], -x[n])
+        found[4] = max(found[4], abs(x[n] * y[n]))
+        found[5] = max(found[5], abs(mu[k] * x[n] * math.sqrt(slip) + power))
+    for j in range(len(lower)):
+        i = d * len(mu) + j
+        found[6] = max(found[6], lower[j] - x[i], x[i] - upper[j])
 
 
 def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
@@ -76,6 +108,8 @@ def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
 
     A row whose terms are nothing beside those of others, in units of its unknown, is not held to them.
     """
+    if len(problem.lower) == 0:
+        return 0.0
     free = problem.rows + np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper))
     if len(free) == 0:
         return 0.0
@@ -83,6 +117,7 @@ def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
     size = np.abs(x)
     size[system.kept] += system.force
     terms = rows @ size + np.abs(problem.b[free])
-    unit = units(sp.csr_array(rows[:, free]), 0, 1)
+    unit = np.empty(len(free))
+    fitted(*compressed(rows[:, free]), 0, 1, unit)
     floor = _FLOOR * float((unit * terms).max()) / unit
     return float((np.abs(y[free]) / np.where(terms + floor > 0.0, terms + floor, 1.0)).max())

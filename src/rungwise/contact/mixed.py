@@ -57,6 +57,7 @@ class Problem:
         for name in ("b", "mu", "lower", "upper"):
             object.__setattr__(self, name, vector(name, getattr(self, name), finite=name in ("b", "mu")))
         object.__setattr__(self, "A", matrix("A", self.A))
+        self._lock()
         size = self.rows + len(self.lower)
         if len(self.b) != size:
             raise ValueError(
@@ -73,6 +74,14 @@ class Problem:
             raise ValueError("lower: must not exceed upper, nor either lie at the wrong infinity")
         if not 0 <= self.velocities <= len(self.lower):
             raise ValueError(f"velocities: must be 0 to {len(self.lower)}, not {self.velocities!r}")
+
+    def _lock(self) -> None:
+        """What is prepared from a problem is kept, so its numbers are its own and stay."""
+        for name in ("A", "b", "mu", "lower", "upper"):
+            own = getattr(self, name).copy()
+            for array in (own.data, own.indices, own.indptr) if sp.issparse(own) else (own,):
+                array.flags.writeable = False
+            object.__setattr__(self, name, own)
 
     @property
     def rows(self) -> int:

@@ -6,7 +6,7 @@ from types import ModuleType
 
 import numpy as np
 
-from rungwise.contact.judge import judge
+from rungwise.contact.judge import judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solution import Attempt, ContactSolution, Status
@@ -63,25 +63,24 @@ def solve(
     attempts: list[Attempt] = []
     if assembled is not None and solvers is None and step.accepts(assembled):
         full = step.solve(assembled, given)
-        residuals, proof = judge(problem, system, full), None
+        (residuals, y), proof = judged(problem, system, full), None
         attempts.append(Attempt(step.NAME, 1, residuals.worst))
     if not attempts or attempts[0].residual > tol:
         with np.errstate(all="ignore"):  # iterates that run away are judged, not warned about
             x, more = _run(chain, system, given[system.kept] / system.force, tol)
         attempts += more
         full = system.recover(x * system.force)
-        residuals, proof = judge(problem, system, full), None
+        (residuals, y), proof = judged(problem, system, full), None
     if residuals.worst > tol:
         with np.errstate(all="ignore"):
             found = branching.search(system, x, _MARGIN * tol)
         attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
         full, proof = system.recover(found.x * system.force), found.proof
-        residuals = judge(problem, system, full)
+        residuals, y = judged(problem, system, full)
     status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
     if residuals.worst <= tol:
         status, proof = Status.SOLVED, None
-    rates = problem.A @ full + problem.b
-    return ContactSolution(problem, status, full, rates, residuals, tol, tuple(attempts), proof)
+    return ContactSolution(problem, status, full, y, residuals, tol, tuple(attempts), proof)
 
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:

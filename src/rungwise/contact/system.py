@@ -13,10 +13,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
@@ -67,87 +67,146 @@ class System:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
 
 
+_prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
+
+
 def scaled(problem: Problem) -> System:
-    """The system of `problem`; ValueError where its sizes are beyond the range of numbers."""
+    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers."""
+    made = _prepared.get(problem)
+    if made is None:
+        made = _prepared[problem] = _scaled(problem)
+    return made
+
+
+def _scaled(problem: Problem) -> System:
     kept, A, b, recover = _eliminated(problem)
-    rows, d = problem.rows, problem.directions
-    lower, upper = problem.lower[kept[rows:] - rows], problem.upper[kept[rows:] - rows]
-    csr = sp.csr_array(A)
-    s = units(csr, rows, d)
-    bounds = np.concatenate([lower[np.isfinite(lower)], upper[np.isfinite(upper)], [0.0]])
-    with np.errstate(over="ignore"):
-        size = float(np.linalg.norm(s * b))
-    if not size < _GREATEST or not (s < _GREATEST).all() or not (s > 1.0 / _GREATEST).all():
+    rows, d, size = problem.rows, problem.directions, len(b)
+    lower, upper = problem.lower, problem.upper
+    if len(kept) < len(problem.b):
+        lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
+    row_start, column, value = compressed(A)
+    s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
+    lowest, highest = lower.copy(), upper.copy()
+    fitted(row_start, column, value, rows, d, s)
+    if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
-    if size == 0.0:
-        size = float(np.abs(bounds).max()) or 1.0
-    row = np.repeat(np.arange(len(b)), np.diff(csr.indptr))
-    value = s[row] * csr.data * s[csr.indices]
-    force, rate = s * size, size / s
+    rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
-        csr.indptr.astype(np.int64),
-        csr.indices.astype(np.int64),
-        value,
-        _blocks(row, csr.indices, value, rows, d),
-        _diagonal(row, csr.indices, value, len(b))[rows:],
-        b / rate,
-        problem.mu,
-        d,
-        lower / force[rows:],
-        upper / force[rows:],
-        force,
-        rate,
-        kept,
-        recover,
-    )
+        row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
+        force, rate, kept, recover,
+    )  # fmt: skip
 
 
-def _diagonal(row: Ints, column: Ints, value: Array, size: int) -> Array:
-    own = row == column
-    diagonal = np.zeros(size)
-    diagonal[row[own]] = value[own]
-    return diagonal
-
-
-def _blocks(row: Ints, column: Ints, value: Array, rows: int, d: int) -> Array:
-    blocks = np.zeros((rows // d, d, d))
-    own = (row < rows) & (column < rows) & (row // d == column // d)
-    blocks[row[own] // d, row[own] % d, column[own] % d] = value[own]
-    return blocks
-
-
-def units(A: sp.csr_array, rows: int, d: int) -> Array:
-    """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
-    diagonal = np.abs(A.diagonal())
-    diagonal[:rows] = np.repeat(diagonal[:rows].reshape(-1, d).mean(axis=1), d)
-    some = diagonal > 0.0
-    if some[:rows].any() and not some[:rows].all():
-        diagonal[:rows][~some[:rows]] = diagonal[:rows][some[:rows]].min()
-        some = diagonal > 0.0
-    s = 1.0 / np.sqrt(np.where(some, diagonal, 1.0))
-    if not some.all():
-        equilibrate(A.indptr, A.indices, A.data, some, rows, d, s)
-    return s
+def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
+    """Starts of the rows, columns and values (copies) of what is not zero in A, dense or CSR."""
+    if sp.issparse(A):
+        return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
+    start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
+    used = compress(A, start, column, value)
+    return start, column[:used], value[:used]
 
 
 @kernel
-def equilibrate(
-    row_start: Ints, column: Ints, value: Reals, fixed: NDArray[np.bool_], rows: int, d: int, s: Reals
-) -> None:
-    """Change s where it is not fixed, so that the largest entries of s_i |A_ij| s_j are about one."""
+def compress(A: Reals, row_start: Ints, column: Ints, value: Reals) -> int:
+    """Fill the rows of A's entries that are not zero; returns how many."""
+    used = 0
+    for i in range(A.shape[0]):
+        row_start[i] = used
+        for j in range(A.shape[1]):
+            if A[i, j] != 0.0:
+                column[used], value[used] = j, A[i, j]
+                used += 1
+    row_start[len(row_start) - 1] = used
+    return used
+
+
+@kernel
+def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
+    size, least, some, every = len(s), math.inf, False, True
+    for i in range(size):
+        s[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            if column[k] == i:
+                s[i] = abs(value[k])
+    for first in range(0, rows, d):
+        mean = 0.0
+        for i in range(first, first + d):
+            mean += s[i] / d
+        for i in range(first, first + d):
+            s[i] = mean
+        if mean > 0.0:
+            least, some = min(least, mean), True
+    for i in range(size):
+        if i < rows and some and not s[i] > 0.0:
+            s[i] = least
+        every = every and s[i] > 0.0
+        s[i] = -1.0 / math.sqrt(s[i]) if s[i] > 0.0 else 1.0
+    if not every:
+        equilibrate(row_start, column, value, rows, d, s)
+    for i in range(size):
+        s[i] = abs(s[i])
+
+
+@kernel
+def measured(
+    s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
+) -> bool:
+    """Units of forces and rates from s; b as `offset`, lower and upper in them. Whether numbers are in range."""
+    size, largest = 0.0, 0.0
+    for i in range(len(s)):
+        size += (s[i] * b[i]) ** 2
+        if not 1.0 / _GREATEST < s[i] < _GREATEST:
+            return False
+    size = math.sqrt(size)
+    if not size < _GREATEST:
+        return False
+    if size == 0.0:
+        for j in range(len(lower)):
+            for limit in (lower[j], upper[j]):
+                if not math.isinf(limit):
+                    largest = max(largest, abs(limit))
+        size = largest if largest > 0.0 else 1.0
+    for i in range(len(s)):
+        force[i], rate[i] = s[i] * size, size / s[i]
+        offset[i] = b[i] / rate[i]
+    for j in range(len(lower)):
+        lower[j] /= force[rows + j]
+        upper[j] /= force[rows + j]
+    return True
+
+
+@kernel
+def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
+    """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
+    d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
+    for i in range(len(s)):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = column[k]
+            value[k] *= s[i] * s[j]
+            if i < rows and j < rows and i // d == j // d:
+                blocks[i // d, i % d, j % d] = value[k]
+            elif i == j:
+                diagonal[i - rows] = value[k]
+
+
+@kernel
+def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one."""
     size = len(s)
     for _ in range(_ROUNDS):
         for i in range(size):
             largest = 0.0
             for k in range(row_start[i], row_start[i + 1]):
-                largest = max(largest, abs(value[k]) * s[column[k]])
-            if not fixed[i] and largest > 0.0:
+                largest = max(largest, abs(value[k] * s[column[k]]))
+            if s[i] > 0.0 and largest > 0.0:
                 s[i] = math.sqrt(s[i] / largest)
-        for c in range(rows // d):
+        for first in range(0, rows, d):
             least = math.inf
-            for i in range(c * d, (c + 1) * d):
+            for i in range(first, first + d):
                 least = min(least, s[i])
-            for i in range(c * d, (c + 1) * d):
+            for i in range(first, first + d):
                 s[i] = least
 
 

@@ -47,31 +47,28 @@ class Log:
         self.folder.mkdir(parents=True, exist_ok=True)
         if not known.is_file():
             write(known, text.encode())
-        self._next = 0
 
-    def read(self, points: Reals) -> tuple[Ints, Reals] | None:
-        """Outcomes and margins of the next batch if it is kept. Raises SetError if that has other points."""
-        file = self._file()
+    def read(self, number: int, points: Reals) -> tuple[Ints, Reals] | None:
+        """Outcomes and margins of a batch if it is kept. Raises SetError if that has other points."""
+        file = self._file(number)
         if not file.is_file():
             return None
         with np.load(file) as kept:
             if not np.array_equal(kept["points"], points):
                 raise SetError(f"resume: {file.name} in {self.folder} is of another request")
-            self._next += 1
             return kept["outcome"], kept["margin"]
 
-    def write(self, points: Reals, outcome: Ints, margin: Reals) -> None:
+    def write(self, number: int, points: Reals, outcome: Ints, margin: Reals) -> None:
         """Keep a batch."""
         mark = self.folder / f".{uuid.uuid4().hex[:8]}.npz"
         try:
             np.savez(mark, points=points, outcome=outcome, margin=margin)
-            os.replace(mark, self._file())
+            os.replace(mark, self._file(number))
         finally:
             mark.unlink(missing_ok=True)
-        self._next += 1
 
-    def _file(self) -> Path:
-        return self.folder / f"{self._next:06d}.npz"
+    def _file(self, number: int) -> Path:
+        return self.folder / f"{number:06d}.npz"
 
 
 def write(target: Path, content: bytes) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rungwise.contact.mixed import Array
@@ -14,16 +16,42 @@ _ROUNDING = 2.0**-53
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
     """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
-    return float(np.linalg.norm(natural_parts(system, x, b, shift)))
+    s, out = system, np.empty((2, system.size))
+    b = s.b if b is None else b
+    return float(
+        distance(s.row_start, s.column, s.value, b, shift, x, s.mu, s.directions, s.lower, s.upper, out)
+    )
 
 
-def natural_parts(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> Array:
+def natural_parts(system: System, x: Array) -> Array:
     """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
-    s, y, out = system, np.empty(system.size), np.empty(system.size)
-    rates(s.row_start, s.column, s.value, s.b if b is None else b, shift, x, y)
-    natural_map(x, y, s.mu, s.directions, s.lower, s.upper, out)
-    out = np.abs(out) + _ROUNDING * np.abs(x)
-    return np.where(np.isfinite(out), out, np.inf)
+    s, out = system, np.empty((2, system.size))
+    distance(s.row_start, s.column, s.value, s.b, 0.0, x, s.mu, s.directions, s.lower, s.upper, out)
+    return np.where(np.isfinite(out[1]), out[1], np.inf)
+
+
+@kernel
+def distance(
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
+    b: Reals,
+    shift: float,
+    x: Reals,
+    mu: Reals,
+    d: int,
+    lower: Reals,
+    upper: Reals,
+    out: Reals,
+) -> float:
+    """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, infinite if it is none."""
+    rates(row_start, column, value, b, shift, x, out[0])
+    natural_map(x, out[0], mu, d, lower, upper, out[1])
+    total = 0.0
+    for i in range(len(x)):
+        out[1, i] = abs(out[1, i]) + _ROUNDING * abs(x[i])
+        total += out[1, i] * out[1, i]
+    return math.sqrt(total) if total < math.inf else math.inf
 
 
 @kernel
