@@ -103,7 +103,7 @@ def _read_matrix(group: Any) -> sp.csr_array:
 
 
 def write_fclib(
-    path: Path,
+    path: str | Path,
     problem: Problem | ContactProblem,
     r: Array | None = None,
     title: str = "rungwise",
@@ -117,9 +117,8 @@ def write_fclib(
 
     Raises ValueError for one direction, and for unknowns with limits to one side; OSError.
     """
-    step = problem if isinstance(problem, ContactProblem) else None
-    if isinstance(problem, ContactProblem):
-        problem = Problem.of_step(problem)
+    path, step = Path(path), problem if isinstance(problem, ContactProblem) else None
+    problem = Problem.of(problem)
     if problem.directions == 1 and len(problem.mu):
         raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
     if np.isfinite(problem.upper).any() or _yields(problem):

@@ -15,11 +15,13 @@ from rungwise.contact.textfile import read_text
 _HDF5, _ZIP = b"\x89HDF", b"PK"
 
 
-def read_problem(path: Path, kind: str | None = None) -> Problem | ContactProblem:
+def read_problem(path: str | Path, kind: str | None = None) -> Problem | ContactProblem:
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
-    Raises ValueError with one line that says what is wrong.
+    The problem of a step, which `save_hard` kept, comes back as it was assembled. Raises ValueError with one
+    line that says what is wrong.
     """
+    path = Path(path)
     try:
         with path.open("rb") as file:
             head = file.read(4)

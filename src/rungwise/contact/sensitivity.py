@@ -295,6 +295,8 @@ def _units(matrix: Array) -> Array:
 
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
     """Sensitivity at what `solve(problem)` found. Raises ValueError unless it is solved."""
+    if not isinstance(problem, ContactProblem) or not isinstance(solution, ContactSolution):
+        raise ValueError("problem, solution: must be a ContactProblem and what `solve` gives for it")
     if solution.status != Status.SOLVED:
         raise ValueError(f"solution: is {solution.status}, and has no derivative")
     return Sensitivity(problem, solution.v, solution.r, solution.z, active)
