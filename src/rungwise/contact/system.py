@@ -63,6 +63,12 @@ class System:
     def rows(self) -> int:
         return self.directions * len(self.mu)
 
+    def dense(self) -> Array:
+        """A (N, N)."""
+        A = np.zeros((self.size, self.size))
+        expand(self.row_start, self.column, self.value, A)
+        return A
+
     def matrix(self) -> sp.csr_array:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
 
@@ -105,6 +111,14 @@ def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
     start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
     used = compress(A, start, column, value)
     return start, column[:used], value[:used]
+
+
+@kernel
+def expand(row_start: Ints, column: Ints, value: Reals, A: Reals) -> None:
+    """Fill A, zero before, from its rows."""
+    for i in range(len(A)):
+        for k in range(row_start[i], row_start[i + 1]):
+            A[i, column[k]] = value[k]
 
 
 @kernel
@@ -178,9 +192,7 @@ def measured(
 
 
 @kernel
-def rescaled(
-    row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals
-) -> None:
+def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
     """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
     d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
     for i in range(len(s)):

@@ -16,18 +16,22 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg.lapack import dgesv
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.measure import rates
+from rungwise.contact.solvers.newton_dense import (
+    HALVINGS,
+    VECTORS,
+    WINDOW,
+    alart_curnier,
+    descend_dense,
+)
 from rungwise.contact.system import System
-from rungwise.kernel import Reals, kernel
 
 NAME = "newton"
 _STEPS = 40
 _DENSE = 200
-_HALVINGS, _WINDOW = 7, 5
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 
 
@@ -42,8 +46,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
 
 def form(system: System) -> Matrix:
     """A as the steps want it: dense when small."""
-    A = system.matrix()
-    return A.toarray() if system.size <= _DENSE else sp.csr_array(A)
+    return system.dense() if system.size <= _DENSE else system.matrix()
 
 
 def descend(
@@ -57,6 +60,8 @@ def descend(
     dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
     """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
+    if not sp.issparse(A):
+        return _descend_small(system, A, start, b, shift, tol, steps, dampings)
     s, x = system, start
     y, F = np.empty(s.size), np.empty(s.size)
     derivative = np.zeros((s.size, 3))
@@ -70,7 +75,7 @@ def descend(
     for done in range(steps):
         if size <= tol or not math.isfinite(size):
             return x, done
-        if done and done % _WINDOW == 0:
+        if done and done % WINDOW == 0:
             if size > 0.5 * earlier:
                 return x, done
             earlier = size
@@ -80,6 +85,24 @@ def descend(
             return x, done
         x, size = found
     return x, steps
+
+
+def _descend_small(
+    system: System,
+    A: Matrix,
+    start: Array,
+    b: Array,
+    shift: float,
+    tol: float,
+    steps: int,
+    dampings: tuple[float, ...],
+) -> tuple[Array, int]:
+    s, n, x = system, system.size, start.copy()
+    done = descend_dense(
+        s.row_start, s.column, s.value, A, b, shift, s.mu, s.directions, s.lower, s.upper, x, tol, steps,
+        np.array(dampings), np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+    )  # fmt: skip
+    return x, done
 
 
 def _step(
@@ -94,7 +117,7 @@ def _step(
     step = _newton(J, F)
     if step is not None:
         length = 1.0
-        for _ in range(_HALVINGS):
+        for _ in range(HALVINGS):
             moved = x - length * step
             newer = merit(moved)
             if newer <= (1.0 - 1e-2 * length) * size:
@@ -114,10 +137,6 @@ def _step(
 def _jacobian(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Matrix:
     """I - D + rho D (A + shift), D the derivative of the projections, in blocks."""
     s, d = system, system.directions
-    if not sp.issparse(A):
-        J = np.empty((s.size, s.size))
-        dense_jacobian(A, derivative, s.rows, d, rho, 1.0 - rho * shift, J)
-        return J
     i = np.arange(s.rows)
     row = np.concatenate([np.repeat(i, d), np.arange(s.rows, s.size)])
     column = np.concatenate(
@@ -129,92 +148,13 @@ def _jacobian(system: System, A: Matrix, derivative: Array, rho: float, shift: f
 
 
 def _newton(J: Matrix, F: Array) -> Array | None:
-    if sp.issparse(J):
-        try:
-            step = splu(sp.csc_array(J)).solve(F)
-        except RuntimeError:
-            return None
-    else:
-        _, _, step, fault = dgesv(J, F)
-        if fault:
-            return None
+    try:
+        step = splu(sp.csc_array(J)).solve(F)
+    except RuntimeError:
+        return None
     return step if np.isfinite(step).all() else None
 
 
 def _damped(J: Matrix, F: Array, damping: float) -> Array | None:
     """(J + damping)^-1 F: where contacts stick, the Newton step of a problem in which they yield a little."""
-    if sp.issparse(J):
-        return _newton(J + damping * sp.eye_array(len(F)), F)
-    shifted = J.copy()
-    shifted[np.diag_indices(len(F))] += damping
-    return _newton(shifted, F)
-
-
-@kernel
-def alart_curnier(
-    x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, rho: float, F: Reals, derivative: Reals
-) -> float:
-    """Fill F (N,) and the rows of the projections' derivative (N, 3), within each block; returns |F|."""
-    rows = d * len(mu)
-    for k in range(len(mu)):
-        _contact(x, y, mu[k], d, k * d, rho, F, derivative)
-    for j in range(len(lower)):
-        i = rows + j
-        ahead = x[i] - rho * y[i]
-        inside = lower[j] <= ahead <= upper[j]
-        F[i] = rho * y[i] if inside else x[i] - (lower[j] if ahead < lower[j] else upper[j])
-        derivative[i, 0] = 1.0 if inside else 0.0
-    total = 0.0
-    for i in range(rows + len(lower)):
-        total += F[i] * F[i]
-    return math.sqrt(total)
-
-
-@kernel
-def _contact(
-    x: Reals, y: Reals, mu: float, d: int, first: int, rho: float, F: Reals, derivative: Reals
-) -> None:
-    for i in range(first, first + d):
-        F[i] = x[i]
-        for j in range(d):
-            derivative[i, j] = 0.0
-    normal = x[first] - rho * y[first]
-    if not normal > 0.0:
-        return
-    F[first] = rho * y[first]
-    derivative[first, 0] = 1.0
-    length = 0.0
-    for i in range(first + 1, first + d):
-        length += (x[i] - rho * y[i]) ** 2
-    length = math.sqrt(length)
-    if length <= mu * normal:
-        for i in range(1, d):
-            F[first + i] = rho * y[first + i]
-            derivative[first + i, i] = 1.0
-        return
-    shrink = mu * normal / length
-    for i in range(1, d):
-        ahead = x[first + i] - rho * y[first + i]
-        F[first + i] = x[first + i] - shrink * ahead
-        derivative[first + i, 0] = mu * ahead / length
-        for j in range(1, d):
-            other = x[first + j] - rho * y[first + j]
-            derivative[first + i, j] = -shrink * ahead * other / (length * length)
-        derivative[first + i, i] += shrink
-
-
-@kernel
-def dense_jacobian(A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, J: Reals) -> None:
-    """J = I - kept D + rho D A."""
-    size = len(A)
-    for i in range(size):
-        first, width = (i // d * d, d) if i < rows else (i, 1)
-        for c in range(size):
-            J[i, c] = 0.0
-        for j in range(width):
-            weight = derivative[i, j]
-            if weight != 0.0:
-                for c in range(size):
-                    J[i, c] += rho * weight * A[first + j, c]
-                J[i, first + j] -= kept * weight
-        J[i, i] += 1.0
+    return _newton(J + damping * sp.eye_array(len(F)), F)
