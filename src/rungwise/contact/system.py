@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -30,6 +30,30 @@ _GREATEST = 1e140
 Solve = Callable[[Matrix], Any]
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
+_FEW, _MOST = 2, 400
+"""Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
+
+
+class Condensed(NamedTuple):
+    """A = F - B own^-1 C as it was before elimination: own (g, g); front (N, 3), the rows of F's blocks.
+
+    back_start (N + 1,), back_column, back_value: the rows of B; across_start (N + 1,), across_row,
+    across_value: the columns of C.
+    """
+
+    own: Array
+    front: Array
+    back_start: Ints
+    back_column: Ints
+    back_value: Array
+    across_start: Ints
+    across_row: Ints
+    across_value: Array
+
+    def scaled(self, s: Array) -> Condensed:
+        """The parts of s A s, s (N,)."""
+        back, across = s.repeat(np.diff(self.back_start)), s.repeat(np.diff(self.across_start))
+        return self._replace(back_value=back * self.back_value, across_value=across * self.across_value)
 
 
 @dataclass(frozen=True)
@@ -37,7 +61,8 @@ class System:
     """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
-    others; kept (N,): places of the unknowns in the problem.
+    others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
+    were eliminated than are left.
     """
 
     row_start: Ints
@@ -54,6 +79,7 @@ class System:
     rate: Array
     kept: Ints
     recover: Callable[[Array], Array]
+    condensed: Condensed | None
 
     @property
     def size(self) -> int:
@@ -85,7 +111,7 @@ def scaled(problem: Problem) -> System:
 
 
 def _scaled(problem: Problem) -> System:
-    kept, A, b, recover = _eliminated(problem)
+    kept, A, b, recover, condensed = _eliminated(problem)
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
@@ -100,7 +126,7 @@ def _scaled(problem: Problem) -> System:
     rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover,
+        force, rate, kept, recover, condensed and condensed.scaled(s),
     )  # fmt: skip
 
 
@@ -167,7 +193,7 @@ def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Re
 def measured(
     s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
 ) -> bool:
-    """Units of forces and rates from s; b as `offset`, lower and upper in them. Whether numbers are in range."""
+    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range."""
     size, largest = 0.0, 0.0
     for i in range(len(s)):
         size += (s[i] * b[i]) ** 2
@@ -224,14 +250,16 @@ def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, 
                 s[i] = least
 
 
-def _eliminated(problem: Problem) -> tuple[Ints, Matrix, Array, Callable[[Array], Array]]:
-    """Kept places, their matrix and offset, and the way back to all unknowns.
+def _eliminated(
+    problem: Problem,
+) -> tuple[Ints, Matrix, Array, Callable[[Array], Array], Condensed | None]:
+    """Kept places, their matrix and offset, the way back to all unknowns, and the matrix's parts.
 
     The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     everything, A, b = np.arange(len(problem.b)), problem.A, problem.b
-    whole = everything, A, b, lambda x: x
+    whole = everything, A, b, lambda x: x, None
     fixed = np.concatenate([np.zeros(problem.rows, bool), free])
     kept, gone = everything[~fixed], everything[fixed]
     sparse = sp.issparse(A)
@@ -257,7 +285,27 @@ def _eliminated(problem: Problem) -> tuple[Ints, Matrix, Array, Callable[[Array]
         return full
 
     left = _without_rounding(front - back @ response, front, back, noise)
-    return kept, left, b[kept] + back @ recover(np.zeros(len(kept)))[gone], recover
+    offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
+    return kept, left, offset, recover, _condensed(problem, own, across, back, front)
+
+
+def _condensed(
+    problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix
+) -> Condensed | None:
+    """The parts, where they are few and `front` has only the blocks of contacts."""
+    if not _FEW * own.shape[0] <= front.shape[0]:
+        return None
+    rows, d = problem.rows, problem.directions
+    entries = sp.coo_array(front)
+    row, column = entries.coords
+    apart = np.where(np.maximum(row, column) < rows, row // d != column // d, row != column)
+    if apart.any() or own.shape[0] > _MOST:
+        return None
+    blocks = np.zeros((front.shape[0], 3))
+    blocks[row, np.where(row < rows, column % d, 0)] = entries.data
+    start, place, value = compressed(across.T.tocsr() if sp.issparse(across) else across.T)
+    dense = own.toarray() if sp.issparse(own) else own
+    return Condensed(dense, blocks, *compressed(back), start, place, value)
 
 
 def _eliminate_dense(own: Array) -> Solve | None:

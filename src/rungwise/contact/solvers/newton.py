@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.solvers.condensed import solver
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton_dense import (
     HALVINGS,
@@ -32,6 +33,9 @@ from rungwise.contact.system import System
 NAME = "newton"
 _STEPS = 40
 _DENSE = 200
+_YIELD = 1e-7
+
+Linear = Callable[[float, Array], Array | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 
 
@@ -79,8 +83,8 @@ def descend(
             if size > 0.5 * earlier:
                 return x, done
             earlier = size
-        J = _jacobian(system, A, derivative, rho, shift)
-        found = _step(J, F.copy(), x, size, merit, dampings)
+        linear = _linear(system, A, derivative.copy(), rho, shift)
+        found = _step(linear, F.copy(), x, size, merit, dampings)
         if found is None:
             return x, done
         x, size = found
@@ -106,7 +110,7 @@ def _descend_small(
 
 
 def _step(
-    J: Matrix,
+    linear: Linear,
     F: Array,
     x: Array,
     size: float,
@@ -114,7 +118,7 @@ def _step(
     dampings: tuple[float, ...],
 ) -> tuple[Array, float] | None:
     """A shorter Newton step, or a damped one, that makes |F| smaller; None when none does."""
-    step = _newton(J, F)
+    step = linear(0.0, F)
     if step is not None:
         length = 1.0
         for _ in range(HALVINGS):
@@ -124,7 +128,7 @@ def _step(
                 return moved, newer
             length *= 0.5
     for damping in dampings:
-        step = _damped(J, F, damping * size)
+        step = linear(damping * size, F)
         if step is None:
             continue
         moved = x - step
@@ -134,27 +138,40 @@ def _step(
     return None
 
 
-def _jacobian(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Matrix:
-    """I - D + rho D (A + shift), D the derivative of the projections, in blocks."""
-    s, d = system, system.directions
-    i = np.arange(s.rows)
-    row = np.concatenate([np.repeat(i, d), np.arange(s.rows, s.size)])
-    column = np.concatenate(
-        [(i // d * d)[:, None].repeat(d, 1).ravel() + np.tile(np.arange(d), s.rows), row[d * s.rows :]]
-    )
-    value = np.concatenate([derivative[: s.rows, :d].ravel(), derivative[s.rows :, 0]])
-    D = sp.csr_array((value, (row, column)), shape=(s.size, s.size))
-    return sp.eye_array(s.size) - (1.0 - rho * shift) * D + rho * (D @ A)
+def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Linear:
+    """(I + damping - D + rho D (A + shift))^-1 F, D the derivative of the projections, in blocks.
+
+    Where contacts stick, a damped step is the Newton step of a problem in which they yield a little. In the
+    condensed form they always yield.
+    """
+    s, d, kept = system, system.directions, 1.0 - rho * shift
+    i = np.arange(s.size)
+    own = np.where(i < s.rows, i % d, 0)
+    if s.condensed is not None:
+        E, condensed = -kept * derivative, s.condensed
+        E[i, own] += 1.0
+
+        def lifted(damping: float, F: Array) -> Array | None:
+            yielding = E.copy()
+            yielding[i, own] += max(damping, _YIELD)
+            solve = solver(condensed, s.rows, d, yielding, rho * derivative)
+            return None if solve is None else _finite(solve(F))
+
+        return lifted
+    width = np.where(i < s.rows, d, 1)
+    row = np.repeat(i, width)
+    place = np.arange(len(row)) - np.repeat(np.cumsum(width) - width, width)
+    D = sp.csr_array((derivative[row, place], (row, row - own[row] + place)), shape=(s.size, s.size))
+    J = sp.eye_array(s.size) - kept * D + rho * (D @ A)
+
+    def sparse(damping: float, F: Array) -> Array | None:
+        try:
+            return _finite(splu(sp.csc_array(J + damping * sp.eye_array(len(F)) if damping else J)).solve(F))
+        except RuntimeError:
+            return None
+
+    return sparse
 
 
-def _newton(J: Matrix, F: Array) -> Array | None:
-    try:
-        step = splu(sp.csc_array(J)).solve(F)
-    except RuntimeError:
-        return None
+def _finite(step: Array) -> Array | None:
     return step if np.isfinite(step).all() else None
-
-
-def _damped(J: Matrix, F: Array, damping: float) -> Array | None:
-    """(J + damping)^-1 F: where contacts stick, the Newton step of a problem in which they yield a little."""
-    return _newton(J + damping * sp.eye_array(len(F)), F)
