@@ -7,7 +7,7 @@ alternate with the steps of `newton`, which finish fast where that is right, whi
 residual. Sources: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47;
 Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
-limited rows, free unknowns eliminated. Promises: the iterate of least residual among those checked; linear
+limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner. Promises: the iterate of least residual among those checked; linear
 convergence where the problem is well posed, none where it is badly rank deficient.
 """
 
@@ -25,15 +25,17 @@ from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "gauss-seidel"
-SMALL, SWEEPS = 200, 100
+SMALL, SWEEPS = 200, 40
 _ROUNDS, _FIRST, _STEPS = 12, 3, 6
 _DAMPINGS = np.array([1e-8, 1e-4])
-_WINDOW = 50
-_PATIENCE = 1000
+_WINDOW = 20
+_PATIENCE = 300
 _CHECK = 10
 
 
 def accepts(system: System) -> bool:
+    if system.condensed is not None and system.size > SMALL:
+        return False
     return bool((system.blocks[:, 0, 0] > 0.0).all() and (system.diagonal > 0.0).all())
 
 

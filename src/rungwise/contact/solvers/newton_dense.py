@@ -9,6 +9,8 @@ from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, kernel
 
 HALVINGS, WINDOW = 7, 5
+_YIELD = 1e-10
+"""Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 8
 
 
@@ -55,8 +57,7 @@ def descend_dense(
             copy(J, factors)
             for i in range(n):
                 step[i] = F[i]
-                if attempt > 0:
-                    factors[i, i] += dampings[attempt - 1] * size
+                factors[i, i] += _YIELD if attempt == 0 else max(_YIELD, dampings[attempt - 1] * size)
             if not factorise(factors, n, order):
                 continue
             substitute(factors, n, order, step)
