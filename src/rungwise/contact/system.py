@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
@@ -347,8 +348,16 @@ def _without_rounding(left: Matrix, front: Matrix, back: Matrix, noise: Matrix) 
     least = 2.0 * np.sqrt(terms)
     if not sp.issparse(left):
         return np.where(np.abs(left) > least[:, None] * least, left, 0.0)
-    entries = sp.coo_array(left)
-    row, column = entries.coords
-    entries.data[np.abs(entries.data) <= least[row] * least[column]] = 0.0
-    entries.eliminate_zeros()
-    return sp.csr_array(entries)
+    made = sp.csr_array(left)
+    prune(made.indptr, made.indices, made.data, least)
+    made.eliminate_zeros()
+    return made
+
+
+@kernel
+def prune(row_start: NDArray[np.int32], column: NDArray[np.int32], value: Reals, least: Reals) -> None:
+    """Make zero what is at most the product of the least values of its row and column."""
+    for i in range(len(least)):
+        for k in range(row_start[i], row_start[i + 1]):
+            if abs(value[k]) <= least[i] * least[column[k]]:
+                value[k] = 0.0

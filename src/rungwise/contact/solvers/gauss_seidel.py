@@ -7,8 +7,9 @@ alternate with the steps of `newton`, which finish fast where that is right, whi
 residual. Sources: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47;
 Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
-limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner. Promises: the iterate of least residual among those checked; linear
-convergence where the problem is well posed, none where it is badly rank deficient.
+limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner.
+Promises: the iterate of least residual among those checked; linear convergence where the problem is well
+posed, none where it is badly rank deficient.
 """
 
 from __future__ import annotations

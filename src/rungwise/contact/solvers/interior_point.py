@@ -60,18 +60,20 @@ def accepts(_system: System) -> bool:
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
-    cones = _cones(system)
     whole = newton.form(system)
+    best, least, finish = start, natural(system, start), _FINISH
+    if least < finish:
+        best, _ = newton.descend(system, whole, start, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
+        least = natural(system, best)
+    if least <= tol:
+        return best, 0
+    cones = _cones(system)
     A, b = _with_limits(system, cones.D)
     condensed = _condensed(system, cones)
     centre = np.zeros(len(b))
     centre[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
     z, w = _FORCE * centre, _RATE * centre
     _start_between(system, z, w)
-    best, least, finish = start, natural(system, start), _FINISH
-    if least < finish:
-        best, _ = newton.descend(system, whole, start, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
-        least = natural(system, best)
     history: list[tuple[float, float]] = []
     for done in range(_STEPS):
         x = ((z + cones.offset) / cones.D)[: system.size]

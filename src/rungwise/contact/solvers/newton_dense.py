@@ -8,8 +8,8 @@ from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, kernel
 
-HALVINGS, WINDOW = 7, 5
-_YIELD = 1e-10
+HALVINGS, WINDOW = 7, 12
+_YIELD = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 8
 
