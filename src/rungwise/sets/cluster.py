@@ -24,7 +24,7 @@ from rungwise.sets.asker import KEPT, Answer, InProcess, Runner
 from rungwise.sets.motions import Motions
 from rungwise.sets.request import batch_of
 from rungwise.sets.store import SetError
-from rungwise.simulation.run import moving_rung
+from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
     from distributed import Client, Future

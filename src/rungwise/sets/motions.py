@@ -23,7 +23,8 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation.batch import Batch, Results
-from rungwise.simulation.run import Run, simulate
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import simulate
 
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
