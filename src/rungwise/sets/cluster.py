@@ -73,8 +73,11 @@ class Cluster:
                     future = self._client.submit(work, *self._job, batches[number][part], pure=False)
                     waiting[future] = number, part
                 for future in self._finished(waiting):
+                    answer = self._result(future)
+                    if answer is None:
+                        continue
                     number, part = waiting.pop(future)
-                    outcomes[number][part], margins[number][part] = self._result(future)
+                    outcomes[number][part], margins[number][part] = answer
                     left[number] -= part.stop - part.start
                     done += part.stop - part.start
                     on_progress(done)
@@ -118,11 +121,14 @@ class Cluster:
         except TimeoutError:
             return ()
 
-    def _result(self, future: Future[Any]) -> tuple[Ints, Reals]:
+    def _result(self, future: Future[Any]) -> tuple[Ints, Reals] | None:
+        """Outcomes and margins; None when the worker that had them is gone, and they are made anew."""
         try:
-            outcome, margin, seconds = future.result()
+            outcome, margin, seconds = future.result(timeout=POLL_S)
         except SetError:
             raise
+        except TimeoutError:
+            return None
         except Exception as error:  # whatever went wrong on a worker
             raise SetError(f"cluster: {type(error).__name__} at {self.address}: {error}{KEPT_NOTE}") from None
         self._learn(len(outcome), seconds)
