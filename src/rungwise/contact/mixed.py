@@ -84,6 +84,12 @@ class Problem:
             object.__setattr__(self, name, own)
 
     @property
+    def is_boxes(self) -> bool:
+        """Whether it has no contacts and no free unknowns: an LCP, a relay, limits alone."""
+        free = np.isneginf(self.lower) & np.isposinf(self.upper)
+        return len(self.mu) == 0 and len(self.lower) > 0 and not free.any()
+
+    @property
     def rows(self) -> int:
         """Contact rows k d; they come first."""
         return self.directions * len(self.mu)
