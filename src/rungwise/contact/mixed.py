@@ -141,8 +141,6 @@ class Problem:
             _sized(name, value, size)
         if (limit < 0.0).any():
             raise ValueError("F: a limit must not be negative")
-        if (yielding < 0.0).any():
-            raise ValueError("R_s: a compliance must not be negative")
         parts = [[R, W, None], [-W.T, H, -S.T], [None, S, sp.diags_array(yielding)]]
         A = sp.block_array(parts if limited else [row[:2] for row in parts[:2]], format="csr")
         free = np.full(n, np.inf)
