@@ -139,16 +139,23 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
     """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
     is one step, however many it takes here. One that has gone too far ends."""
     state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
-    far = FAR * workspace.terms.rounding[0] / ROUNDING
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         unit = _unit(records.coordinates[i])
         along += state.prefer[i] * state.v[i] * unit
         asked += state.prefer[i] * state.prefer[i] * pace
         fastest = max(fastest, abs(state.v[i]) * unit)
-        turns = body.motion == HINGE or i == body.coordinate + 2
-        if abs(state.q[i] - state.start[i]) > (2.0 * math.pi if turns else far):
+        if _has_gone_far(records, i, workspace):
             return False
     return fastest > FLUNG * pace or along > 0.5 * asked
+
+
+@kernel
+def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
+    """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
+    body = records.bodies[records.coordinates[i].body]
+    turns = body.motion == HINGE or i == body.coordinate + 2
+    far = 2.0 * math.pi if turns else FAR * workspace.terms.rounding[0] / ROUNDING
+    return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)
 
 
 @kernel
@@ -175,7 +182,8 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
     """Preferred velocities of what is not held."""
     state = workspace.state
     for i in range(state.q.shape[0]):
-        if not state.prescribed[i] and not workspace.scratch.held[i]:
+        held = state.prescribed[i] or workspace.scratch.held[i]
+        if not held and not _has_gone_far(records, i, workspace):
             state.wish[i] = state.prefer[i] * pace / _unit(records.coordinates[i])
 
 
