@@ -35,6 +35,7 @@ from rungwise.sets.labels import Label
 from rungwise.sets.solution_sets import SolutionSets, solution_sets
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
+from rungwise.simulation.chain import RunSensitivity, run_sensitivity
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
@@ -45,11 +46,11 @@ __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
     "DoomedSet", "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece",
-    "Problem", "Results", "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation",
-    "SolutionSets", "Solutions", "Status", "StepSensitivity", "Touching", "ViewError", "between",
-    "doomed_set", "extreme_motions", "feasible_set", "force_closure", "form_closure", "load",
-    "load_doomed_set", "load_run", "load_set", "read_problem", "schema", "sensitivity", "shipped",
-    "simulate", "solution_sets", "solutions", "solve", "step_sensitivity", "touching", "view",
+    "Problem", "Results", "Run", "RunSensitivity", "Rung", "Scene", "SceneError", "Sensitivity", "SetError",
+    "Simulation", "SolutionSets", "Solutions", "Status", "StepSensitivity", "Touching", "ViewError",
+    "between", "doomed_set", "extreme_motions", "feasible_set", "force_closure", "form_closure", "load",
+    "load_doomed_set", "load_run", "load_set", "read_problem", "run_sensitivity", "schema", "sensitivity",
+    "shipped", "simulate", "solution_sets", "solutions", "solve", "step_sensitivity", "touching", "view",
     "write_fclib",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -131,7 +131,10 @@ def sets(
         print(f"rungwise: stopped; {kept}", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        refuse(f"out: {out} cannot be written ({error.strerror or error}); finished batches are kept")
+        refuse(
+            f"out: {out} cannot be written ({error.strerror or error});"
+            " finished batches are kept, and --resume goes on from them"
+        )
     summary["files"] = [str(file) for file in written]
     show_json(summary) if as_json else show(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1

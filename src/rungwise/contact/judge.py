@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System, compressed, fitted
 from rungwise.kernel import Ints, Reals, kernel
@@ -51,12 +53,13 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
     y = problem.A @ x + problem.b
     if not math.isfinite(float(y @ y)):
         return Residuals(*[np.inf] * 7), y
-    terms, found = abs(problem.A) @ np.abs(x), np.empty(7)
+    scales, found = _scales(problem), np.empty(7)
+    terms = scales.absolute @ np.abs(x)
     violations(
         x, y, terms, system.kept, system.force, system.rate, system.mu, problem.directions, system.lower,
         system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
     )  # fmt: skip
-    found[1] = _imbalance(problem, system, x, y)
+    found[1] = _imbalance(problem, system, scales, x, y)
     return Residuals(*found.tolist()), y
 
 
@@ -103,21 +106,38 @@ def violations(
         found[6] = max(found[6], lower[j] - x[i], x[i] - upper[j])
 
 
-def _imbalance(problem: Problem, system: System, x: Array, y: Array) -> float:
+class _Scales(NamedTuple):
+    """What the judge keeps of a problem: |A|, the free rows, and units of free unknowns among themselves."""
+
+    absolute: Matrix
+    free: Ints
+    unit: Array
+
+
+_known: WeakKeyDictionary[Problem, _Scales] = WeakKeyDictionary()
+
+
+def _scales(problem: Problem) -> _Scales:
+    found = _known.get(problem)
+    if found is None:
+        free = np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper)) + problem.rows
+        absolute, unit = abs(problem.A), np.empty(len(free))
+        if len(free):
+            fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
+        found = _known[problem] = _Scales(absolute, free, unit)
+    return found
+
+
+def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:
     """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it.
 
     A row whose terms are nothing beside those of others, in units of its unknown, is not held to them.
     """
-    if len(problem.lower) == 0:
-        return 0.0
-    free = problem.rows + np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper))
+    free, unit = scales.free, scales.unit
     if len(free) == 0:
         return 0.0
-    rows = abs(problem.A[free])
     size = np.abs(x)
     size[system.kept] += system.force
-    terms = rows @ size + np.abs(problem.b[free])
-    unit = np.empty(len(free))
-    fitted(*compressed(rows[:, free]), 0, 1, unit)
-    floor = _FLOOR * float((unit * terms).max()) / unit
-    return float((np.abs(y[free]) / np.where(terms + floor > 0.0, terms + floor, 1.0)).max())
+    terms = (scales.absolute @ size)[free] + np.abs(problem.b[free])
+    terms += _FLOOR * float((unit * terms).max()) / unit
+    return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())

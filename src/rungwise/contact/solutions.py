@@ -51,11 +51,10 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
     Raises ValueError for friction in space.
     """
     assembled = problem
-    if isinstance(problem, ContactProblem):
-        problem = Problem.of_step(problem)
+    problem = Problem.of(problem)
     if problem.directions > 2 and (problem.mu > 0.0).any():
         raise ValueError("problem: all solutions are found in the plane; with friction, directions must be 2")
-    if nodes < 1:
+    if not isinstance(nodes, int | np.integer) or nodes < 1:
         raise ValueError(f"nodes: must be at least 1, not {nodes!r}")
     system = scaled(problem)
     motion, _ = motion_map(problem, system)
@@ -154,12 +153,16 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
 
     Raises ValueError where modes are undecided, there is no solution, or an object names no velocity.
     """
+    if not isinstance(found, Solutions):
+        raise ValueError(f"found: must be what `solutions` gives, not {type(found).__name__}")
     if found.undecided or not found.pieces:
         raise ValueError(f"found: the solutions are {found.kind}, and have no motion to bound")
     system = scaled(found.problem)
     motion, offset = motion_map(found.problem, system)
+    if not isinstance(objects, Sequence) or not all(isinstance(one, Sequence) for one in objects):
+        raise ValueError("objects: must be a list of the velocities of each object, such as [[0, 1, 2]]")
     for i in (i for coordinates in objects for i in coordinates):
-        if not 0 <= i < len(offset):
+        if not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
             raise ValueError(f"objects: velocity {i!r} is not one of 0 to {len(offset) - 1}")
     shapes = [polyhedron(system, piece.mode) for piece in found.pieces]
     unit = np.abs(motion).max(axis=1, initial=0.0)

@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
@@ -30,6 +31,30 @@ _GREATEST = 1e140
 Solve = Callable[[Matrix], Any]
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
+_FEW, _MOST = 2, 400
+"""Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
+
+
+class Condensed(NamedTuple):
+    """A = F - B own^-1 C as it was before elimination: own (g, g); front (N, 3), the rows of F's blocks.
+
+    back_start (N + 1,), back_column, back_value: the rows of B; across_start (N + 1,), across_row,
+    across_value: the columns of C.
+    """
+
+    own: Array
+    front: Array
+    back_start: Ints
+    back_column: Ints
+    back_value: Array
+    across_start: Ints
+    across_row: Ints
+    across_value: Array
+
+    def scaled(self, s: Array) -> Condensed:
+        """The parts of s A s, s (N,)."""
+        back, across = s.repeat(np.diff(self.back_start)), s.repeat(np.diff(self.across_start))
+        return self._replace(back_value=back * self.back_value, across_value=across * self.across_value)
 
 
 @dataclass(frozen=True)
@@ -37,7 +62,8 @@ class System:
     """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
-    others; kept (N,): places of the unknowns in the problem.
+    others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
+    were eliminated than are left.
     """
 
     row_start: Ints
@@ -54,6 +80,7 @@ class System:
     rate: Array
     kept: Ints
     recover: Callable[[Array], Array]
+    condensed: Condensed | None
 
     @property
     def size(self) -> int:
@@ -62,6 +89,12 @@ class System:
     @property
     def rows(self) -> int:
         return self.directions * len(self.mu)
+
+    def dense(self) -> Array:
+        """A (N, N)."""
+        A = np.zeros((self.size, self.size))
+        expand(self.row_start, self.column, self.value, A)
+        return A
 
     def matrix(self) -> sp.csr_array:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
@@ -79,7 +112,7 @@ def scaled(problem: Problem) -> System:
 
 
 def _scaled(problem: Problem) -> System:
-    kept, A, b, recover = _eliminated(problem)
+    kept, A, b, recover, condensed = _eliminated(problem)
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
@@ -94,7 +127,7 @@ def _scaled(problem: Problem) -> System:
     rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover,
+        force, rate, kept, recover, condensed and condensed.scaled(s),
     )  # fmt: skip
 
 
@@ -105,6 +138,14 @@ def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
     start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
     used = compress(A, start, column, value)
     return start, column[:used], value[:used]
+
+
+@kernel
+def expand(row_start: Ints, column: Ints, value: Reals, A: Reals) -> None:
+    """Fill A, zero before, from its rows."""
+    for i in range(len(A)):
+        for k in range(row_start[i], row_start[i + 1]):
+            A[i, column[k]] = value[k]
 
 
 @kernel
@@ -153,7 +194,7 @@ def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Re
 def measured(
     s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
 ) -> bool:
-    """Units of forces and rates from s; b as `offset`, lower and upper in them. Whether numbers are in range."""
+    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range."""
     size, largest = 0.0, 0.0
     for i in range(len(s)):
         size += (s[i] * b[i]) ** 2
@@ -210,14 +251,16 @@ def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, 
                 s[i] = least
 
 
-def _eliminated(problem: Problem) -> tuple[Ints, Matrix, Array, Callable[[Array], Array]]:
-    """Kept places, their matrix and offset, and the way back to all unknowns.
+def _eliminated(
+    problem: Problem,
+) -> tuple[Ints, Matrix, Array, Callable[[Array], Array], Condensed | None]:
+    """Kept places, their matrix and offset, the way back to all unknowns, and the matrix's parts.
 
     The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     everything, A, b = np.arange(len(problem.b)), problem.A, problem.b
-    whole = everything, A, b, lambda x: x
+    whole = everything, A, b, lambda x: x, None
     fixed = np.concatenate([np.zeros(problem.rows, bool), free])
     kept, gone = everything[~fixed], everything[fixed]
     sparse = sp.issparse(A)
@@ -243,7 +286,27 @@ def _eliminated(problem: Problem) -> tuple[Ints, Matrix, Array, Callable[[Array]
         return full
 
     left = _without_rounding(front - back @ response, front, back, noise)
-    return kept, left, b[kept] + back @ recover(np.zeros(len(kept)))[gone], recover
+    offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
+    return kept, left, offset, recover, _condensed(problem, own, across, back, front)
+
+
+def _condensed(
+    problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix
+) -> Condensed | None:
+    """The parts, where they are few and `front` has only the blocks of contacts."""
+    if not _FEW * own.shape[0] <= front.shape[0]:
+        return None
+    rows, d = problem.rows, problem.directions
+    entries = sp.coo_array(front)
+    row, column = entries.coords
+    apart = np.where(np.maximum(row, column) < rows, row // d != column // d, row != column)
+    if apart.any() or own.shape[0] > _MOST:
+        return None
+    blocks = np.zeros((front.shape[0], 3))
+    blocks[row, np.where(row < rows, column % d, 0)] = entries.data
+    start, place, value = compressed(across.T.tocsr() if sp.issparse(across) else across.T)
+    dense = own.toarray() if sp.issparse(own) else own
+    return Condensed(dense, blocks, *compressed(back), start, place, value)
 
 
 def _eliminate_dense(own: Array) -> Solve | None:
@@ -285,8 +348,16 @@ def _without_rounding(left: Matrix, front: Matrix, back: Matrix, noise: Matrix) 
     least = 2.0 * np.sqrt(terms)
     if not sp.issparse(left):
         return np.where(np.abs(left) > least[:, None] * least, left, 0.0)
-    entries = sp.coo_array(left)
-    row, column = entries.coords
-    entries.data[np.abs(entries.data) <= least[row] * least[column]] = 0.0
-    entries.eliminate_zeros()
-    return sp.csr_array(entries)
+    made = sp.csr_array(left)
+    prune(made.indptr, made.indices, made.data, least)
+    made.eliminate_zeros()
+    return made
+
+
+@kernel
+def prune(row_start: NDArray[np.int32], column: NDArray[np.int32], value: Reals, least: Reals) -> None:
+    """Make zero what is at most the product of the least values of its row and column."""
+    for i in range(len(least)):
+        for k in range(row_start[i], row_start[i + 1]):
+            if abs(value[k]) <= least[i] * least[column[k]]:
+                value[k] = 0.0

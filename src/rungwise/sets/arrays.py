@@ -50,6 +50,7 @@ def dataset(found: FeasibleSet) -> xarray.Dataset:
         coords={"axis": np.array(found.over, dtype=object)},
         attrs={
             "request": json.dumps(found.request),
+            "scene_file": found.scene.file.model_dump_json(),
             "evaluations": found.evaluations,
             "probes": found.probes,
             "hits": found.hits,

@@ -305,18 +305,14 @@ def feasible_set(
     return result
 
 
-def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
-    """A finished set from the folder that it was saved in; `scene` if it is none that ships.
-
-    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
-    """
+def load_set(folder: str | Path) -> FeasibleSet:
+    """A finished set from the folder that it was saved in. Raises FileNotFoundError when that holds none,
+    SetError for a set of states, SceneError when this version does not read its scene."""
     data = store.load(folder)
     request = store.attributes(data)
     if "tol" not in request:
         raise SetError(f"{folder} holds a set of states; read it with load_doomed_set")
-    loaded = load(request["scene"]) if scene is None else scene
-    if digest(loaded) != request["digest"]:
-        raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
+    loaded = load(json.loads(data.attrs["scene_file"]))
     target = request["target"]
     tree, crossings = arrays.read(data, len(request["over"]), target, target + DEEPER)
     model = moving_rung(request["model"])

@@ -24,8 +24,9 @@ from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
+from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import System
+from rungwise.contact.system import Condensed, System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "interior-point"
@@ -38,6 +39,9 @@ _FINISH, _NEWTON, _DAMPINGS = 1e-2, 5, (1e-8, 1e-4)
 _SHORT = 0.1
 """A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
 _STALLED, _WINDOW = 0.7, 8
+
+
+Eliminated = tuple[Condensed, int, int] | None
 
 
 class Cones(NamedTuple):
@@ -56,17 +60,20 @@ def accepts(_system: System) -> bool:
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
-    cones = _cones(system)
     whole = newton.form(system)
-    A, b = _with_limits(system, cones.D)
-    centre = np.zeros(len(b))
-    centre[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
-    z, w = _FORCE * centre, _RATE * centre
-    _start_between(system, z, w)
     best, least, finish = start, natural(system, start), _FINISH
     if least < finish:
         best, _ = newton.descend(system, whole, start, system.b, 0.0, tol, _NEWTON, _DAMPINGS)
         least = natural(system, best)
+    if least <= tol:
+        return best, 0
+    cones = _cones(system)
+    A, b = _with_limits(system, cones.D)
+    condensed = _condensed(system, cones)
+    centre = np.zeros(len(b))
+    centre[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
+    z, w = _FORCE * centre, _RATE * centre
+    _start_between(system, z, w)
     history: list[tuple[float, float]] = []
     for done in range(_STEPS):
         x = ((z + cones.offset) / cones.D)[: system.size]
@@ -82,7 +89,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         history.append((float(z @ w), found))
         if least <= tol or _stalled(history):
             return best, done
-        moved = _advance(A, b, z, w, cones)
+        moved = _advance(A, b, z, w, cones, condensed)
         if moved is None:
             return best, done
         z, w = moved
@@ -142,7 +149,13 @@ def _cones(system: System) -> Cones:
 
 
 def _advance(
-    A: Matrix, b: Array, z: Array, w: Array, cones: Cones, turning: float = 1.0
+    A: Matrix,
+    b: Array,
+    z: Array,
+    w: Array,
+    cones: Cones,
+    condensed: Eliminated,
+    turning: float = 1.0,
 ) -> tuple[Array, Array] | None:
     """One predicted and centred step; None when the linear system is singular.
 
@@ -153,7 +166,7 @@ def _advance(
     fault = A @ (z + cones.offset) + b - w
     nesterov_todd(z, w, first, dim, scaling, inverse, turn, fault)
     turn *= turning
-    solve_linear = _factorise(A, scaling, turn, cones)
+    solve_linear = _factorise(A, scaling, turn, cones, condensed)
     if solve_linear is None:
         return None
     product = float(z @ w) / max(len(first), 1)
@@ -176,13 +189,30 @@ def _advance(
     centring = min(1.0, max(predicted / product, 0.0)) ** 3
     dz, dw, length = step(centring * product, 1.0 - _RETAINED * centring)
     if length < _SHORT and turning > 0.0:
-        return _advance(A, b, z, w, cones, 0.0)
+        return _advance(A, b, z, w, cones, condensed, 0.0)
     length = min(1.0, _TO_THE_BOUNDARY * length)
     return z + length * dz, w + length * dw
 
 
-def _factorise(A: Matrix, scaling: Array, turn: Array, cones: Cones) -> Callable[[Array], Array] | None:
+def _condensed(system: System, cones: Cones) -> Eliminated:
+    """The parts of A in the cones' coordinates, rows and directions; None with upper limits, or no parts."""
+    if system.condensed is None or len(cones.D) > system.size:
+        return None
+    return system.condensed.scaled(1.0 / cones.D), system.rows, system.directions
+
+
+def _factorise(
+    A: Matrix, scaling: Array, turn: Array, cones: Cones, condensed: Eliminated
+) -> Callable[[Array], Array] | None:
     """Solver of A + (I - e turn^T) scaling, rows of dead unknowns replaced by those of the identity."""
+    if condensed is not None:
+        parts, rows, d = condensed
+        E, L, i = np.zeros((len(scaling), 3)), np.zeros((len(scaling), 3)), np.arange(len(scaling))
+        lean_rows(scaling, turn, cones.first, cones.dim, E)
+        own = np.where(i < rows, i % d, 0)
+        L[i, own] = 1.0
+        E[cones.dead], L[cones.dead], E[cones.dead, own[cones.dead]] = 0.0, 0.0, 1.0
+        return condensed_solver(parts, rows, d, E, L)
     if not sp.issparse(A):
         J = A.copy()
         add_scaling(J, scaling, turn, cones.first, cones.dim)

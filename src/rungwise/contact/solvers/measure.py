@@ -44,7 +44,7 @@ def distance(
     upper: Reals,
     out: Reals,
 ) -> float:
-    """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, infinite if it is none."""
+    """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, or infinity."""
     rates(row_start, column, value, b, shift, x, out[0])
     natural_map(x, out[0], mu, d, lower, upper, out[1])
     total = 0.0

@@ -69,7 +69,7 @@ def _origin(system: System) -> Array:
 def _unfold(system: System) -> tuple[Array, Array, Array]:
     """B, M, q: x = B z + origin, and 0 <= z _|_ M z + q >= 0."""
     s, d, size = system, system.directions, _unfolded_size(system)
-    A = s.matrix().toarray()
+    A = s.dense()
     B = np.zeros((s.size, size))
     extra, bound = np.zeros((size, size)), np.zeros(size)
     at = 0

@@ -15,9 +15,9 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
-_OUTER, _OUTER_LARGE, _LARGE = 60, 40, 600
+_OUTER = 80
 _INNER, _SWEEPS = 25, 20
-_WEIGHT, _EASIER, _HARDER = 1e-2, 0.2, 5.0
+_WEIGHT, _EASIER, _HARDER = 1e-2, 0.5, 2.0
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
 
@@ -33,8 +33,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     x = best = start
     found = least = natural(s, start)
     weight = _WEIGHT
-    outer = _OUTER if s.size <= _LARGE else _OUTER_LARGE
-    for done in range(outer):
+    for done in range(_OUTER):
         if least <= tol:
             return best, done
         offset = s.b - weight * x
@@ -49,4 +48,4 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             weight = max(weight * _EASIER, _LIGHTEST)
         else:
             weight = min(weight * _HARDER, _HEAVIEST)
-    return best, outer
+    return best, _OUTER

@@ -1,0 +1,143 @@
+"""Linear systems with E + L A, solved in the velocities that were eliminated from A.
+
+Algorithm: A = F - B own^-1 C with F and E + L F in the blocks of contacts, so that a system of the size of
+`own` is left (the identity of Sherman, Morrison and Woodbury). Source: Golub and Van Loan, Matrix
+Computations (2013), section 2.1.4. Promises: the solution unless a block is singular; where blocks are nearly
+so, to fewer digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from rungwise.contact.mixed import Array
+from rungwise.contact.system import Condensed
+from rungwise.kernel import Ints, Reals, kernel
+
+
+def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Callable[[Array], Array] | None:
+    """Solver of (E + L A) x = right (N,); E and L (N, 3) hold the rows of their blocks. None if singular."""
+    size = len(E)
+    M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
+    back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
+    if not condense(E, L, c.front, rows, d, *back, *across, M, P, G):
+        return None
+    factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
+    if fault:
+        return None
+
+    def solve(right: Array) -> Array:
+        x, drive = np.empty(size), np.zeros(len(G))
+        push(M, right, rows, d, *across, x, drive)
+        v = dgetrs(factor, exchanges, drive, trans=1)[0]
+        pull(P, v, rows, d, *back, x)
+        return x
+
+    return solve
+
+
+@kernel
+def condense(
+    E: Reals,
+    L: Reals,
+    front: Reals,
+    rows: int,
+    d: int,
+    back_start: Ints,
+    back_column: Ints,
+    back_value: Reals,
+    across_start: Ints,
+    across_row: Ints,
+    across_value: Reals,
+    M: Reals,
+    P: Reals,
+    G: Reals,
+) -> bool:
+    """Fill M = (E + L F)^-1 and P = M L in blocks, and take C P B from G; False where a block is singular."""
+    first = 0
+    while first < len(E):
+        width = d if first < rows else 1
+        if not _invert(E, L, front, first, width, M):
+            return False
+        for i in range(first, first + width):
+            for j in range(width):
+                P[i, j] = 0.0
+                for k in range(width):
+                    P[i, j] += M[i, k] * L[first + k, j]
+                if P[i, j] != 0.0:
+                    for k in range(back_start[first + j], back_start[first + j + 1]):
+                        weight = P[i, j] * back_value[k]
+                        for l in range(across_start[i], across_start[i + 1]):
+                            G[across_row[l], back_column[k]] -= across_value[l] * weight
+        first += width
+    return True
+
+
+@kernel
+def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) -> bool:
+    """Rows of M = (E + L front)^-1 in one block, by adjugates."""
+    t = M[first : first + width]
+    for i in range(width):
+        for j in range(width):
+            t[i, j] = E[first + i, j]
+            for k in range(width):
+                t[i, j] += L[first + i, k] * front[first + k, j]
+    if width == 1:
+        determinant = t[0, 0]
+        t[0, 0] = 1.0
+    elif width == 2:
+        determinant = t[0, 0] * t[1, 1] - t[0, 1] * t[1, 0]
+        t[0, 0], t[1, 1], t[0, 1], t[1, 0] = t[1, 1], t[0, 0], -t[0, 1], -t[1, 0]
+    else:
+        a, b, c, e, f, g, h, k, l = (
+            t[0, 0], t[0, 1], t[0, 2], t[1, 0], t[1, 1], t[1, 2], t[2, 0], t[2, 1], t[2, 2],
+        )  # fmt: skip
+        t[0, 0], t[0, 1], t[0, 2] = f * l - g * k, c * k - b * l, b * g - c * f
+        t[1, 0], t[1, 1], t[1, 2] = g * h - e * l, a * l - c * h, c * e - a * g
+        t[2, 0], t[2, 1], t[2, 2] = e * k - f * h, b * h - a * k, a * f - b * e
+        determinant = a * t[0, 0] + b * t[1, 0] + c * t[2, 0]
+    if not abs(determinant) > 0.0:
+        return False
+    for i in range(width):
+        for j in range(width):
+            t[i, j] /= determinant
+    return True
+
+
+@kernel
+def push(
+    M: Reals,
+    right: Reals,
+    rows: int,
+    d: int,
+    across_start: Ints,
+    across_row: Ints,
+    across_value: Reals,
+    x: Reals,
+    drive: Reals,
+) -> None:
+    """x = M right; drive = C x."""
+    for i in range(len(x)):
+        first, width = (i // d * d, d) if i < rows else (i, 1)
+        x[i] = 0.0
+        for j in range(width):
+            x[i] += M[i, j] * right[first + j]
+        for l in range(across_start[i], across_start[i + 1]):
+            drive[across_row[l]] += across_value[l] * x[i]
+
+
+@kernel
+def pull(
+    P: Reals, v: Reals, rows: int, d: int, back_start: Ints, back_column: Ints, back_value: Reals, x: Reals
+) -> None:
+    """x += P B v."""
+    for i in range(len(x)):
+        total = 0.0
+        for k in range(back_start[i], back_start[i + 1]):
+            total += back_value[k] * v[back_column[k]]
+        first, width = (i // d * d, d) if i < rows else (i, 1)
+        for a in range(first, first + width):
+            x[a] += P[a, i - first] * total
