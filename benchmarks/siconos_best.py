@@ -19,7 +19,7 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 PYTHONS = ("python3", "/usr/bin/python3")
-LIMIT = 30.0
+LIMIT = 10.0
 """Seconds that one solver gets for one problem, all its tolerances together."""
 DENSE = 300
 
@@ -46,7 +46,7 @@ def interpreter(given: str | None = None) -> str | None:
 
 
 def best(python: str, problem: rw.Problem, tol: float) -> Best | None:
-    """The fastest of Siconos' solvers, judged as our own answers are; None where it has no form or no answer."""
+    """The fastest of Siconos' solvers, judged as our own answers are; None without contacts or answer."""
     system, found = scaled(problem), None
     with tempfile.TemporaryDirectory() as folder:
         for kind, storage, text in _forms(problem, system):

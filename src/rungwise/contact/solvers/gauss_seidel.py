@@ -48,7 +48,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     if 0 < n <= SMALL:
         done = alternate(
             s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, x,
-            best, tol, _ROUNDS, _DAMPINGS, np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+            best, tol, *workspace(n),
         )  # fmt: skip
         return best, done
     sweeps = sweep_until(
@@ -69,6 +69,11 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
     return best
 
 
+def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
+    """Dampings and scratch for `alternate` with n unknowns."""
+    return _DAMPINGS, np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+
+
 @kernel
 def alternate(
     row_start: Ints,
@@ -84,7 +89,6 @@ def alternate(
     x: Reals,
     best: Reals,
     tol: float,
-    rounds: int,
     dampings: Reals,
     square: Reals,
     vectors: Reals,
@@ -97,7 +101,7 @@ def alternate(
     d, n, done = blocks.shape[1], len(x), 0
     least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
     near = least < _NEAR
-    for turn in range(rounds):
+    for turn in range(_ROUNDS):
         before = least
         for newton_turn in (False, True):
             if newton_turn:
