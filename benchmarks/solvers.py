@@ -155,8 +155,8 @@ def repeat(
         for i in range(len(x)):
             x[i] = best[i] = start[i]
         alternate(
-            row_start, column, value, A, blocks, diagonal, b, mu, lower, upper, x, best, tol, dampings, square,
-            vectors, order,
+            row_start, column, value, A, blocks, diagonal, b, mu, lower, upper, x, best, tol, dampings,
+            square, vectors, order,
         )  # fmt: skip
 
 
