@@ -24,6 +24,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numba
 import numpy as np
 import scipy.sparse as sp
 import siconos_best
@@ -34,7 +35,7 @@ from rungwise.contact.read import read_problem
 from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")
@@ -128,7 +129,7 @@ def copied(p: rw.Problem) -> rw.Problem:
     return rw.Problem(p.A, p.b, p.mu, p.directions, p.lower, p.upper, p.velocities)
 
 
-@kernel
+@numba.njit
 def repeat(
     row_start: Ints,
     column: Ints,
