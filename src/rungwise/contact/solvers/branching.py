@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import block_diag
 
 from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
-from rungwise.contact.mixed import Array
+from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.system import System
@@ -103,16 +104,16 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 
-    s = system
-    back = sp.csr_array(s.matrix().T)
+    s, small = system, system.size <= LARGEST
+    back = s.dense().T if small else sp.csr_array(s.matrix().T)
     least, most = signs(s, mode)
     lower, upper = limits(s, mode)
     rays = [generators(s, k, mode[k]) for k in range(len(s.mu))]
-    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
-    m = len(lower)
+    m, beside, eye = len(lower), np.hstack if small else sp.hstack, np.eye if small else sp.eye_array
+    cone = block_diag(*rays)[:, : s.rows] if small else sp.block_diag([*rays, np.zeros((0, 0))], format="csr")
     # (A^T p)_j = above - below: how much x_j is drawn to its upper and to its lower limit.
-    push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
-    drawn = sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
+    push = beside([cone @ back[: s.rows], np.zeros((cone.shape[0], 2 * m))])
+    drawn = beside([back[s.rows :], -eye(m), eye(m)])
     bounds = [(max(a, -1.0), min(c, 1.0)) for a, c in zip(least, most, strict=True)]
     bounds += [(0.0, 0.0 if np.isinf(c) else None) for c in upper]
     bounds += [(0.0, 0.0 if np.isinf(a) else None) for a in lower]
@@ -130,18 +131,20 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     if found.x is None:
         return None, None
     if found.fun < -ROUNDING:
-        return _sharpen(np.asarray(found.x)[: s.size], sp.vstack([push, drawn])[:, : s.size]), None
+        constraints = np.vstack([push, drawn]) if small else sp.vstack([push, drawn]).tocsr()
+        return _sharpen(np.asarray(found.x)[: s.size], constraints[:, : s.size]), None
     contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
     return None, np.concatenate([contact, others])
 
 
-def _sharpen(p: Array, constraints: sp.csr_array) -> Array:
+def _sharpen(p: Array, constraints: Matrix) -> Array:
     """p with rounding removed: what is nearly zero is zero, and constraints nearly active are met."""
     p = np.where(np.abs(p) > ROUNDING, p, 0.0)
     inside = np.abs(p) > 0.0
     active = np.abs(constraints @ p) < 1e-6
-    rows = constraints[active][:, inside].toarray()
+    rows = constraints[active][:, inside]
+    rows = rows.toarray() if sp.issparse(rows) else rows
     for _ in range(2):
         p[inside] -= np.linalg.lstsq(rows, rows @ p[inside], rcond=None)[0]
     return p
