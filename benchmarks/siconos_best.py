@@ -19,7 +19,7 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 PYTHONS = ("python3", "/usr/bin/python3")
-LIMIT, START, SOLVES = 10.0, 1.5, 100
+LIMIT, START, SOLVES = 5.0, 1.5, 100
 """Seconds that a solver gets for a problem, unless it could have been best in less: its start and solves."""
 DENSE = 300
 

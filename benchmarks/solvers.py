@@ -5,7 +5,7 @@
 
 FOLDER holds problem files (FCLIB, Siconos text, ContactBench); without it, ../shared/problems if it is there.
 Stacks and piles of boxes are generated in any case; `--save` writes them (FCLIB). Everything is solved to a
-residual of 1e-8, and times are the least of N repeats, in microseconds.
+residual of 1e-8, and times are the least of N repeats, in microseconds of the processor.
 
   cold      `rw.solve` of a problem never seen: elimination, scaling, solvers, judgement
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
@@ -119,9 +119,9 @@ def least_time(work: Callable[[], object], repeats: int) -> float:
     """Microseconds of the quickest of so many."""
     times = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.process_time()
         work()
-        times.append(time.perf_counter() - began)
+        times.append(time.process_time() - began)
     return 1e6 * min(times)
 
 
