@@ -3,8 +3,8 @@
     PYTHON benchmarks/siconos_peer.py FILE KIND SOLVER VELOCITIES OUT
 
 KIND is fc2d, fc3d or gfc3d; SOLVER as in `SOLVERS`; VELOCITIES is their number, for gfc3d. OUT (npz) gets
-`times` (t,), the least processor time in seconds of the driver alone from nothing, and `r` (t, n), the forces,
-for each of its own tolerances in `TOLERANCES`. It needs numpy and siconos only.
+`times` (t,), the least processor time in seconds of the driver alone from nothing, and `r` (t, n), the
+forces, for each of its own tolerances in `TOLERANCES`. It needs numpy and siconos only.
 """
 
 from __future__ import annotations
