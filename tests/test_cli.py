@@ -419,6 +419,18 @@ def test_sets_answers_and_keeps(rungwise: Command, tmp_path: Path) -> None:
     )
 
 
+def test_sets_as_files(rungwise: Command, tmp_path: Path) -> None:
+    files = ("--csv", tmp_path / "a.csv", "--mesh", tmp_path / "b.obj", "--html", tmp_path / "c.html")
+    one = rungwise(*SETS, "--tol", 0.05, *files, "--json")
+    assert one.json["files"] == [str(tmp_path / name) for name in ("a.csv", "b.obj", "c.html")]
+    assert (tmp_path / "a.csv").read_text().startswith("v1,v2,kind,label,beyond,margin\n")
+    three = rungwise("sets", "two_finger", "--model", "kinematic", "--solutions", "all", *SETS[4:], *files)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names >= {"a-kinematic.csv", "a-kinematic-possible.csv", "b-kinematic-guaranteed.obj"}
+    assert three.out.count("wrote ") == 7
+    assert "kinematic, guaranteed" in (tmp_path / "c.html").read_text()
+
+
 def test_sets_of_all_rungs_are_compared(rungwise: Command) -> None:
     answer = rungwise("sets", "two_finger", "--model", "all", "--over", "v2=0.3:3", "--tol", 0.05)
     assert answer.code == 0 and answer.out.count("contradicted their cell") == 5
@@ -453,6 +465,8 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
         (("--over", "v1", "--resume"), ("resume", "--out")),
         (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
         (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),
+        (("--over", "v1", "--mesh", "x.obj"), ("mesh: needs a set over 2 or 3 parameters, not 1",)),
+        (("--over", "v1,v2", "--mesh", "x.ply"), ("mesh: x.ply must end in .obj or .stl",)),
     ],
 )
 def test_sets_refuses_wrong_input(
@@ -461,21 +475,22 @@ def test_sets_refuses_wrong_input(
     refused(rungwise("sets", "two_finger", "--model", "kinematic", *arguments), *words)
 
 
-def test_sets_killed_at_any_moment_goes_on(rungwise: Command, tmp_path: Path) -> None:
-    over = ("--over", "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9", "--tol", "0.01", "--threads", "1")
-    command = ["sets", "two_finger", "--model", "dynamic-rigid", *over]
-    program = [sys.executable, "-c", "from rungwise.cli import main; main()", *command]
-    batches = tmp_path / "killed" / "dynamic-rigid" / "batches"
-    for kept in (1, 3, 5):
-        process = subprocess.Popen([*program, "--out", str(tmp_path / "killed"), "--resume"])
-        while process.poll() is None and len(list(batches.glob("0*.npz"))) < kept:
-            time.sleep(0.005)
-        process.kill()
-        process.wait()
-    assert rungwise(*command, "--out", tmp_path / "killed", "--resume").code == 0
-    assert rungwise(*command, "--out", tmp_path / "whole").code == 0
-    parts, whole = (rw.load_set(tmp_path / name / "dynamic-rigid") for name in ("killed", "whole"))
-    assert parts.data.identical(whole.data)
+def test_doomed_states(rungwise: Command, tmp_path: Path) -> None:
+    arguments = (
+        "doomed", "two_finger", "--model", "kinematic", "--over", "x1,x2,x3=-1.6:1.6",
+        "--inputs", "v1=0.5:1,v2=0.5:1", "--cells", 32, "--set", "offset=0.3",
+    )  # fmt: skip
+    answer = rungwise(*arguments, "--out", tmp_path, "--json")
+    assert answer.code == 0 and answer.json["volumes"]["doomed"] > 0.3
+    assert answer.json["rule"]["both"] > 0.4 and answer.json["holds_on"]["dynamic-rigid"] is False
+    assert (tmp_path / "doomed.png").stat().st_size > 5000
+    for change, words in (
+        (("--inputs", "v1"), "v1 needs an interval"),
+        (("--over", "x1,x2"), "lacks part.x3"),
+        (("--model", "quasistatic-compliant"), "take a rigid rung"),
+        (("--stride", "-1"), "strides must lie"),
+    ):
+        refused(rungwise(*arguments, *change), words)
 
 
 def test_the_package_is_the_command() -> None:

@@ -62,6 +62,18 @@ def test_bands_prints_every_case(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert len(json.loads(capsys.readouterr().out)["bands"]) == len(bands.cases())
 
 
+def test_sensitivities_of_a_push_are_the_differences_of_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/sensitivity.py", monkeypatch)
+    assert example.main(["--json"], models=(rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)) == 0
+    rigid, compliant = json.loads(capsys.readouterr().out)["rows"]
+    assert rigid["derivatives"] == pytest.approx([1.5, 0.0, 0.0], abs=1e-9)
+    assert compliant["derivatives"] == pytest.approx(compliant["differences"], rel=1e-6)
+    # The finger touches at 1 and pushes by v1 t - 1 / 2 - 1: one step of Newton's method, and one to see it.
+    assert rigid["v1"] == pytest.approx(1.6 / 1.5, abs=1e-9) and rigid["iterations"] == 2
+
+
 def test_benchmark_measures_every_rung(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,11 +29,13 @@ from rungwise.models.ladder import (
 from rungwise.outcome import OUTCOMES, Code, Outcome
 from rungwise.scene import InvalidScene, Scene, SceneError, load, schema, shipped
 from rungwise.sets.between import Between, between
+from rungwise.sets.doomed import DoomedSet, doomed_set, load_doomed_set
 from rungwise.sets.feasible import FeasibleSet, feasible_set, load_set
 from rungwise.sets.labels import Label
 from rungwise.sets.solution_sets import SolutionSets, solution_sets
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
+from rungwise.simulation.chain import RunSensitivity, run_sensitivity
 from rungwise.simulation.run import ModelError, Run, Simulation, simulate
 from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
@@ -43,11 +45,12 @@ from rungwise.viewing.view import ViewError, view
 __all__ = [
     "DYNAMIC_COMPLIANT", "DYNAMIC_RIGID", "GEOMETRIC", "KINEMATIC", "LADDER", "OUTCOMES",
     "QUASISTATIC_COMPLIANT", "QUASISTATIC_RIGID", "Batch", "Between", "Closure", "Code", "ContactSolution",
-    "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece", "Problem", "Results",
-    "Run", "Rung", "Scene", "SceneError", "Sensitivity", "SetError", "Simulation", "SolutionSets",
-    "Solutions", "Status", "StepSensitivity", "Touching", "ViewError", "between", "extreme_motions",
-    "feasible_set", "force_closure", "form_closure", "load", "load_run", "load_set", "read_problem",
-    "schema", "sensitivity", "shipped", "simulate", "solution_sets", "solutions", "solve",
-    "step_sensitivity", "touching", "view", "write_fclib",
+    "DoomedSet", "FeasibleSet", "InvalidScene", "Kind", "Label", "ModelError", "Outcome", "Piece",
+    "Problem", "Results", "Run", "RunSensitivity", "Rung", "Scene", "SceneError", "Sensitivity", "SetError",
+    "Simulation", "SolutionSets", "Solutions", "Status", "StepSensitivity", "Touching", "ViewError",
+    "between", "doomed_set", "extreme_motions", "feasible_set", "force_closure", "form_closure", "load",
+    "load_doomed_set", "load_run", "load_set", "read_problem", "run_sensitivity", "schema", "sensitivity",
+    "shipped", "simulate", "solution_sets", "solutions", "solve", "step_sensitivity", "touching", "view",
+    "write_fclib",
 ]  # fmt: skip
 __version__ = "0.1.0"

@@ -100,6 +100,12 @@ def test_perturbed_certificates_fail() -> None:
         ([[0, 0]], [[0, 0]], 0, "normals"),
         ([[0, 0]], [[1, 0], [0, 1]], 0, "normals"),
         ([[0, 0]], [[1, 0]], -1, "friction"),
+        ([[0, 0]], [[1, 0]], "a", "friction"),
+        ([[0, 0]], [[1, 0]], [1, 2], "friction"),
+        ("x", "y", 0, "points"),
+        ([[0, 0], [1]], [[1, 0], [0, 1]], 0, "points"),
+        ([[0, 0]], [["a", 0]], 0, "normals"),
+        ([[1j, 0]], [[1, 0]], 0, "points"),
     ],
 )
 def test_wrong_contacts(points: Any, normals: Any, friction: float, named: str) -> None:

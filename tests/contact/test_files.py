@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.cli import main
 from rungwise.contact.fclib import write_fclib
+from rungwise.contact.problem import allocate_problem
 from rungwise.contact.read import read_problem
 
 pytest.importorskip("h5py", reason="FCLIB files need h5py")
@@ -80,6 +83,136 @@ def test_no_truncated_file_is_a_crash(tmp_path: Path, name: str) -> None:
             read_problem(tmp_path / name)
         except ValueError as error:
             assert "\n" not in str(error)
+
+
+def refuses(path: Path, what: str) -> None:
+    """Reads it, or says in one line what is wrong with which field."""
+    try:
+        read_problem(path)
+    except ValueError as error:
+        assert re.match(r"[A-Za-z]\w*: \S", str(error)) and "\n" not in str(error), (what, str(error))
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("wrong", ["nan", "inf", "-1", "x", "1e400", "99999", "0", "2.5", ""])
+def test_any_wrong_word_is_refused_by_field(tmp_path: Path, name: str, wrong: str) -> None:
+    words = re.split(r"(\s+)", TEXTS[name])
+    for k in range(0, len(words), 2):
+        (tmp_path / name).write_text("".join([*words[:k], wrong, *words[k + 1 :]]))
+        refuses(tmp_path / name, f"{wrong} for word {k}")
+
+
+STEP = rw.Problem.balance(
+    np.diag([1.0, 2.0]), [0.1, -1.0], np.array([[0.0, 1.0], [1.0, 0.0]]), [0.0, 0.0], [0.5], directions=2,
+    S=[[1.0, 0.0]], w_s=[0.1],
+)  # fmt: skip
+DAMAGE: dict[str, Callable[[np.ndarray], object]] = {
+    "nan": lambda value: np.full(value.shape, np.nan),
+    "short": lambda value: np.ravel(value)[:-1],
+    "negative": lambda value: -np.abs(value) - 1.0,
+    "beyond": lambda value: value + 1000.0,
+    "deeper": lambda value: value[None, None],
+    "text": lambda _: "hello",
+    "nothing": lambda _: np.zeros(0),
+}
+
+
+@pytest.mark.parametrize("form", ["local", "global", "step"])
+def test_a_damaged_fclib_file_is_refused_by_field(tmp_path: Path, form: str) -> None:
+    import h5py
+
+    file = tmp_path / "a.hdf5"
+    if form == "step":
+        step = allocate_problem(2, 1, 1)
+        step.H[:], step.W[:] = np.eye(2), np.eye(2)
+        rw.write_fclib(file, step)
+    else:
+        rw.write_fclib(file, STEP if form == "global" else rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
+    whole = file.read_bytes()
+    places: list[str] = []
+    with h5py.File(file) as opened:
+        opened.visit(places.append)
+    assert len(places) > 10
+    for place in places:
+        for how in ("missing", "group", *DAMAGE):
+            file.write_bytes(whole)
+            with h5py.File(file, "r+") as opened:
+                item = opened[place]
+                value = item[()] if isinstance(item, h5py.Dataset) else None
+                if how in DAMAGE and not isinstance(value, np.ndarray):
+                    continue
+                del opened[place]
+                if how == "group":
+                    opened[f"{place}/inner"] = 1.0
+                elif how != "missing":
+                    opened[place] = DAMAGE[how](np.asarray(value, float))
+            refuses(file, f"{how} {place}")
+    for length in range(0, len(whole), len(whole) // 40):
+        file.write_bytes(whole[:length])
+        refuses(file, f"cut at {length}")
+
+
+def test_a_damaged_archive_is_refused_by_field(tmp_path: Path) -> None:
+    file = tmp_path / "a.npz"
+    with file.open("wb") as opened:
+        np.savez(opened, G=np.eye(3), g=np.array([0.0, 0.0, -1.0]), mus=np.array([0.5]))
+    assert rw.solve(read_problem(file)).status == "solved"
+    whole = file.read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        damaged = bytearray(whole)
+        damaged[int(rng.integers(4, len(whole)))] = int(rng.integers(256))
+        file.write_bytes(bytes(damaged))
+        refuses(file, "a byte")
+    for length in range(4, len(whole), 25):
+        file.write_bytes(whole[:length])
+        refuses(file, f"cut at {length}")
+
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: rw.Problem.lcp([[NAN]], [1.0]), "M"),
+        (lambda: rw.Problem.lcp([[1.0, 2.0]], [1.0]), "M"),
+        (lambda: rw.Problem.lcp([[1j]], [1.0]), "M"),
+        (lambda: rw.Problem.lcp([[1.0]], [INF]), "q"),
+        (lambda: rw.Problem.mlcp(np.eye(2), [1.0, 2.0], "ab"), "complementary"),
+        (lambda: rw.Problem.mlcp(np.eye(2), [1.0, 2.0], [2, 0]), "complementary"),
+        (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), "lower"),
+        (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [0.0, 0.0], [1.0]), "upper"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [-0.1]), "mu"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [NAN]), "mu"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0], [0.5]), "q"),
+        (lambda: rw.Problem.local(np.eye(1), [1.0], [0.5], directions=True), "directions"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [0.5], directions=4), "directions"),
+        (lambda: rw.Problem.balance(np.eye(2), [1.0], np.eye(2), [0.0, 0.0], [0.5], directions=2), "H"),
+        (lambda: rw.Problem.balance([[1.0]], [1.0], [], [], [], S=[[1.0]], w_s=[0.0]), "W"),
+        (
+            lambda: rw.Problem.balance(
+                [[1.0]], [1.0], np.zeros((0, 1)), [], [], S=[[1.0]], w_s=[0.0], R_s=[-1.0]
+            ),
+            "R_s",
+        ),
+        (lambda: rw.Problem(np.eye(2), [1.0, 2.0], lower=[0, 0], upper=[1, 1], velocities="a"), "velocities"),
+        (lambda: rw.solve(3), "problem"),
+        (lambda: rw.solve(STEP, tol="small"), "tol"),
+        (lambda: rw.solve(STEP, tol=NAN), "tol"),
+        (lambda: rw.solve(STEP, start=[NAN] * 5), "start"),
+        (lambda: rw.solutions("a.hdf5"), "problem"),
+        (lambda: rw.solutions(STEP, nodes=1.5), "nodes"),
+        (lambda: rw.extreme_motions(STEP), "found"),
+        (lambda: rw.extreme_motions(rw.solutions(STEP), objects=[0, 1]), "objects"),
+        (lambda: rw.extreme_motions(rw.solutions(STEP), objects=[["a"]]), "objects"),
+        (lambda: rw.sensitivity(STEP, rw.solve(STEP)), "problem, solution"),
+    ],
+)
+def test_wrong_problems_are_refused_by_field(make: Callable[[], object], field: str) -> None:
+    with pytest.raises(ValueError, match=rf"^{field}: ") as refused:
+        make()
+    assert "\n" not in str(refused.value)
 
 
 def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:

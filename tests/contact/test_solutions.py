@@ -213,6 +213,60 @@ def test_eight_contacts_are_few() -> None:
     assert found.nodes < 4**8 / 100
 
 
+# Stacks: contacts that share loads
+
+
+def stack(boxes: int, pull: float = 0.0, mu: float = 0.5, shift: float = 0.0) -> rw.Problem:
+    """Unit cubes of unit mass on each other at rest, two contacts in each joint, each cube `shift` further
+    than the one below; `pull` acts on each centre. One step of 1e-3 under gravity."""
+    n, h = 3 * boxes, 1e-3
+    W, c = np.zeros((4 * boxes, n)), np.zeros(n)
+    for i in range(boxes):
+        c[3 * i : 3 * i + 2] = pull * h, -9.81 * h
+        for k, x in enumerate((-0.5, 0.5 - (shift if i else 0.0))):
+            r = 4 * i + 2 * k
+            W[r, 3 * i : 3 * i + 3], W[r + 1, 3 * i : 3 * i + 3] = (0.0, 1.0, x), (1.0, 0.0, 0.5)
+            if i:
+                W[r, 3 * i - 3 : 3 * i] = 0.0, -1.0, -x - shift
+                W[r + 1, 3 * i - 3 : 3 * i] = -1.0, 0.0, 0.5
+    inertia = np.diag(np.tile([1.0, 1.0, 1.0 / 6.0], boxes))
+    return rw.Problem.balance(inertia, c, W, np.zeros(4 * boxes), np.full(2 * boxes, mu), directions=2)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.1])
+@pytest.mark.parametrize("boxes", [1, 4, 8])
+def test_a_stack_at_rest_shares_its_weight_in_one_way_per_box(boxes: int, shift: float) -> None:
+    """Of 4 forces in each joint 3 balance a box; no node beyond the root is looked at."""
+    found = rw.solutions(stack(boxes, shift=shift))
+    assert found.kind == "force-indeterminate" and check(found)
+    assert [(piece.motions, piece.forces) for piece in found.pieces] == [(0, boxes)]
+    assert found.nodes == 1 and len(found.held) == 1
+    np.testing.assert_allclose(rw.extreme_motions(found), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("mu", "kind"), [(0.5, "force-indeterminate"), (0.1, "unique")])
+def test_a_stack_that_is_pulled_is_decided(mu: float, kind: str) -> None:
+    """It stays, or slides as one with all friction at its limit; either way there is no other motion."""
+    found = rw.solutions(stack(2, 2.0, mu))
+    assert found.kind == kind and check(found)
+    extremes = rw.extreme_motions(found)
+    np.testing.assert_allclose(extremes[:, 0], extremes[:, 1], atol=1e-9)
+    np.testing.assert_allclose(extremes[[0, 3], 0], max(2.0 - mu * 9.81, 0.0) * 1e-3, atol=1e-9)
+
+
+def test_a_problem_without_friction_takes_one_node() -> None:
+    """Any LCP of a positive matrix has one motion: 40 unknowns are no more than one."""
+    rng = np.random.default_rng(8)
+    A = rng.normal(size=(40, 25))
+    found = rw.solutions(rw.Problem.lcp(A @ A.T, rng.normal(size=40) + A @ rng.normal(size=25)))
+    assert found.kind in ("unique", "force-indeterminate") and found.nodes == 1 and check(found)
+
+
+def test_a_matrix_that_is_not_positive_is_held_by_nothing() -> None:
+    found = rw.solutions(rw.Problem.lcp([[1.0, 3.0], [3.0, 1.0]], [-1.0, -1.0]))
+    assert not found.held and len(found.pieces) == 3 and check(found)
+
+
 # Symmetry and units
 
 
@@ -257,11 +311,8 @@ def test_units_do_not_matter(in_units: Callable[..., ContactProblem], force: flo
 
 
 def test_the_check_fails_for_whatever_is_changed() -> None:
-    problem = rw.Problem.balance(
-        np.eye(1), [-2.0], [[1.0], [0.0], [1.0], [0.0]], np.zeros(4), [0.5, 0.0], directions=2
-    )
-    found = rw.solutions(problem)
-    assert check(found)
+    found = rw.solutions(stack(1, pull=1.0))
+    assert check(found) and found.held
     piece = found.pieces[0]
     bad: list[rw.Solutions] = [replace(found, kind=kind) for kind in rw.Kind if kind != found.kind]
     bad += [replace(found, excluded=found.excluded[1:]), replace(found, pieces=found.pieces[1:])]
@@ -277,6 +328,13 @@ def test_the_check_fails_for_whatever_is_changed() -> None:
         bad.append(replace(found, pieces=(replace(piece, **change), *found.pieces[1:])))
     mode, vector = found.excluded[0]
     bad.append(replace(found, excluded=((mode, -vector), *found.excluded[1:])))
+    mode, point = found.held[0]
+    bad += [replace(found, held=found.held[1:])]
+    bad += [
+        replace(found, held=((mode, x), *found.held[1:]))
+        for x in (1.01 * point, point[1:], np.zeros_like(point), found.held[1][1])
+    ]
+    bad.append(replace(found, held=((farkas.hull(scaled(found.problem)), point), *found.held)))
     assert not any(check(other) for other in bad)
 
 

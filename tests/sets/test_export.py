@@ -152,3 +152,11 @@ def test_a_set_without_boundary_is_an_empty_mesh(tmp_path: Path) -> None:
     found = solid("x + y + z >= 5", tol=0.1)
     assert len(boundary(found).pieces) == 0
     assert found.to_mesh(tmp_path / "none.stl").stat().st_size == 84
+
+
+def test_a_saved_set_holds_its_scene(tmp_path: Path) -> None:
+    found = solid("x + y >= 0.3", axes=2, tol=0.05)
+    found.save(tmp_path)
+    again = rw.load_set(tmp_path)
+    assert again.scene.file == found.scene.file and again.data.identical(found.data)
+    assert again.replay({"x": 0.2, "y": 0.2}).outcome.name == "goal"

@@ -37,6 +37,7 @@ def worst(found: rw.FeasibleSet, end: float) -> float:
         (rw.QUASISTATIC_RIGID, {}, 0.5),
         (rw.QUASISTATIC_COMPLIANT, {}, 0.5),
         (rw.DYNAMIC_RIGID, {}, 0.5),
+        (rw.DYNAMIC_RIGID, {"restitution": 0.5}, 0.6 / 1.1),
         (rw.DYNAMIC_RIGID, {"restitution": 1.0}, 4.0 / 7.0),
     ],
     ids=str,
@@ -93,6 +94,36 @@ def test_force_limited_fingers_capture_everywhere_where_they_stick() -> None:
         "two_finger_servo", rw.QUASISTATIC_RIGID, ("v1", "v2"), box=BOX, parameters={"mu": 1.1}, threads=1
     )
     assert found.volumes() == {"feasible": 1.0}
+
+
+@pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.DYNAMIC_RIGID], ids=str)
+def test_friction_opens_the_whole_quadrant_to_force_limited_fingers(model: rw.Rung) -> None:
+    """From mu = 1, the slope of the faces, on. Below it the band is [1/2, 2] where forces balance; impacts of
+    fingers that yield change it."""
+    tol, low, high = 0.02, 0.8, 1.2
+    found = rw.feasible_set(
+        "two_finger_servo", model, ("v1", "v2", "mu"), box=BOX | {"mu": (low, high)}, tol=tol, threads=1
+    )
+    assert found.complete and found.hits == 0
+    points = found.random(100_000, 8)
+    v1, v2, mu = points.T
+    caught = found.labels(points) == rw.Label.FEASIBLE
+    assert caught[mu > 1.0 + tol * (high - low)].all()
+    outside = (mu < 1.0 - tol * (high - low)) & (np.maximum(v2 / v1, v1 / v2) > 2.0)
+    assert np.mean(caught[outside]) < 0.02
+    if model is rw.QUASISTATIC_RIGID:
+        away = np.minimum(np.abs(v2 - 0.5 * v1), np.abs(v1 - 0.5 * v2)) / 2.0
+        wrong = (mu < 1.0 - tol * (high - low)) & (caught != ((v2 >= 0.5 * v1) & (v1 >= 0.5 * v2)))
+        assert np.max(away[wrong], initial=0.0) <= tol
+
+
+def test_free_fingers_capture_the_whole_square_where_prescribed_ones_keep_to_a_band() -> None:
+    """Panel (d): plastic impacts, speeds up to twice the root of stiffness over mass."""
+    box = {"v1": (0.05, 2.0), "v2": (0.05, 2.0)}
+    found = rw.feasible_set("two_finger_free", rw.DYNAMIC_RIGID, ("v1", "v2"), box=box, tol=0.02, threads=1)
+    assert found.hits == 0 and found.volumes() == {"feasible": 1.0}
+    band = grasp(rw.DYNAMIC_RIGID, box=box, tol=0.02)
+    assert band.volumes()["feasible"] < 0.6
 
 
 def test_free_fingers_capture_far_outside_the_band_of_prescribed_ones() -> None:
@@ -156,6 +187,40 @@ def test_labels_speak_of_runs() -> None:
         "doomed",
         "unknown",
     ]
+
+
+def test_around_the_boundary_of_a_lower_rung(tmp_path: Path) -> None:
+    """The same set with fewer runs, whether the boundary moves (damping, restitution) or not."""
+    over, box = ("v1", "v2", "mu"), BOX | {"v1": (0.02, 2.0), "v2": (0.02, 2.0)}
+    cheap = grasp(rw.QUASISTATIC_RIGID, over, box=box, tol=0.02)
+    for model, parameters in (
+        (rw.DYNAMIC_RIGID, {}),
+        (rw.DYNAMIC_RIGID, {"restitution": 1.0}),
+        (rw.DYNAMIC_COMPLIANT, {"damping": 1e4}),
+    ):
+        whole = grasp(model, over, box=box, tol=0.02, parameters=parameters)
+        found = grasp(model, over, box=box, tol=0.02, parameters=parameters, near=cheap)
+        assert found.evaluations < 0.9 * whole.evaluations
+        points = found.random(20_000, 5)
+        assert np.mean(found.labels(points) != whole.labels(points)) < 1e-3
+    found.save(tmp_path / "found")
+    again = rw.load_set(tmp_path / "found")
+    assert np.array_equal(again.tree.vertices.borrowed, found.tree.vertices.borrowed)
+    borrowed = found.tree.vertices.places(found.tree.vertices.keys[found.tree.vertices.borrowed])
+    assert len(borrowed) and found.witness(found.box[:, 0] + borrowed[0] * found.unit) is None
+    with pytest.raises(rw.SetError, match=r"near: its tol must be the same, not 0\.02"):
+        grasp(rw.DYNAMIC_RIGID, over, box=box, tol=0.01, near=cheap)
+
+
+def test_what_a_lower_rung_does_not_show_is_found_by_probes() -> None:
+    """Labels borrowed from a set that is wrong everywhere stand only until a probe contradicts them."""
+    box = {"v2": (0.05, 2.0)}
+    empty = grasp(rw.QUASISTATIC_RIGID, ("v2",), box=box, parameters={"x3": 0.45, "mu": 3.0}, tol=0.01)
+    whole = grasp(rw.DYNAMIC_RIGID, ("v2",), box=box, tol=0.01)
+    found = grasp(rw.DYNAMIC_RIGID, ("v2",), box=box, tol=0.01, near=empty)
+    points = found.random(5_000, 5)
+    assert set(np.unique(empty.labels(points))).isdisjoint({rw.Label.FEASIBLE})
+    assert np.array_equal(found.labels(points), whole.labels(points))
 
 
 def test_threads_do_not_change_a_set() -> None:

@@ -348,3 +348,33 @@ def test_controlled_steps_of_joints_grow_like_the_root_of_the_error(links: int) 
     if links == 1:
         errors = [abs(run.final["rod"]["angle"] - swing(1.0)) for run in runs]
         assert errors[0] < 1e-4 and errors[1] < 1e-6 and errors[2] < 1e-8
+
+
+def double_pendulum(friction: float, restitution: float) -> rw.Scene:
+    """Two thin rods of length 1, at 20 and 30 degrees from hanging, whose end strikes a floor 0.05 below."""
+    upper, lower = math.radians(20.0 - 90.0), math.radians(30.0 - 90.0)
+    knee = np.array([math.cos(upper), math.sin(upper)])
+    tip = knee + np.array([math.cos(lower), math.sin(lower)])
+    bodies = {
+        "world": WORLD,
+        "floor": {"role": "obstacle", "shape": {"kind": "halfplane", "at": [0.0, float(tip[1]) - 0.05]}},
+    }
+    for name, (x, y), angle in (("upper", knee / 2, upper), ("lower", (knee + tip) / 2, lower)):
+        bodies[name] = rod(float(x), float(y), angle) | {
+            "shape": {"kind": "capsule", "length": 1.0, "radius": 0.01}
+        }
+    joints = {"pin": hinge("world", "upper", 0.0, 0.0), "knee": hinge("upper", "lower", *map(float, knee))}
+    contacts = [{"between": ["lower", "floor"], "friction": friction, "restitution": restitution}]
+    return scene(bodies, joints, gravity=[0, -G], contacts=contacts, duration=0.6, step=1e-3)
+
+
+def test_energy_that_newton_and_coulomb_add_is_reported() -> None:
+    """Kane and Levinson's double pendulum: friction turns the slip around in an impact that gains energy."""
+    gains = {
+        (mu, e): rw.simulate(double_pendulum(mu, e), rw.DYNAMIC_RIGID).energy_gained
+        for mu in (0.0, 0.5)
+        for e in (0.0, 0.7)
+    }
+    assert gains[0.0, 0.0] == gains[0.5, 0.0] == gains[0.0, 0.7] == 0.0
+    assert gains[0.5, 0.7] > 0.1
+    assert rw.simulate(double_pendulum(0.5, 0.7), rw.DYNAMIC_COMPLIANT).energy_gained == 0.0

@@ -7,7 +7,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.simulation.attempt import TAKEN, attempt
-from rungwise.simulation.differences import Assembly
+from rungwise.simulation.differences import Assembly, Start
 
 Array = np.ndarray
 H = 1e-3
@@ -36,9 +36,9 @@ def taken(
 
     Overlap is taken back within the step, as what opens is: over a pause, the two would have two slopes.
     """
-    at = Assembly(scene, model, scene.parameters(parameters), H, theta, 0.0)
+    at = Assembly(scene, model, scene.parameters(parameters), H, theta)
     at.workspace.terms.pause[0] = pause
-    at.put(*np.split(start, 2), strain)
+    at.put(Start(*np.split(start, 2), strain))
     assert at.set_speeds() == H
     assert attempt(at.records, at.rung, at.workspace, H, H) == TAKEN
     return np.concatenate([at.state.q, at.state.v])

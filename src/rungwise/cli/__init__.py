@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from rungwise.cli import check, models, scenes, sets, sim, solve, view
+from rungwise.cli import check, doomed, models, scenes, sets, sim, solve, view
 from rungwise.cli.terminal import INTERRUPTED, refuse
 
 app = typer.Typer(
@@ -21,7 +21,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 for _command in (
-    models.models, scenes.scenes, check.check, sim.sim, sets.sets, solve.solve, view.view,
+    models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, solve.solve, view.view,
 ):  # fmt: skip
     app.command()(_command)
 _USAGE_ERROR: Any = typer.BadParameter.__mro__[2]

@@ -52,6 +52,21 @@ def parameters_of(scene: Scene, values: list[str] | None) -> dict[str, float]:
     return scene.parameters(given)
 
 
+def intervals(option: str, text: str) -> tuple[list[str], dict[str, tuple[float, float]]]:
+    """Names, and the intervals that are given, of NAME or NAME=LOW:HIGH, separated by commas."""
+    names, box = [], {}
+    for item in text.split(","):
+        name, equals, interval = (part.strip() for part in item.partition("="))
+        names.append(name)
+        if equals:
+            low, _, high = interval.partition(":")
+            try:
+                box[name] = float(low), float(high)
+            except ValueError:
+                refuse(f"{option}: {item[:60]!r} must be NAME or NAME=LOW:HIGH")
+    return names, box
+
+
 def writable(folder: Path) -> None:
     """Refuse a folder in which nothing can be written, by trying; what this makes is removed again."""
     missing: list[Path] = []

@@ -13,6 +13,7 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
+    intervals,
     load_scene,
     number,
     parameters_of,
@@ -34,6 +35,10 @@ def sets(
             "--solutions", help="Of several motions: the slowest, possible, guaranteed, or all three sets."
         ),
     ] = "slowest",
+    lift: Annotated[
+        bool,
+        typer.Option("--lift", help="With --model all: look for a boundary where the rung below has it."),
+    ] = False,
     tol: Annotated[
         float,
         typer.Option(
@@ -48,6 +53,10 @@ def sets(
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
     ] = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
@@ -82,9 +91,12 @@ def sets(
         refuse("resume: needs --out, the folder to go on in")
     if solutions not in (*SOLUTIONS, "all"):
         refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
-    names, box = _axes(over)
+    if lift and model != "all":
+        refuse("lift: needs --model all, rungs to climb")
+    names, box = intervals("over", over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
+    per_rung = len(wanted) // len(rungs)
     found: list[FeasibleSet] = []
     exports = {"csv": table, "mesh": mesh}
     try:
@@ -96,14 +108,16 @@ def sets(
                 writable(out)
             progress.announce_compilation("rungwise.simulation.samples", "run_samples")
             for name, each in wanted:
+                below = found[-per_rung] if lift and name != rungs[0] else None
                 folder = name if each == SLOWEST else f"{name}-{each}"
                 with progress.counting(folder, quiet=as_json or not sys.stderr.isatty()) as on_progress:
                     found.append(
                         feasible_set(
                             loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
-                            accuracy=accuracy, probes=probes, budget=BUDGET if budget is None else budget,
-                            threads=threads, out=None if out is None else out / folder, resume=resume,
-                            on_progress=on_progress,
+                            near=below, accuracy=accuracy, probes=probes,
+                            budget=BUDGET if budget is None else budget,
+                            threads=threads, cluster=cluster, out=None if out is None else out / folder,
+                            resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify)
@@ -117,22 +131,10 @@ def sets(
         print(f"rungwise: stopped; {kept}", file=sys.stderr)
         return INTERRUPTED
     except OSError as error:
-        refuse(f"out: {out} cannot be written ({error.strerror or error}); finished batches are kept")
+        refuse(
+            f"out: {out} cannot be written ({error.strerror or error});"
+            " finished batches are kept, and --resume goes on from them"
+        )
     summary["files"] = [str(file) for file in written]
     show_json(summary) if as_json else show(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1
-
-
-def _axes(over: str) -> tuple[list[str], dict[str, tuple[float, float]]]:
-    """Names, and the intervals that are given, of NAME or NAME=LOW:HIGH, separated by commas."""
-    names, box = [], {}
-    for item in over.split(","):
-        name, equals, interval = (part.strip() for part in item.partition("="))
-        names.append(name)
-        if equals:
-            low, _, high = interval.partition(":")
-            try:
-                box[name] = float(low), float(high)
-            except ValueError:
-                refuse(f"over: {item[:60]!r} must be NAME or NAME=LOW:HIGH")
-    return names, box

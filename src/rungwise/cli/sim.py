@@ -116,4 +116,9 @@ def _sentence(run: Run) -> str:
         f" {run.wall_s:.3f} s",
         f"  {final}",
     ]
+    if run.energy_gained > 0.0:
+        lines.append(
+            f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can;"
+            " a compliant rung cannot"
+        )
     return "\n".join(lines)

@@ -58,7 +58,10 @@ def force_closure(points: ArrayLike, normals: ArrayLike, friction: ArrayLike) ->
     Two contacts with friction close iff the line between them lies strictly inside both cones.
     """
     where, directions = _contacts(points, normals)
-    mu = np.broadcast_to(np.asarray(friction, np.float64), (len(where),))
+    mu = _numbers("friction", friction)
+    if mu.shape not in ((), (len(where),)):
+        raise ValueError(f"friction: must be a number, or one for each of {len(where)} contacts")
+    mu = np.broadcast_to(mu, (len(where),))
     if not np.all(np.isfinite(mu) & (mu >= 0.0)):
         raise ValueError("friction: must be finite and not negative")
     tangents = np.column_stack([-directions[:, 1], directions[:, 0]]) * mu[:, None]
@@ -84,8 +87,15 @@ def check(closure: Closure) -> bool:
     return bool(power.min(initial=0.0) >= -_SMALL * np.abs(certificate).max())
 
 
+def _numbers(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: must be an array of numbers") from None
+
+
 def _contacts(points: ArrayLike, normals: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    where, directions = np.asarray(points, np.float64), np.asarray(normals, np.float64)
+    where, directions = _numbers("points", points), _numbers("normals", normals)
     for name, array in (("points", where), ("normals", directions)):
         if array.ndim != 2 or array.shape[1] != 2:
             raise ValueError(f"{name}: must have shape (contacts, 2), not {array.shape}")

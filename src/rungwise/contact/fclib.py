@@ -14,13 +14,15 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from rungwise.contact.equivalent import in_contacts
-from rungwise.contact.mixed import Array, Matrix, Problem
+from rungwise.contact.mixed import Array, Matrix, Problem, vector
 from rungwise.contact.problem import ContactProblem
 
 _CSR = -2
 _STEP = "rungwise"
+_MOST = 2.0**53
 
 
 def h5py_library(field: str = "file") -> Any:
@@ -37,73 +39,107 @@ def read_fclib(path: Path) -> Problem | ContactProblem:
     try:
         with h5py_library().File(path, "r") as file:
             if _STEP in file:
-                return _read_step(file[_STEP])
+                return _read_step(_group(file, _STEP))
             if "fclib_local" in file:
-                return _read_local(file["fclib_local"])
+                return _read_local(_group(file, "fclib_local"))
             if "fclib_global" in file:
-                return _read_global(file["fclib_global"])
-    except KeyError as error:
-        raise ValueError(f"file: not a complete FCLIB problem ({' '.join(str(error).split())})") from None
-    except OSError as error:
+                return _read_global(_group(file, "fclib_global"))
+    except (KeyError, OSError, RuntimeError) as error:
         raise ValueError(f"file: cannot be read ({' '.join(str(error).split())})") from None
     raise ValueError("file: holds neither fclib_local nor fclib_global")
 
 
-def _directions(group: Any) -> int:
-    return int(np.ravel(group["spacedim"][()])[0])
+def _group(parent: Any, name: str) -> Any:
+    group = parent.get(name)
+    if group is None or not hasattr(group, "keys"):
+        raise ValueError(f"{name}: is missing, or not a group")
+    return group
+
+
+def _array(group: Any, name: str) -> Array:
+    """The numbers of a data set; ValueError naming it when it is missing or holds something else."""
+    item = group.get(name)
+    if item is None or not hasattr(item, "dtype"):
+        raise ValueError(f"{name}: is missing, or not a data set")
+    try:
+        return np.asarray(item[()], np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: must be numbers") from None
+
+
+def _wholes(group: Any, name: str) -> NDArray[np.int64]:
+    values = _array(group, name)
+    if not (np.isfinite(values).all() and (np.abs(values) < _MOST).all() and (values % 1.0 == 0.0).all()):
+        raise ValueError(f"{name}: must be whole numbers")
+    return values.astype(np.int64)
+
+
+def _whole(group: Any, name: str) -> int:
+    values = _wholes(group, name).ravel()
+    if len(values) != 1:
+        raise ValueError(f"{name}: must be one whole number, not {len(values)}")
+    return int(values[0])
 
 
 def _read_step(group: Any) -> ContactProblem:
-    made = {
-        name: np.ascontiguousarray(group[name][()], np.float64) for name in ContactProblem.__annotations__
-    }
-    k, b, d = len(made["mu"]), len(made["F"]), made["R"].shape[-1]
-    for name, shape in (("R", (k, d, d)), ("R_s", (b,)), ("quantum", (1,))):
-        if made[name].shape != shape:
+    made = {name: np.ascontiguousarray(_array(group, name)) for name in ContactProblem.__annotations__}
+    k, b, d = len(np.atleast_1d(made["mu"])), len(np.atleast_1d(made["F"])), made["R"].shape[-1:]
+    for name, shape in (("R", (k, *d, *d)), ("R_s", (b,)), ("mu", (k,)), ("F", (b,)), ("quantum", (1,))):
+        if made[name].shape != shape or len(d) != 1:
             raise ValueError(f"{name}: has shape {made[name].shape}; the other fields make it {shape}")
     step = ContactProblem(**made)
     Problem.of_step(step)
+    if not (np.isfinite(step.quantum).all() and step.quantum[0] >= 0.0):
+        raise ValueError("quantum: must be finite and not negative")
     return step
 
 
 def _read_local(group: Any) -> Problem:
     """Equality rows (V, R, s) become free unknowns: W r + V x + q = u, V^T r + R x + s = 0."""
-    vectors, d = group["vectors"], _directions(group)
-    W, q, mu = _read_matrix(group["W"]), vectors["q"][()], vectors["mu"][()]
+    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    W, q, mu = _read_matrix(group, "W"), _array(vectors, "q"), _array(vectors, "mu")
+    local = Problem.local(W, q, mu, d)
     if "R" not in group:
-        return Problem.local(W, q, mu, d)
-    V, R, s = _read_matrix(group["V"]), _read_matrix(group["R"]), vectors["s"][()]
+        return local
+    V, R, s = _read_matrix(group, "V"), _read_matrix(group, "R"), vector("s", _array(vectors, "s"))
+    for name, value, shape in (("V", V, (len(q), len(s))), ("R", R, (len(s), len(s)))):
+        if value.shape != shape:
+            raise ValueError(f"{name}: has shape {value.shape}; the other fields make it {shape}")
     free = np.full(len(s), np.inf)
     A = sp.block_array([[W, V], [V.T, R]], format="csr")
-    return Problem(A, np.concatenate([q, s]), mu, d, -free, free)
+    return Problem(A, np.concatenate([local.b, s]), mu, d, -free, free)
 
 
 def _read_global(group: Any) -> Problem:
-    vectors, d = group["vectors"], _directions(group)
-    M, H = _read_matrix(group["M"]), _read_matrix(group["H"])
+    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    M, H = _read_matrix(group, "M"), _read_matrix(group, "H")
     joints: dict[str, Any] = {}
     if "G" in group:
-        joints = {"S": _read_matrix(group["G"]).T, "w_s": vectors["b"][()]}
-    return Problem.balance(
-        M, vectors["f"][()], H.T, vectors["w"][()], vectors["mu"][()], directions=d, **joints
-    )
+        joints = {"S": _read_matrix(group, "G").T, "w_s": _array(vectors, "b")}
+    f, w, mu = (_array(vectors, name) for name in ("f", "w", "mu"))
+    return Problem.balance(M, f, H.T, w, mu, directions=d, **joints)
 
 
-def _read_matrix(group: Any) -> sp.csr_array:
-    m, n, nz = (int(np.ravel(group[name][()])[0]) for name in ("m", "n", "nz"))
-    p, i, x = (np.asarray(group[name][()]) for name in ("p", "i", "x"))
+def _read_matrix(parent: Any, name: str) -> sp.csr_array:
+    group = _group(parent, name)
     try:
+        m, n, nz = (_whole(group, part) for part in ("m", "n", "nz"))
+        p, i, x = _wholes(group, "p"), _wholes(group, "i"), _array(group, "x")
         if nz >= 0:
-            return sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))
-        used = int(p[-1])
-        form = sp.csr_array if nz == _CSR else sp.csc_array
-        return sp.csr_array(form((x[:used], i[:used], p), shape=(m, n)))
-    except (ValueError, IndexError) as error:
-        raise ValueError(f"{group.name.split('/')[-1]}: not a sparse matrix ({error})") from None
+            made = sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))
+        else:
+            used = int(p[-1])
+            form = sp.csr_array if nz == _CSR else sp.csc_array
+            compressed = form((x[:used], i[:used], p), shape=(m, n))
+            compressed.check_format(full_check=True)
+            made = sp.csr_array(compressed)
+    except (ValueError, IndexError, TypeError, MemoryError) as error:
+        raise ValueError(f"{name}: not a sparse matrix ({' '.join(str(error).split())})") from None
+    return made
 
 
 def write_fclib(
-    path: Path,
+    path: str | Path,
     problem: Problem | ContactProblem,
     r: Array | None = None,
     title: str = "rungwise",
@@ -117,9 +153,8 @@ def write_fclib(
 
     Raises ValueError for one direction, and for unknowns with limits to one side; OSError.
     """
-    step = problem if isinstance(problem, ContactProblem) else None
-    if isinstance(problem, ContactProblem):
-        problem = Problem.of_step(problem)
+    path, step = Path(path), problem if isinstance(problem, ContactProblem) else None
+    problem = Problem.of(problem)
     if problem.directions == 1 and len(problem.mu):
         raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
     if np.isfinite(problem.upper).any() or _yields(problem):
@@ -134,8 +169,8 @@ def write_fclib(
             group["spacedim"] = np.array([problem.directions], np.int32)
             for name, matrix in matrices.items():
                 _write_matrix(group.create_group(name), matrix)
-            for name, vector in {**vectors, "mu": problem.mu}.items():
-                group[f"vectors/{name}"] = vector
+            for name, values in {**vectors, "mu": problem.mu}.items():
+                group[f"vectors/{name}"] = values
             for name, text in (("title", title), ("description", description), ("math_info", math_info)):
                 group[f"info/{name}"] = text
             for name in ContactProblem.__annotations__ if step is not None else ():

@@ -72,7 +72,7 @@ class Problem:
             raise ValueError(f"upper: has {len(self.upper)} entries, and lower has {len(self.lower)}")
         if (self.lower > self.upper).any() or np.isposinf(self.lower).any() or np.isneginf(self.upper).any():
             raise ValueError("lower: must not exceed upper, nor either lie at the wrong infinity")
-        if not 0 <= self.velocities <= len(self.lower):
+        if not isinstance(self.velocities, int | np.integer) or not 0 <= self.velocities <= len(self.lower):
             raise ValueError(f"velocities: must be 0 to {len(self.lower)}, not {self.velocities!r}")
 
     def _lock(self) -> None:
@@ -135,6 +135,8 @@ class Problem:
             _sized(name, value, size)
         if (limit < 0.0).any():
             raise ValueError("F: a limit must not be negative")
+        if (yielding < 0.0).any():
+            raise ValueError("R_s: a compliance must not be negative")
         parts = [[R, W, None], [-W.T, H, -S.T], [None, S, sp.diags_array(yielding)]]
         A = sp.block_array(parts if limited else [row[:2] for row in parts[:2]], format="csr")
         free = np.full(n, np.inf)
@@ -147,6 +149,15 @@ class Problem:
             np.concatenate([free, limit]),
             n,
         )
+
+    @classmethod
+    def of(cls, problem: Problem | ContactProblem) -> Problem:
+        """The problem itself, or that of a step; ValueError for anything else."""
+        if isinstance(problem, ContactProblem):
+            return cls.of_step(problem)
+        if not isinstance(problem, Problem):
+            raise ValueError(f"problem: must be a Problem or a ContactProblem, not {type(problem).__name__}")
+        return problem
 
     @classmethod
     def of_step(cls, step: ContactProblem) -> Problem:
@@ -164,8 +175,11 @@ class Problem:
     @classmethod
     def mlcp(cls, M: Matrix, q: ArrayLike, complementary: ArrayLike) -> Problem:
         """Rows where `complementary` (n,) holds as in `lcp`; the others M z + q = 0 with z free."""
-        q, law = vector("q", q), np.asarray(complementary, bool)
-        _sized("complementary", law, len(q))
+        q, given = vector("q", q), vector("complementary", complementary)
+        _sized("complementary", given, len(q))
+        if not np.isin(given, (0.0, 1.0)).all():
+            raise ValueError("complementary: must be true or false for each row")
+        law = given == 1.0
         return cls.boxes(M, q, np.where(law, 0.0, -np.inf), np.full(len(q), np.inf))
 
     @classmethod
@@ -211,7 +225,7 @@ def matrix(name: str, value: Matrix) -> Matrix:
 
 
 def _known(directions: int) -> None:
-    if directions not in (1, 2, 3):
+    if isinstance(directions, bool) or directions not in (1, 2, 3):
         raise ValueError(f"directions: must be 1, 2 or 3, not {directions!r}")
 
 

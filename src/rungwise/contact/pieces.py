@@ -35,6 +35,7 @@ from rungwise.contact.farkas import (
     hull,
 )
 from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.monotone import demands, is_monotone, widest
 from rungwise.contact.system import System, scaled
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
@@ -75,7 +76,9 @@ class Solutions:
     """All solutions: `pieces`, none within another; `covered` are those in other modes, part of a piece.
 
     `excluded` are the modes that hold none, each with multipliers that prove it; with no pieces they are the
-    `certificate`. `undecided` modes are those without proof. `nodes` is the number of modes looked at.
+    `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with one of them, in
+    the scaled system, that proves it (see `monotone`). `undecided` modes are those without proof. `nodes` is
+    the number of modes looked at.
     """
 
     problem: Problem
@@ -83,6 +86,7 @@ class Solutions:
     pieces: tuple[Piece, ...]
     covered: tuple[Piece, ...]
     excluded: tuple[tuple[Mode, Array], ...]
+    held: tuple[tuple[Mode, Array], ...]
     certificate: Infeasible | None
     undecided: tuple[Mode, ...]
     nodes: int
@@ -230,7 +234,8 @@ def check(found: Solutions) -> bool:
     """Whether the evidence proves the kind and the dimensions of all pieces, from the problem alone."""
     problem, system = found.problem, scaled(found.problem)
     leaves = (*found.pieces, *found.covered)
-    modes = (*(piece.mode for piece in leaves), *(mode for mode, _ in found.excluded), *found.undecided)
+    proved = (mode for mode, _ in (*found.excluded, *found.held))
+    modes = (*(piece.mode for piece in leaves), *proved, *found.undecided)
     if not covers(system, hull(system), modes) or not all(excludes(system, *pair) for pair in found.excluded):
         return False
     motion, _ = motion_map(problem, system)
@@ -240,4 +245,17 @@ def check(found: Solutions) -> bool:
             return False
         if not np.array_equal(piece.x, system.recover(piece.point * system.force)):
             return False
+    if found.held and not is_monotone(system, motion):
+        return False
+    if not all(any(holds(system, piece, *pair) for piece in leaves) for pair in found.held):
+        return False
     return found.kind == classify(motion, leaves, len(found.undecided))
+
+
+def holds(system: System, piece: Piece, mode: Mode, point: Array) -> bool:
+    """Whether a scaled point of the piece proves, in a monotone system, that it holds all solutions of a
+    mode."""
+    if piece.motions or piece.mode != widest(system, piece.point) or point.shape != piece.point.shape:
+        return False
+    needed = demands(system, piece.point, piece.mode, mode)
+    return needed is not None and polyhedron(system, piece.mode).contains(point) and needed.met(point)

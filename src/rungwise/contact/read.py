@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 
 from rungwise.contact.fclib import read_fclib
-from rungwise.contact.mixed import Problem
+from rungwise.contact.mixed import Problem, matrix
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.textfile import read_text
 
+_DAMAGED = (
+    KeyError, ValueError, OSError, EOFError, NotImplementedError, RuntimeError, MemoryError, AttributeError,
+    zipfile.BadZipFile, zlib.error, struct.error, SyntaxError,
+)  # fmt: skip
+"""What reading a damaged archive raises."""
 _HDF5, _ZIP = b"\x89HDF", b"PK"
 
 
-def read_problem(path: Path, kind: str | None = None) -> Problem | ContactProblem:
+def read_problem(path: str | Path, kind: str | None = None) -> Problem | ContactProblem:
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
-    Raises ValueError with one line that says what is wrong.
+    The problem of a step, which `save_hard` kept, comes back as it was assembled. Raises ValueError with one
+    line that says what is wrong.
     """
+    path = Path(path)
     try:
         with path.open("rb") as file:
             head = file.read(4)
@@ -27,15 +36,20 @@ def read_problem(path: Path, kind: str | None = None) -> Problem | ContactProble
         raise ValueError(f"file: {path} cannot be read ({error.strerror or error})") from None
     if head == _HDF5:
         return read_fclib(path)
-    return _read_contactbench(path) if head.startswith(_ZIP) else read_text(path, kind)
+    if head.startswith(_ZIP):
+        return _read_contactbench(path)
+    try:
+        return read_text(path, kind)
+    except (IndexError, OverflowError, MemoryError) as error:
+        raise ValueError(f"file: its sizes or indices are wrong ({' '.join(str(error).split())})") from None
 
 
 def _read_contactbench(path: Path) -> Problem:
     """G, g, mus of Simple-Robotics/ContactBench; there the normal comes last."""
     try:
-        with np.load(path, allow_pickle=False) as file:
-            G, g, mu = file["G"], np.ravel(file["g"]), np.ravel(file["mus"])
-    except (KeyError, ValueError, OSError, zipfile.BadZipFile) as error:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            G, g, mu = matrix("G", file["G"]), np.ravel(file["g"]), np.ravel(file["mus"])
+    except _DAMAGED as error:
         raise ValueError(f"file: holds no G, g and mus ({' '.join(str(error).split())})") from None
     order = (3 * np.arange(len(mu))[:, None] + np.array([2, 0, 1])).ravel()
     if G.shape != (len(g), len(g)) or len(g) != len(order):

@@ -26,7 +26,8 @@ from rungwise.contact.solve import solve
 DATA = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F")
 ACTIVE = 1e-7
 """Beside the scale of its kind, what is less counts as zero."""
-_SINGULAR, _SHARE, _AGREES = 1e-11, 1e-7, 1e-6
+_SINGULAR, _SHARE, _AGREES, _NOISE = 1e-11, 1e-7, 1e-6, 1e-8
+_ROUNDS, _ROUNDING = 30, 1e-12
 
 
 class Change(NamedTuple):
@@ -77,7 +78,7 @@ class Sensitivity:
         self._yield[k * d :, k * d :] = np.diag(p.R_s)
         own = q.C.T @ self._yield @ q.B + np.diag(q.D)
         self._matrix = np.block([[p.H, -self._rows.T @ q.B], [q.C.T @ self._rows, own]])
-        self._unit = _best_units(self._matrix, n)
+        self._unit = _units(self._matrix)
         _, null = self._inverse(np.arange(len(self._unit)))
         share = self._unit[n:, None] * null[n:]
         self._loose_v = np.abs(null[:n]).max(axis=1, initial=0.0) > _SHARE
@@ -86,9 +87,12 @@ class Sensitivity:
         self.forces_determined = not self._loose_f.any()
         self.velocities_determined = not self._loose_v.any()
 
-    def forward(self, **data: ArrayLike) -> Change:
+    def forward(self, sizes: dict[str, Array] | None = None, **data: ArrayLike) -> Change:
         """Derivatives along changes of `data` (names of the problem's fields), of a field's shape or with one
         more axis, last, for many directions at once.
+
+        `sizes`, of the same shapes, are those of the terms that the changes are sums of, where they come from
+        differences: disagreement of redundant contacts that is nothing beside that counts as none.
 
         Raises ValueError for an unknown name or a wrong shape, and for a change of a friction or limit of
         zero where nothing slips, which has no derivative.
@@ -100,27 +104,48 @@ class Sensitivity:
             at = int(np.flatnonzero(self._pieces.undefined & limit.any(axis=1))[0])
             name, at = ("mu", at) if at < k else ("F", at - k)
             raise ValueError(f"{name}: entry {at} is zero where nothing slips, and has no derivative")
-        lam, tau = self.force[: len(p.w)], self.force[len(p.w) :]
-        balance = change["c"] - np.einsum("ijm,j->im", change["H"], self.v)
-        balance += np.einsum("rim,r->im", change["W"], lam) + np.einsum("rim,r->im", change["S"], tau)
-        d = p.R.shape[1]
-        soft = np.einsum("kijm,kj->kim", change["R"], lam.reshape(-1, d))
-        soft = soft.reshape(len(lam), limit.shape[1])
-        rate = np.vstack(
-            [
-                change["w"] + np.einsum("rim,i->rm", change["W"], self.v) + soft,
-                change["w_s"] + np.einsum("rim,i->rm", change["S"], self.v) + change["R_s"] * tau[:, None],
-            ]
-        )
-        direct = self._pieces.limits @ limit
-        right = np.vstack(
-            [balance + self._rows.T @ direct, -self._pieces.C.T @ (self._yield @ direct + rate)]
-        )
-        z = self._one_sided(right) if self._pieces.weak.any() else self._linear(right)
+        lam = self.force[: len(p.w)]
+        right, direct = self._right(change), self._pieces.limits @ limit
+        noise = np.zeros(right.shape)
+        if sizes is not None:
+            noise = _NOISE * self._right(self._columns(dict(sizes)), sizes=True)
+            right = self._agreeing(right, noise)
+        z = self._one_sided(right, noise) if self._pieces.weak.any() else self._linear(right)
         n = len(p.c)
         v, f = z[:n].copy(), self._pieces.B @ z[n:] + direct
         v[self._loose_v], f[self._loose_f] = np.nan, np.nan
         return Change(v, f[: len(lam)], f[len(lam) :])
+
+    def _right(self, change: dict[str, Array], sizes: bool = False) -> Array:
+        """Right-hand side of the linearised laws, or the sizes of its terms."""
+        p, q, side = self.problem, self._pieces, 1.0 if sizes else -1.0
+        parts = (self.v, self.force, self._rows, self._yield, q.C, q.limits)
+        v, f, rows, own, C, limits = (np.abs(part) for part in parts) if sizes else parts
+        lam, tau, d = f[: len(p.w)], f[len(p.w) :], p.R.shape[1]
+        balance = change["c"] + side * np.einsum("ijm,j->im", change["H"], v)
+        balance += np.einsum("rim,r->im", change["W"], lam) + np.einsum("rim,r->im", change["S"], tau)
+        soft = np.einsum("kijm,kj->kim", change["R"], lam.reshape(-1, d))
+        soft = soft.reshape(len(lam), change["c"].shape[1])
+        rate = np.vstack(
+            [
+                change["w"] + np.einsum("rim,i->rm", change["W"], v) + soft,
+                change["w_s"] + np.einsum("rim,i->rm", change["S"], v) + change["R_s"] * tau[:, None],
+            ]
+        )
+        direct = limits @ np.vstack([change["mu"], change["F"]])
+        return np.vstack([balance + rows.T @ direct, side * (C.T @ (own @ direct + rate))])
+
+    def _agreeing(self, right: Array, noise: Array) -> Array:
+        """`right` less what redundant equations disagree by, where that is no more than noise."""
+        keep = np.concatenate([np.ones(len(self.v), bool), self._pieces.free])
+        unit = self._unit[keep, None]
+        left, size, _ = np.linalg.svd(self._matrix[keep] * unit * self._unit)
+        spare = left[:, int(np.sum(size > _SINGULAR * size.max(initial=0.0))) :]
+        apart = spare.T @ (unit * right[keep])
+        apart[np.abs(apart) > np.abs(spare.T) @ (unit * noise[keep])] = 0.0
+        right = right.copy()
+        right[keep] -= spare @ apart / unit
+        return right
 
     def gradient(
         self,
@@ -215,7 +240,23 @@ class Sensitivity:
         z[:, left_over > _AGREES * np.linalg.norm(unit * right, axis=0)] = np.nan
         return z
 
-    def _one_sided(self, right: Array) -> Array:
+    def _released(self, right: Array, noise: Array) -> Array:
+        """Solutions in which what is one-sided does not act; NaN in columns where it must, noise aside."""
+        q, n = self._pieces, len(self.problem.c)
+        keep = np.concatenate([np.arange(n), n + np.flatnonzero(q.free)])
+        rows = n + np.setdiff1d(np.flatnonzero(~q.free), [i for _, own in q.cones for i in own[1:]])
+        inverse, _ = self._inverse(keep)
+        z, unit = np.zeros(right.shape), self._unit[keep, None]
+        z[keep] = unit * (inverse @ (unit * right[keep]))
+        z[keep] += unit * (inverse @ (unit * (right - self._matrix @ z)[keep]))
+        left_over = np.linalg.norm(unit * (right - self._matrix @ z)[keep], axis=0)
+        agrees = left_over <= _AGREES * np.linalg.norm(unit * right[keep], axis=0)
+        terms = np.abs(self._matrix[rows]) @ np.abs(z) + np.abs(right[rows])
+        opens = (self._matrix[rows] @ z - right[rows] >= -_ROUNDING * terms - noise[rows]).all(axis=0)
+        z[:, ~(agrees & opens)] = np.nan
+        return z
+
+    def _one_sided(self, right: Array, noise: Array) -> Array:
         """One contact problem per direction."""
         q, n = self._pieces, len(self.problem.c)
         cones = [n + columns for _, columns in q.cones]
@@ -223,8 +264,10 @@ class Sensitivity:
         others = np.setdiff1d(np.arange(len(self._unit)), first)
         order = np.concatenate([first, others])
         free = np.concatenate([np.ones(n, bool), q.free])[others]
-        z = np.full(right.shape, np.nan)
+        z = self._released(right, noise)
         for j, column in enumerate(right.T):
+            if not np.isnan(z[:, j]).any():
+                continue
             found = solve(
                 Problem(
                     self._matrix[np.ix_(order, order)],
@@ -240,26 +283,20 @@ class Sensitivity:
         return z
 
 
-def _best_units(matrix: Array, n: int) -> Array:
-    """Units of the unknowns, (v, x), by inertia or by compliance: those that keep the matrix farther from
-    singular, which it is only if it is in any."""
-    inertia, own = np.abs(np.diag(matrix)[:n]), np.abs(np.diag(matrix)[n:])
-    lever = np.abs(matrix[:n, n:])
-    inert = (lever**2 / inertia[:, None]).sum(axis=0)
-    rigid = inert + own
-    by_inertia = np.concatenate([inertia, np.where(rigid > 0.0, rigid, 1.0)]) ** -0.5
-    x_unit = np.where(own > 0.0, own, np.where(inert > 0.0, inert, 1.0)) ** -0.5
-    speed = np.maximum(np.sqrt(inertia), (lever * x_unit).max(axis=1, initial=0.0))
-    by_compliance = np.concatenate([1.0 / speed, x_unit])
-    away = []
-    for unit in (by_inertia, by_compliance):
-        size = np.linalg.svd(matrix * unit[:, None] * unit, compute_uv=False)
-        away.append(float(size[-1] / size[0]) if len(size) else 1.0)
-    return by_inertia if away[0] >= away[1] else by_compliance
+def _units(matrix: Array) -> Array:
+    """Units of the unknowns in which the largest entry of every row is about one (Ruiz, RAL-TR-2001-034): a
+    matrix that is singular in these is so whatever the masses and stiffnesses."""
+    unit, size = np.ones(len(matrix)), np.abs(matrix)
+    for _ in range(_ROUNDS):
+        largest = (size * unit[:, None] * unit).max(axis=1, initial=0.0)
+        unit /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
+    return unit
 
 
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
     """Sensitivity at what `solve(problem)` found. Raises ValueError unless it is solved."""
+    if not isinstance(problem, ContactProblem) or not isinstance(solution, ContactSolution):
+        raise ValueError("problem, solution: must be a ContactProblem and what `solve` gives for it")
     if solution.status != Status.SOLVED:
         raise ValueError(f"solution: is {solution.status}, and has no derivative")
     return Sensitivity(problem, solution.v, solution.r, solution.z, active)

@@ -1,8 +1,9 @@
 """All solutions of a problem with few contacts, and what motions they allow.
 
-Branch and bound over contact modes, as in `solvers.branching`, but to the end: a mode is excluded by a Farkas
-vector or divided, and one that divides no further is measured. All linear programs are solved by HiGHS,
-through scipy; what they say counts only if `pieces` and `farkas`, which know no solver, agree.
+Branch and bound over contact modes, as in `solvers.branching`, to the end: a mode is held by a piece known
+before, excluded by a Farkas vector or divided, and one that divides no further is measured. All linear
+programs are solved by HiGHS, through scipy; what they say counts only if `pieces`, `farkas` and `monotone`,
+which know no solver, agree.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from rungwise.contact.farkas import Mode, excludes, hull
 from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.monotone import Demands, demands, is_monotone, widest
 from rungwise.contact.pieces import (
     Kind,
     Piece,
@@ -28,6 +30,8 @@ from rungwise.contact.pieces import (
     same,
 )
 from rungwise.contact.problem import ContactProblem
+from rungwise.contact.solution import Status
+from rungwise.contact.solve import solve
 from rungwise.contact.solvers import branching
 from rungwise.contact.system import System, scaled
 
@@ -40,31 +44,39 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
     """All solutions, one piece for each contact mode that has any, and what they amount to (`Kind`).
 
     For problems whose laws are polyhedral: frictionless, or planar (LCPs and boxes too). Work grows with the
-    modes, 4 for each contact, of which most are excluded early, but few where contacts are redundant, as in
-    stacks; after `nodes` modes the rest is undecided. `pieces.check` verifies the answer, without solver.
+    modes, 4 for each contact, of which most are excluded early, or held at once by the piece of a solution
+    known before (`monotone`): a stack under its weight takes one mode, one that is pulled a few hundred.
+    After `nodes` modes the rest is undecided. `pieces.check` verifies the answer, without solver.
 
     Raises ValueError for friction in space.
     """
-    if isinstance(problem, ContactProblem):
-        problem = Problem.of_step(problem)
+    assembled = problem
+    problem = Problem.of(problem)
     if problem.directions > 2 and (problem.mu > 0.0).any():
         raise ValueError("problem: all solutions are found in the plane; with friction, directions must be 2")
-    if nodes < 1:
+    if not isinstance(nodes, int | np.integer) or nodes < 1:
         raise ValueError(f"nodes: must be at least 1, not {nodes!r}")
     system = scaled(problem)
     motion, _ = motion_map(problem, system)
     waiting, done = [hull(system)], 0
-    leaves: list[Piece] = []
+    known = _known(assembled, system, motion)
+    leaves: list[Piece] = [] if known is None else [known]
+    holding = None if known is None else _Holding(system, known)
     undecided: list[Mode] = []
     excluded: list[tuple[Mode, Array]] = []
+    held: list[tuple[Mode, Array]] = []
     while waiting and done < nodes:
         done += 1
         mode = waiting.pop()
+        point, law = (None, None) if holding is None else holding.point(mode)
+        if point is not None:
+            held.append((mode, point))
+            continue
         p, x = branching.separate(system, mode) if system.size else (None, None)
         if p is not None and excludes(system, mode, p):
             excluded.append((mode, p))
             continue
-        parts = branching.divide(system, mode, np.zeros(system.size) if x is None else x)
+        parts = branching.divide(system, mode, np.zeros(system.size) if x is None else x, law)
         waiting += parts
         if not parts:
             piece = _measure(system, motion, mode)
@@ -76,7 +88,61 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
     kind = classify(motion, leaves, len(undecided))
     pieces, covered = _merge(system, leaves)
     proof = branching.proof(system, excluded) if kind == Kind.NONE else None
-    return Solutions(problem, kind, pieces, covered, tuple(excluded), proof, tuple(undecided), done)
+    return Solutions(
+        problem, kind, pieces, covered, tuple(excluded), tuple(held), proof, tuple(undecided), done
+    )
+
+
+def _known(problem: Problem | ContactProblem, system: System, motion: Array) -> Piece | None:
+    """The piece of one solution, in its widest mode, if it has one motion and the system is monotone."""
+    if not is_monotone(system, motion):
+        return None
+    solved = solve(problem)
+    if solved.status != Status.SOLVED:
+        return None
+    mode = widest(system, solved.x[system.kept] / system.force)
+    piece = _measure(system, motion, mode)
+    return piece if piece and not piece.motions and widest(system, piece.point) == mode else None
+
+
+class _Holding:
+    """Points of a piece that prove that it holds all solutions of a mode."""
+
+    def __init__(self, system: System, piece: Piece) -> None:
+        self.system, self.piece, self.shape = system, piece, polyhedron(system, piece.mode)
+        self._seen: dict[Demands, tuple[Array | None, int | None]] = {}
+
+    def point(self, mode: Mode) -> tuple[Array | None, int | None]:
+        """Such a point; else the contact that stands most in its way, if it is a matter of forces."""
+        needed = demands(self.system, self.piece.point, self.piece.mode, mode)
+        if needed is None:
+            return None, None
+        if needed not in self._seen:
+            self._seen[needed] = self._nearest(needed)
+        return self._seen[needed]
+
+    def _nearest(self, needed: Demands) -> tuple[Array | None, int | None]:
+        """The point of the piece that misses the demands by the least sum, if it does not; else where it
+        misses them most."""
+        size, shape = self.system.size, self.shape
+        over, under = (*needed.zero, *needed.negative), (*needed.zero, *needed.positive)
+        # x_i - a <= 0 and x_i + a >= 0 with a >= 0 of least sum.
+        rows = np.zeros((len(over) + len(under), 2 * size))
+        for r, (i, side) in enumerate([*((i, -1.0) for i in over), *((i, 1.0) for i in under)]):
+            rows[r, i], rows[r, size + i] = side, 1.0
+        found = _program(
+            np.concatenate([np.zeros(size), np.ones(size)]),
+            np.hstack([shape.E, np.zeros(shape.E.shape)]), shape.e,
+            np.vstack([np.hstack([shape.G, np.zeros(shape.G.shape)]), rows]),
+            np.concatenate([shape.g, np.zeros(len(rows))]),
+            [(None, None)] * size + [(0.0, None)] * size,
+        )  # fmt: skip
+        if not found.success:
+            return None, None
+        point = np.asarray(found.x[:size])
+        if needed.met(point):
+            return point, None
+        return None, int(np.argmax(found.x[size:])) // self.system.directions
 
 
 def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> Array:
@@ -87,12 +153,16 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
 
     Raises ValueError where modes are undecided, there is no solution, or an object names no velocity.
     """
+    if not isinstance(found, Solutions):
+        raise ValueError(f"found: must be what `solutions` gives, not {type(found).__name__}")
     if found.undecided or not found.pieces:
         raise ValueError(f"found: the solutions are {found.kind}, and have no motion to bound")
     system = scaled(found.problem)
     motion, offset = motion_map(found.problem, system)
+    if not isinstance(objects, Sequence) or not all(isinstance(one, Sequence) for one in objects):
+        raise ValueError("objects: must be a list of the velocities of each object, such as [[0, 1, 2]]")
     for i in (i for coordinates in objects for i in coordinates):
-        if not 0 <= i < len(offset):
+        if not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
             raise ValueError(f"objects: velocity {i!r} is not one of 0 to {len(offset) - 1}")
     shapes = [polyhedron(system, piece.mode) for piece in found.pieces]
     unit = np.abs(motion).max(axis=1, initial=0.0)

@@ -51,9 +51,8 @@ def solve(
     Raises ValueError naming what is wrong with the arguments.
     """
     assembled = problem if isinstance(problem, ContactProblem) else None
-    if isinstance(problem, ContactProblem):
-        problem = Problem.of_step(problem)
-    if not 0.0 < tol < 1.0:
+    problem = Problem.of(problem)
+    if isinstance(tol, str) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
     system = scaled(problem)

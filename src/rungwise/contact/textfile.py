@@ -93,6 +93,13 @@ class _Words:
         except ValueError:
             raise ValueError(f"file: {' '.join(words)[:60]!r} stands where whole numbers are due") from None
 
+    def sizes(self, count: int) -> list[int]:
+        """Whole numbers that are not negative."""
+        found = self.integers(count)
+        if min(found) < 0:
+            raise ValueError(f"file: {min(found)} stands where a size is due")
+        return found
+
     def floats(self, count: int) -> Array:
         words = [self.word() for _ in range(count)]
         try:
@@ -108,10 +115,10 @@ class _Words:
 
 
 def _matrix(words: _Words) -> Matrix:
-    storage, rows, columns = words.integers(3)
+    storage, rows, columns = words.sizes(3)
     match storage:
         case 0:
-            rows, columns = words.integers(2)
+            rows, columns = words.sizes(2)
             return words.floats(rows * columns).reshape(columns, rows).T
         case 1:
             return _block_rows(words, (rows, columns))
@@ -130,9 +137,14 @@ def _block_rows(words: _Words, shape: tuple[int, int]) -> sp.csr_array:
         for k in range(start[i], start[i + 1]):
             j = column[k]
             height, width = row_end[i + 1] - row_end[i], column_end[j + 1] - column_end[j]
+            if min(height, width) < 0:
+                raise ValueError("file: the ends of blocks must grow")
             words.integers(1)
             block = words.floats(height * width).reshape(width, height).T
-            made[row_end[i] : row_end[i + 1], column_end[j] : column_end[j + 1]] = block
+            place = slice(row_end[i], row_end[i + 1]), slice(column_end[j], column_end[j + 1])
+            if made[place].shape != block.shape:
+                raise ValueError(f"file: a block of shape {block.shape} is not inside the matrix")
+            made[place] = block
     return sp.csr_array(made)
 
 

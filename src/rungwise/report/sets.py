@@ -129,7 +129,7 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
         Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
     ]
     drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
-    return _write(drawing, Path(file))
+    return write_figure(drawing, Path(file))
 
 
 def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Label]:
@@ -171,7 +171,8 @@ def _fixed(found: FeasibleSet, part: float) -> str:
     return "".join(f", {value}" for value in values)
 
 
-def _write(drawing: Figure, file: Path) -> Path:
+def write_figure(drawing: Figure, file: Path) -> Path:
+    """Save a drawing, whole or not. Raises OSError."""
     file.parent.mkdir(parents=True, exist_ok=True)
     mark = file.with_name(f".{uuid.uuid4().hex[:8]}{file.suffix}")
     try:

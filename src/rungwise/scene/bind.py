@@ -117,7 +117,7 @@ def _derive(
             return fault, b
         _centre_frame(bodies[b], shapes, vertices)
     for i in range(coordinates.shape[0]):
-        value = coordinates[i].start + _origin(bodies[coordinates[i].body], i)
+        value = coordinates[i].start + origin(bodies[coordinates[i].body], i)
         if not coordinates[i].lower <= value <= coordinates[i].upper:
             return OUT_OF_TRAVEL, i
         if coordinates[i].drive == SERVO:
@@ -126,7 +126,7 @@ def _derive(
 
 
 @kernel
-def _origin(body: Record, i: int) -> float:
+def origin(body: Record, i: int) -> float:
     """Value of the body's coordinate i at its pose: 0 but for free bodies."""
     if body.motion != FREE:
         return 0.0

@@ -38,6 +38,7 @@ def dataset(found: FeasibleSet) -> xarray.Dataset:
                 {"labels": [str(x) for x in Label]},
             ),
             "margin": (("vertices",), tree.vertices.margins),
+            "borrowed": (("vertices",), tree.vertices.borrowed.astype(np.int8)),
             "leaf": (("leaves", "axis"), np.concatenate(tree.leaves)),
             "level": (("leaves",), levels.astype(np.int8)),
             "crossing": (("crossings", "axis"), low + starts * unit),
@@ -49,6 +50,7 @@ def dataset(found: FeasibleSet) -> xarray.Dataset:
         coords={"axis": np.array(found.over, dtype=object)},
         attrs={
             "request": json.dumps(found.request),
+            "scene_file": found.scene.file.model_dump_json(),
             "evaluations": found.evaluations,
             "probes": found.probes,
             "hits": found.hits,
@@ -67,6 +69,7 @@ def read(
     keys = tree.vertices.key(np.rint((data.vertex.values - box[:, 0]) / unit).astype(np.int64))
     tree.vertices.keys, tree.vertices.labels = keys, data.label.values.astype(np.int64)
     tree.vertices.margins, tree.spent = data.margin.values, not data.attrs["complete"]
+    tree.vertices.borrowed = data.borrowed.values.astype(bool)
     levels = data.level.values
     tree.leaves = [data.leaf.values[levels == level] for level in range(tree.finest + 1)]
     edge_levels = data.edge_level.values

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -11,10 +12,34 @@ from rungwise.sets.labels import labels
 from rungwise.sets.motions import Motions
 from rungwise.sets.store import Log
 from rungwise.sets.tree import BudgetSpent
-from rungwise.simulation.batch import Results
 
 KEPT = 4096
 """Runs of a batch that is kept whole."""
+Answer = tuple[int, Ints, Reals]
+"""Number of a batch, outcomes and margins of its runs."""
+
+
+class Runner(Protocol):
+    """Whoever runs batches."""
+
+    def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
+        """Run batches of points (m, d); each answer as soon as it is known, in any order.
+
+        `on_progress` is called with the number of runs done beyond the answers given.
+        """
+        ...
+
+
+class InProcess:
+    """The threads of this process, one batch after the other."""
+
+    def __init__(self, batch: Motions) -> None:
+        self._batch = batch
+
+    def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
+        for number, points in enumerate(batches):
+            found = self._batch.run(points, on_progress=on_progress)
+            yield number, found.outcome, found.margin
 
 
 class Asker:
@@ -22,15 +47,16 @@ class Asker:
 
     def __init__(
         self,
-        batch: Motions,
+        runner: Runner,
         box: Reals,
         finest: int,
         budget: int,
         log: Log | None,
         on_progress: Callable[[str, int, int], None] | None,
     ) -> None:
-        self._batch, self._log, self._budget, self._report = batch, log, budget, on_progress
+        self._runner, self._log, self._budget, self._report = runner, log, budget, on_progress
         self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
+        self._batches = 0
         self.count = 0
         self.task = ""
 
@@ -38,22 +64,32 @@ class Asker:
         if self.count + len(places) > self._budget:
             raise BudgetSpent
         points = self._low + places * self._unit
-        outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
+        batches = [points[at : at + KEPT] for at in range(0, len(points), KEPT)]
+        answers = self._known(batches)
+        missing = [number for number in range(len(batches)) if number not in answers]
         target = self.count + len(points)
-        for at in range(0, len(points), KEPT):
-            part = slice(at, at + KEPT)
-            outcomes[part], margins[part] = self._ask(points[part], target)
-            self.count += len(points[part])
+        self.count += sum(len(batches[number]) for number in answers)
+        for k, outcome, margin in self._runner.answers(
+            [batches[number] for number in missing], lambda done: self._tell(done, target)
+        ):
+            number = missing[k]
+            answers[number] = outcome, margin
+            if self._log is not None:
+                self._log.write(self._batches + number, batches[number], outcome, margin)
+            self.count += len(batches[number])
+        self._batches += len(batches)
+        outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
+        for number, (outcome, margin) in answers.items():
+            part = slice(number * KEPT, (number + 1) * KEPT)
+            outcomes[part], margins[part] = outcome, margin
         return labels(outcomes), margins
 
-    def _ask(self, points: Reals, target: int) -> tuple[Ints, Reals]:
-        kept = None if self._log is None else self._log.read(points)
-        if kept is not None:
-            return kept
-        found: Results = self._batch.run(points, on_progress=lambda done: self._tell(done, target))
-        if self._log is not None:
-            self._log.write(points, found.outcome, found.margin)
-        return found.outcome, found.margin
+    def _known(self, batches: Sequence[Reals]) -> dict[int, tuple[Ints, Reals]]:
+        """Answers that are kept."""
+        if self._log is None:
+            return {}
+        found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}
+        return {k: answer for k, answer in found.items() if answer is not None}
 
     def _tell(self, done: int, target: int) -> None:
         if self._report is not None:

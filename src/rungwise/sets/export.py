@@ -20,18 +20,20 @@ MESHES = (".obj", ".stl")
 def to_csv(found: FeasibleSet, file: str | Path) -> Path:
     """Every run that made the set, and every place where the boundary was located, one to a row.
 
-    Columns: the parameters; `kind`, run or boundary; `label`, of the run, or below the boundary along the
-    axis that it was located on; `beyond`, above it; `margin` of the run. Raises OSError.
+    Columns: the parameters; `kind`: run, borrowed (from another rung) or boundary; `label`, of the run, or
+    below the boundary along the axis that it was located on; `beyond`, above it; `margin` of the run. Raises
+    OSError.
     """
     names = np.array([str(label) for label in Label])
     data, vertices = found.data, found.tree.vertices
     text = io.StringIO(newline="")
     table = csv.writer(text)
     table.writerow([*found.over, "kind", "label", "beyond", "margin"])
-    for point, label, margin in zip(
-        data.vertex.values.tolist(), names[vertices.labels], vertices.margins.tolist(), strict=True
+    kinds = np.where(vertices.borrowed, "borrowed", "run")
+    for point, kind, label, margin in zip(
+        data.vertex.values.tolist(), kinds, names[vertices.labels], vertices.margins.tolist(), strict=True
     ):
-        table.writerow([*point, "run", label, "", margin])
+        table.writerow([*point, kind, label, "", margin])
     at = 0
     for level, (keys, _) in found.crossings.items():
         low, high = (names[vertices.labels[i]] for i in ends_of(found.tree, level, keys))

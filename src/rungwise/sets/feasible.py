@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +20,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
 from rungwise.sets import arrays, store
 from rungwise.sets.asker import Asker
+from rungwise.sets.cluster import runner
 from rungwise.sets.crossings import planes, solve
 from rungwise.sets.labels import Label, labels
 from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
@@ -112,14 +115,14 @@ class FeasibleSet:
 
     def witness(self, point: Reals) -> dict[str, float] | None:
         """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
-        holds the point, or none. `replay` runs it."""
+        holds the point, or none; one whose label is borrowed is none. `replay` runs it."""
         place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self.unit
         levels, index = self.tree.locate(place)
         level = int(levels[0])
         origin = self.tree.leaves[level][index[0]]
         corners = origin + self.tree.size(level) * self.tree.corners
         at, _ = self.tree.vertices.find(self.tree.vertices.key(corners))
-        good = self.tree.vertices.labels[at] == Label.FEASIBLE
+        good = (self.tree.vertices.labels[at] == Label.FEASIBLE) & ~self.tree.vertices.borrowed[at]
         if not good.any():
             return None
         distance = np.where(good, np.linalg.norm(corners - place, axis=1), math.inf)
@@ -218,11 +221,13 @@ def feasible_set(
     box: Mapping[str, tuple[float, float]] | None = None,
     parameters: Mapping[str, float] | None = None,
     solutions: str = SLOWEST,
+    near: FeasibleSet | None = None,
     accuracy: float | None = None,
     probes: int | None = None,
     budget: int = BUDGET,
     seed: int = 0,
     threads: int | None = None,
+    cluster: str | None = None,
     out: str | Path | None = None,
     resume: bool = False,
     on_progress: Callable[[str, int, int], None] | None = None,
@@ -241,10 +246,13 @@ def feasible_set(
         parameters: values of the other parameters.
         solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
             one of those tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
+        near: another rung's set over the same box: the boundary is looked for where that one has it, and
+            followed from there. Elsewhere its labels stand, until a probe finds another one.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.
         threads: as many as there are cores if not given. The set does not depend on it.
+        cluster: address of a dask scheduler whose workers run instead of threads; nor does it depend on this.
         out: folder where every finished batch is kept, and the set in the end.
         resume: go on from the batches kept in `out`.
         on_progress: called with what is done, runs so far, and runs asked for so far.
@@ -280,11 +288,14 @@ def feasible_set(
     target = max(1, math.ceil(math.log2(1.0 / (CELL * tol)) - 1e-9))
     probes = (1 << min(FIRST_LEVEL[axes], target)) ** axes if probes is None else probes
     request |= {"box": intervals.tolist(), "probes": probes, "target": target}
+    if near is not None:
+        request["near"] = _neighbour(near, request)
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
-    asker = Asker(batch, intervals, tree.finest, budget, log, on_progress)
-    made, hits = _grow(tree, asker, probes, np.random.default_rng(seed))
-    crossings = _cross(tree, asker)
+    with runner(batch, cluster, loaded, request) as runs:
+        asker = Asker(runs, intervals, tree.finest, budget, log, on_progress)
+        made, hits = _grow(tree, asker, near, probes, np.random.default_rng(seed))
+        crossings = _cross(tree, asker)
     result = FeasibleSet(
         scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree,
         crossings=crossings, evaluations=asker.count, probes=made, hits=hits, request=request,
@@ -294,16 +305,14 @@ def feasible_set(
     return result
 
 
-def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
-    """A finished set from the folder that it was saved in; `scene` if it is none that ships.
-
-    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
-    """
+def load_set(folder: str | Path) -> FeasibleSet:
+    """A finished set from the folder that it was saved in. Raises FileNotFoundError when that holds none,
+    SetError for a set of states, SceneError when this version does not read its scene."""
     data = store.load(folder)
     request = store.attributes(data)
-    loaded = load(request["scene"]) if scene is None else scene
-    if digest(loaded) != request["digest"]:
-        raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
+    if "tol" not in request:
+        raise SetError(f"{folder} holds a set of states; read it with load_doomed_set")
+    loaded = load(json.loads(data.attrs["scene_file"]))
     target = request["target"]
     tree, crossings = arrays.read(data, len(request["over"]), target, target + DEEPER)
     model = moving_rung(request["model"])
@@ -315,10 +324,23 @@ def load_set(folder: str | Path, scene: Scene | None = None) -> FeasibleSet:
     )  # fmt: skip
 
 
-def _grow(tree: Tree, asker: Asker, probes: int, generator: np.random.Generator) -> tuple[int, int]:
+def _neighbour(near: FeasibleSet, request: Mapping[str, Any]) -> str:
+    """What identifies the set whose boundary is near. Raises SetError when it is over another box."""
+    for field_ in ("over", "box", "tol"):
+        if near.request[field_] != request[field_]:
+            raise SetError(f"near: its {field_} must be the same, not {near.request[field_]}")
+    return sha256(json.dumps(near.request, sort_keys=True).encode()).hexdigest()
+
+
+def _grow(
+    tree: Tree, asker: Asker, near: FeasibleSet | None, probes: int, generator: np.random.Generator
+) -> tuple[int, int]:
     """Refine, then probe leaves that look uniform until a round finds nothing new; its probes and hits."""
     asker.task = "cells"
-    tree.grow(asker)
+    if near is None:
+        tree.grow(asker)
+    else:
+        tree.grow_around(near.tree, asker)
     made = hits = 0
     for _ in range(PROBE_ROUNDS if probes else 0):
         asker.task = "probes"

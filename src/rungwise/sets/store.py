@@ -7,13 +7,16 @@ ends. Files appear under their names whole or not at all.
 
 from __future__ import annotations
 
+import io
 import json
 import os
+import re
 import shutil
 import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -45,33 +48,46 @@ class Log:
             if known.read_text("utf-8") != text:
                 raise SetError(f"resume: {folder} holds another request; see {REQUEST} in it")
         self.folder.mkdir(parents=True, exist_ok=True)
+        _sweep(folder)
+        _sweep(self.folder)
         if not known.is_file():
             write(known, text.encode())
-        self._next = 0
 
-    def read(self, points: Reals) -> tuple[Ints, Reals] | None:
-        """Outcomes and margins of the next batch if it is kept. Raises SetError if that has other points."""
-        file = self._file()
+    def read(self, number: int, points: Reals) -> tuple[Ints, Reals] | None:
+        """Outcomes and margins of a batch if it is kept whole. Raises SetError if that has other points."""
+        file = self._file(number)
         if not file.is_file():
             return None
-        with np.load(file) as kept:
-            if not np.array_equal(kept["points"], points):
-                raise SetError(f"resume: {file.name} in {self.folder} is of another request")
-            self._next += 1
-            return kept["outcome"], kept["margin"]
+        try:
+            with np.load(io.BytesIO(file.read_bytes())) as kept:
+                asked, outcome, margin = kept["points"], kept["outcome"], kept["margin"]
+        except (ValueError, EOFError, KeyError, BadZipFile):
+            return None  # the machine stopped before all of it was on the disk
+        if not np.array_equal(asked, points):
+            raise SetError(f"resume: {file.name} in {self.folder} is of another request")
+        return outcome, margin
 
-    def write(self, points: Reals, outcome: Ints, margin: Reals) -> None:
+    def write(self, number: int, points: Reals, outcome: Ints, margin: Reals) -> None:
         """Keep a batch."""
         mark = self.folder / f".{uuid.uuid4().hex[:8]}.npz"
         try:
             np.savez(mark, points=points, outcome=outcome, margin=margin)
-            os.replace(mark, self._file())
+            os.replace(mark, self._file(number))
         finally:
             mark.unlink(missing_ok=True)
-        self._next += 1
 
-    def _file(self) -> Path:
-        return self.folder / f"{self._next:06d}.npz"
+    def _file(self, number: int) -> Path:
+        return self.folder / f"{number:06d}.npz"
+
+
+_DRAFT = re.compile(r"\.[0-9a-f]{8}(\.npz|\.zarr|\.old)?")
+
+
+def _sweep(folder: Path) -> None:
+    """Remove what was being written when a process was killed."""
+    for path in folder.iterdir():
+        if _DRAFT.fullmatch(path.name):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def write(target: Path, content: bytes) -> Path:

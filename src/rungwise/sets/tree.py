@@ -4,6 +4,10 @@ Places are integers: a box has 2^finest units along each axis, a cell of level l
 Every cell has labels at its corners; one whose corners differ is split until it is of the target level. A
 cell whose corners agree is split, too, where a finer neighbour shows another label on its surface, where a
 probe inside it has another label, and, on the coarse levels, where margins would change sign within it.
+
+A tree may begin as another one, with labels that are only borrowed: the corners of its finest mixed cells are
+asked for, and so are those of every cell that is split or becomes mixed, until all that shows a boundary is
+known.
 """
 
 from __future__ import annotations
@@ -32,13 +36,14 @@ class BudgetSpent(Exception):
 
 @dataclass
 class Vertices:
-    """Labels and margins of the vertices known so far, sorted by key."""
+    """Labels and margins of the vertices known so far, sorted by key, and which of them are only borrowed."""
 
     axes: int
     finest: int
     keys: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     labels: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     margins: Reals = field(default_factory=lambda: np.zeros(0))
+    borrowed: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, bool))
 
     def key(self, places: Ints) -> Ints:
         """Keys (...,) of places (..., d)."""
@@ -56,16 +61,26 @@ class Vertices:
         return at, self.keys[at] == keys if len(self.keys) else np.zeros(keys.shape, bool)
 
     def learn(self, places: Ints, oracle: Oracle) -> Ints:
-        """Ask for the places (..., d) that are not known; returns the new keys."""
+        """Ask for the places (..., d) that are not known, or borrowed; returns their keys."""
         keys = np.unique(self.key(places))
-        new = keys[~self.find(keys)[1]]
-        if len(new):
-            labels, margins = oracle(self.places(new).astype(np.float64))
-            at = np.searchsorted(self.keys, new)
-            self.keys = np.insert(self.keys, at, new)
+        at, there = self.find(keys)
+        there[there] = ~self.borrowed[at[there]]
+        wanted = keys[~there]
+        if len(wanted):
+            labels, margins = oracle(self.places(wanted).astype(np.float64))
+            self._forget(wanted)
+            at = np.searchsorted(self.keys, wanted)
+            self.keys = np.insert(self.keys, at, wanted)
             self.labels = np.insert(self.labels, at, labels)
             self.margins = np.insert(self.margins, at, margins)
-        return new
+            self.borrowed = np.insert(self.borrowed, at, False)
+        return wanted
+
+    def _forget(self, keys: Ints) -> None:
+        """Drop those of the keys that are there."""
+        kept = ~np.isin(self.keys, keys)
+        self.keys, self.labels = self.keys[kept], self.labels[kept]
+        self.margins, self.borrowed = self.margins[kept], self.borrowed[kept]
 
 
 @dataclass
@@ -123,6 +138,37 @@ class Tree:
         self.vertices.learn(origins[:, None, :] + self.size(first) * self.corners, oracle)
         self._refine(origins, first, oracle, first + MARGIN_LEVELS)
 
+    def grow_around(self, other: Tree, oracle: Oracle) -> None:
+        """Refine from the cells of another tree over the same box, down to the target level: where that one
+        is mixed, and where the boundary leads from there."""
+        self.leaves[: self.target] = other.leaves[: self.target]
+        fine = np.concatenate(other.leaves[self.target :])
+        side = self.size(self.target)
+        self._add(np.unique(fine // side * side, axis=0), self.target)
+        known = other.vertices
+        self.vertices = Vertices(
+            self.axes, self.finest, known.keys, known.labels, known.margins, np.ones(len(known.keys), bool)
+        )
+        self._settle(oracle)
+
+    def _settle(self, oracle: Oracle, cells: Ints | None = None) -> None:
+        """Ask for borrowed corners of the cells, and of mixed ones, of the target level, and mend, until
+        there are none."""
+        while not self.spent:
+            mixed = self.leaves[self.target]
+            mixed = mixed[self.is_mixed(mixed, self.target)]
+            if cells is not None:
+                mixed = np.concatenate([mixed, cells])
+            try:
+                asked = self.vertices.learn(mixed[:, None, :] + self.size(self.target) * self.corners, oracle)
+            except BudgetSpent:
+                self.spent = True
+                return
+            before = len(self.vertices.keys)
+            self._mend(oracle)
+            if not len(asked) and len(self.vertices.keys) == before:
+                return
+
     def split(self, level: int, chosen: NDArray[np.bool_], oracle: Oracle) -> None:
         """Split the chosen leaves of a level, and refine what comes of it."""
         children = self._children(self.leaves[level][chosen], level)
@@ -142,6 +188,9 @@ class Tree:
             chosen[index[levels == level]] = True
             if chosen.any():
                 self.split(level, chosen, oracle)
+        levels, index = self.locate(places)
+        cells = self.leaves[self.target][index[levels == self.target]]
+        self._settle(oracle, cells)
 
     def _children(self, origins: Ints, level: int) -> Ints:
         return np.asarray((origins[:, None, :] + self.size(level + 1) * self.corners).reshape(-1, self.axes))

@@ -39,7 +39,7 @@ BUDGET = 1_000_000
 @dataclass(frozen=True)
 class Results:
     """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
-    of steps, worst scaled residuals (all (m,)), and coordinates at the end (m, n).
+    of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
 
     The margin is positive where the goal was reached (by how much the run stayed clear of what is unsafe or
     doomed) and otherwise not (how near it came to the goal): it is continuous where it passes zero, if the
@@ -53,6 +53,7 @@ class Results:
     steps: Ints
     worst_residual: Reals
     final: Reals
+    speed: Reals
 
 
 class Batch:
@@ -61,6 +62,8 @@ class Batch:
     Args:
         scene, model: as for `Simulation`.
         over: names of the parameters that points give, in order.
+        starts: names of the coordinates ("part.x3") or speeds ("speed(part.x3)") whose value at the start
+            points give after those, in place of the scene's.
         parameters: values of others; the rest keep their defaults.
         step, tol, duration, theta, motion: as for `Simulation`; theta is 1/2 if not given (second order).
         threads: how many; as many as there are cores if not given. The results do not depend on it.
@@ -72,6 +75,7 @@ class Batch:
         model: Rung | str,
         over: Sequence[str],
         *,
+        starts: Sequence[str] = (),
         parameters: Mapping[str, float] | None = None,
         step: float | None = None,
         tol: float | None = 1e-3,
@@ -82,11 +86,14 @@ class Batch:
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
-        self.over = names_of(scene, over)
+        self.over = names_of(scene, over) if over or not starts else ()
+        self.starts = tuple(starts)
         self._preferred = preferences(scene, self.model, motion)
         template = scene.template
         self.parameters = scene.parameters(parameters)
-        self._columns = np.array([template.parameters.index(name) for name in self.over], np.int64)
+        columns = [template.parameters.index(name) for name in self.over]
+        columns += [len(template.parameters) + start_of(scene, name) for name in self.starts]
+        self._columns = np.array(columns, np.int64)
         programs, checks, timed, conditions = (
             template.numbers, template.checks, template.timed, template.conditions,
         )  # fmt: skip
@@ -116,16 +123,18 @@ class Batch:
     def run(
         self, points: Reals, *, chunk: int = CHUNK, on_progress: Callable[[int], None] | None = None
     ) -> Results:
-        """Run every point (m, k), values of `over`; the bytes do not depend on threads or `chunk`.
+        """Run every point (m, k), values of `over` and `starts`; the bytes do not depend on threads or
+        `chunk`.
 
         A point outside the ranges of the parameters, or one at which the scene is impossible, is `invalid`.
         `on_progress` is called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
         """
         points = np.ascontiguousarray(points, np.float64)
-        if points.ndim != 2 or points.shape[1] != len(self.over):
-            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
+        if points.ndim != 2 or points.shape[1] != len(self._columns):
+            raise ValueError(f"points: must have the shape (m, {len(self._columns)}), not {points.shape}")
         results = np.zeros(len(points), RESULT)
-        final = np.zeros((len(points), len(self.scene.template.coordinates)))
+        n = len(self.scene.template.coordinates)
+        final = np.zeros((len(points), 2 * n))
         signals = np.zeros(1, np.int64)
         spans = [slice(at, at + chunk) for at in range(0, len(points), chunk)]
         with ThreadPoolExecutor(self.threads) as pool:
@@ -146,7 +155,8 @@ class Batch:
         outcome[outside], margin[outside] = Code.INVALID, math.nan
         return Results(
             outcome=outcome, time=results["time"].copy(), margin=margin, steps=results["steps"].copy(),
-            worst_residual=results["worst_residual"].copy(), final=final,
+            worst_residual=results["worst_residual"].copy(), final=final[:, :n].copy(),
+            speed=final[:, n:].copy(),
         )  # fmt: skip
 
     def _chunk(self, points: Reals, signals: Ints, results: RecordArray, final: Reals) -> int:
@@ -162,7 +172,7 @@ class Batch:
 
     def _outside(self, points: Reals) -> NDArray[np.bool_]:
         outside = np.zeros(len(points), bool)
-        for column, name in zip(points.T, self.over, strict=True):
+        for column, name in zip(points.T, self.over, strict=False):
             declared = self.scene.file.parameters[name].range
             low, high = (-math.inf, math.inf) if declared is None else declared
             outside |= ~((column >= low) & (column <= high))
@@ -190,6 +200,17 @@ def names_of(scene: Scene, over: Sequence[str]) -> tuple[str, ...]:
     if not over:
         raise SceneError(f"over: needs at least one parameter; valid: {known}")
     return tuple(over)
+
+
+def start_of(scene: Scene, name: str) -> int:
+    """Index of a coordinate, or of its speed after all coordinates. Raises SceneError."""
+    known = scene.template.coordinates
+    inner = name[6:-1] if name.startswith("speed(") and name.endswith(")") else name
+    if inner not in known:
+        raise SceneError(
+            f"state: unknown coordinate {str(name)[:60]!r}; valid: {', '.join(known)}, and speed() of them"
+        )
+    return known.index(inner) + (len(known) if inner != name else 0)
 
 
 def _sizes(waiting: set[Future[int]]) -> Iterator[int]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,14 +22,16 @@ from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Held:
-    """Contacts by what touches, their gaps, whether they bounce; coordinates that do not move though driven;
-    eps and theta."""
+    """Contacts by what touches, their slots and gaps, whether they bounce; coordinates that do not move
+    though driven; eps and theta."""
 
     keys: tuple[tuple[int, int], ...]
+    slots: Ints
     gap: Array
     bounced: NDArray[np.bool_]
     stopped: NDArray[np.bool_]
@@ -37,11 +39,30 @@ class Held:
     theta: float
 
 
+@dataclass(frozen=True)
+class Start:
+    """The state before a step: q, v (n,), deformation (slots, d), and whose it is, if that is known."""
+
+    q: Array
+    v: Array
+    deformation: Array
+    time: float = 0.0
+    features: Ints | None = None
+
+    def moved(self, kind: str, by: Array) -> Start:
+        """The start with "q", "v" or "deformation" changed."""
+        old = getattr(self, kind)
+        return replace(self, **{kind: old + by.reshape(old.shape)})
+
+
 class Assembly:
-    """A scene at one set of parameters, ready to assemble steps of length h from any state."""
+    """A scene at one set of parameters, ready to assemble steps of length h from any state.
+
+    `begun` holds q, v (n,) with which the scene begins.
+    """
 
     def __init__(
-        self, scene: Scene, model: Rung | str, values: dict[str, float], h: float, theta: float, time: float
+        self, scene: Scene, model: Rung | str, values: dict[str, float], h: float, theta: float
     ) -> None:
         simulation = Simulation(scene, model, parameters=values, step=h, theta=theta, frames=3)
         if simulation.workspace is None:
@@ -49,16 +70,28 @@ class Assembly:
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state
         self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)
-        self.time = time
+        self.theta = theta
+        self.begun = self.state.q.copy(), self.state.v.copy()
 
-    def put(self, q: Array, v: Array, strain: Array | None) -> None:
+    def like(self, scene: Scene, model: Rung | str, values: dict[str, float]) -> Assembly:
+        """The same at other parameters."""
+        return Assembly(scene, model, values, self.h, self.theta)
+
+    def rest(self, q: Array, v: Array, time: float = 0.0) -> Start:
+        """A start without deformations."""
+        return Start(q, v, np.zeros_like(self.state.deformation), time)
+
+    def put(self, start: Start) -> None:
         """Place the bodies and look for contacts."""
         state, records = self.state, self.records
-        state.q[:], state.v[:], state.clock["time"] = q, v, self.time
+        state.q[:], state.v[:], state.clock["time"] = start.q, start.v, start.time
+        if start.features is not None:
+            state.features[:], state.deformation[:] = start.features, start.deformation
         place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
         look(records, self.workspace)
         state.modes[:], state.force[:] = 0, 0.0
-        state.deformation[:] = 0.0 if strain is None else strain
+        if start.features is None:
+            state.deformation[:] = start.deformation
 
     def set_speeds(self) -> float:
         """Speeds of prescribed coordinates; the length of the step that their travel allows."""
@@ -68,24 +101,24 @@ class Assembly:
         )
         return float(h)
 
-    def place(self, q: Array, v: Array, strain: Array | None, trial: Array | None) -> None:
+    def place(self, start: Start, trial: Array | None) -> None:
         """Loads at (q, v); bodies, rows and joints there, or where the trial speeds lead."""
-        self.put(q, v, strain)
+        self.put(start)
         self.set_speeds()
         state, r, terms, h = self.state, self.records, self.workspace.terms, self.h
         theta = float(self.rung[0]["theta"])
         if self.rung[0]["loads"]:
             planar.loads(
                 r.world, r.bodies, r.coordinates, r.potentials, r.terms, state.pose, state.q, state.v,
-                state.start, self.time, h, theta, state.passive, terms,
+                state.start, start.time, h, theta, state.passive, terms,
             )  # fmt: skip
         row, begun = self.workspace.scratch.row, self.workspace.scratch.measures
         joints.values(r.joints, r.measures, r.bodies, state.pose, state.q, row, begun)
         if trial is not None:
-            self.put(q + h * trial, v, strain)
+            self.put(start.moved("q", h * trial))
         if len(r.joints):
             joints.rows(
-                r.joints, r.measures, r.bodies, state.pose, state.q, begun, self.time + theta * h, h,
+                r.joints, r.measures, r.bodies, state.pose, state.q, begun, start.time + theta * h, h,
                 bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms, row,
             )  # fmt: skip
             if trial is not None:
@@ -124,26 +157,24 @@ class Assembly:
                 bounced[:] = False
         driven = self.records.coordinates["drive"] == SPEED
         return Held(
-            self._keys(count), terms.gap[:count].copy(), bounced, driven & (state.speed == 0.0), eps,
-            float(clock["theta"]),
+            self._keys(count), self.workspace.scratch.slots[:count].copy(), terms.gap[:count].copy(), bounced,
+            driven & (state.speed == 0.0), eps, float(clock["theta"]),
         )  # fmt: skip
 
     def data(
         self,
         held: Held,
-        q: Array,
-        v: Array,
-        strain: Array | None,
+        start: Start,
         trial: Array | None,
         faster: Array | None = None,
     ) -> dict[str, Array]:
-        """Data of the problem from (q, v), contacts in the order held, with `gap`, and `speed` (n,) of the
-        prescribed coordinates. The gaps in the data are those held.
+        """Data of the problem from `start`, contacts in the order held, with their `gap`, `stiffness` and
+        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are those held.
 
         Raises ModelError when other points touch than those held.
         """
         state, terms, clock = self.state, self.workspace.terms, self.state.clock
-        self.place(q, v, strain, trial)
+        self.place(start, trial)
         state.speed[held.stopped] = 0.0
         if faster is not None:
             state.speed[:] += faster
@@ -165,7 +196,13 @@ class Assembly:
         terms.restitution[:k][~held.bounced] = 0.0
         problem, _ = self._assembled(k, int(clock[0]["free"]), held.eps, held.theta, bool(held.bounced.any()))
         made: dict[str, Array] = {name: getattr(problem, name) for name in DATA}
-        return {**made, "gap": gap, "speed": state.speed.copy()}
+        return {
+            **made,
+            "gap": gap,
+            "speed": state.speed.copy(),
+            "stiffness": terms.contact_stiffness[:k].copy(),
+            "damping": terms.contact_damping[:k].copy(),
+        }
 
     def _assembled(
         self, count: int, n: int, eps: float, theta: float, bounce: bool

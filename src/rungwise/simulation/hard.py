@@ -27,10 +27,10 @@ class HardSteps:
     """Files of a run's hard steps in `folder`.
 
     Hard is a step without solution, also one that is then halved, and one that took more than the warm guess
-    and the proximal iteration: pivoting, or every mode. `count` is the number of them, `files` are those
-    written: the first `FIRST`, the last `LAST`, and the problem that the run ended with, if it did for want
-    of a solution. That of an unsupported one is without the inertia that stands for the limit of none; one
-    with numbers that are not finite is only counted.
+    and the proximal iteration: pivoting, or every mode. `count` is the number of them, one tried twice
+    counting once, and `files` are those written: the first `FIRST`, the last `LAST`, and the problem that the
+    run ended with, if it did for want of a solution. That of an unsupported one is without the inertia that
+    stands for the limit of none; one with numbers that are not finite is only counted.
 
     Raises ValueError for a folder that holds HDF5 files or cannot be written, or if h5py is missing.
     """
@@ -40,6 +40,7 @@ class HardSteps:
         self.count = 0
         self.files: list[Path] = []
         self._waiting: deque[Note] = deque(maxlen=LAST)
+        self._last: ContactProblem | None = None
         h5py_library("save_hard")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -55,6 +56,9 @@ class HardSteps:
         """Save what the compiled loop noted since the last time. Raises OSError."""
         notes, lost = taken(workspace.scratch.hard)
         for note in notes:
+            if self._last is not None and _same(note.problem, self._last):
+                continue
+            self._last = note.problem
             if self.count < FIRST:
                 self._write(self.count, note, _outcome(note))
             else:
@@ -97,6 +101,10 @@ class HardSteps:
         write_fclib(self.folder / name, note.problem, title=self.title, description=about, math_info=_MEANING)
         self.files.append(self.folder / name)
         return self.folder / name
+
+
+def _same(one: ContactProblem, other: ContactProblem) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.__annotations__)
 
 
 def _outcome(note: Note) -> str:

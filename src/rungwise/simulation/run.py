@@ -25,7 +25,7 @@ from rungwise.scene import records as rec
 from rungwise.scene.values import shown
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.hard import HardSteps
-from rungwise.simulation.state import CONTROL, Workspace, allocate
+from rungwise.simulation.state import CONTROL, SCALARS, Workspace, allocate
 
 if TYPE_CHECKING:
     import xarray
@@ -36,6 +36,8 @@ TURN_S = 0.1
 
 LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
+NOTICED = 1e-3
+"""Energy that contacts add, over all energies of the run, from which on it is reported."""
 MANY = 10**9
 """Most frames, and most steps between two of them."""
 
@@ -133,6 +135,21 @@ class Run:
         return places
 
     @cached_property
+    def energy_gained(self) -> float:
+        """Energy that contacts added between recorded frames, where momentum counts: 0 by all laws of this
+        program but one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
+
+        It is the sum of the rises of contact work and elastic energy; one that steps may explain is 0.
+        """
+        if self.workspace is None or self.model.inertia == 0.0:
+            return 0.0
+        frames, count = self.workspace.frames, int(self.workspace.state.clock[0]["frames"])
+        account = dict(zip(SCALARS, frames.scalars[:count].T, strict=True))
+        rises = np.maximum(np.diff(account["contact_work"] + account["elastic_energy"]), 0.0).sum()
+        scale = max(np.abs(account[name]).max() for name in SCALARS if name != "residual")
+        return float(rises) if rises > NOTICED * scale else 0.0
+
+    @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
         if self.workspace is None:
@@ -157,6 +174,7 @@ class Run:
             "final": self.final,
             "worst_residual": self.worst_residual,
             "certificate": None if self.certificate is None else self.certificate.kind,
+            "energy_gained": self.energy_gained,
             "wall_s": round(self.wall_s, 6),
             **({} if self.hard is None else {"hard": self.hard.summary()}),
         }

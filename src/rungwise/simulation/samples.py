@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, kernel
-from rungwise.scene.bind import BOUND, bind
+from rungwise.scene.bind import BOUND, bind, origin
 from rungwise.scene.records import Records
 from rungwise.simulation.loop import begin, step
 from rungwise.simulation.memory import clear
@@ -68,7 +68,10 @@ def run_samples(
     results: RecordArray,
     final: Reals,
 ) -> None:
-    """Run `points` (m, k), values of the parameters `columns` (k,), into `results` (m,) and `final` (m, n).
+    """Run `points` (m, k), values of `columns` (k,), into `results` (m,) and `final` (m, 2 n).
+
+    Columns count parameters, then the coordinates' places at the start, then their speeds; `final` has places
+    and speeds at the end.
 
     A sample does not depend on those before it. Ends early, with results left RUNNING, when signalled.
     """
@@ -78,8 +81,10 @@ def run_samples(
         results[i].outcome = _run(
             programs, timed, conditions, rung, options, columns, points[i], signals, place, results[i : i + 1]
         )
-        for j in range(final.shape[1]):
-            final[i, j] = place.workspace.state.q[j]
+        state = place.workspace.state
+        for j in range(state.q.shape[0]):
+            final[i, j] = state.q[j]
+            final[i, state.q.shape[0] + j] = state.v[j]
 
 
 @kernel
@@ -104,6 +109,7 @@ def _run(
     result[0].time = result[0].worst_residual = 0.0
     if not _bind(programs, columns, point, place):
         state.q[:] = math.nan
+        state.v[:] = math.nan
         return INVALID
     _set_control(options, place)
     clear(workspace, programs.blank)
@@ -132,8 +138,10 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
     values[:] = 0.0
     for j in range(programs.parameters.shape[0]):
         values[j] = programs.parameters[j]
+    known = programs.parameters.shape[0]
     for j in range(columns.shape[0]):
-        values[columns[j]] = point[j]
+        if columns[j] < known:
+            values[columns[j]] = point[j]
     for j in range(place.buffer.shape[0]):
         place.buffer[j] = programs.buffer[j]
     fault, _ = bind(
@@ -143,7 +151,24 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
         records.joints, records.measures,
     )  # fmt: skip
     values[values.shape[0] - 1] = records.world[0].tolerance
-    return fault == BOUND
+    possible = fault == BOUND
+    for j in range(columns.shape[0]):
+        if possible and columns[j] >= known:
+            possible = _start(records, columns[j] - known, point[j])
+    return possible
+
+
+@kernel
+def _start(records: Records, column: int, value: float) -> bool:
+    """Let a coordinate start at this place, or at this speed; whether it lies within its travel."""
+    n = records.coordinates.shape[0]
+    i = column % n
+    c = records.coordinates[i]
+    if column >= n:
+        c.speed = value
+        return True
+    c.start = value - origin(records.bodies[c.body], i)
+    return bool(c.lower <= value <= c.upper)
 
 
 @kernel

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,15 +22,16 @@ from rungwise.contact.sensitivity import DATA, Sensitivity
 from rungwise.contact.solvers.planar import solve_planar
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
-from rungwise.scene.records import FREE, HINGE
 from rungwise.simulation.attempt import MAX_LINEARISATIONS, TAKEN, attempt
-from rungwise.simulation.differences import Assembly, Held
+from rungwise.simulation.changes import KINDS, Changes, Data, along
+from rungwise.simulation.differences import Assembly, Held, Start
 from rungwise.simulation.run import ModelError
 from rungwise.simulation.step import SUPPORTED, solve_step
+from rungwise.system.planar.manifold import ABSENT
 
 Array: TypeAlias = NDArray[np.float64]
 WRT = ("q", "v", "inputs", "parameters")
-_STEP, _SAME = 1e-5, 1e-11
+_SAME = 1e-11
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,17 @@ class StepSensitivity:
     """A step from (q, v) to `q`, `v` (n,), and its derivatives dq, dv (n, m) by what they are taken for.
 
     `inputs` are the speed of a prescribed coordinate and a force on any other; `parameters` are in the order
-    of `names`. `contact` is the linearised contact problem: where its `weak` is not empty the derivatives are
-    one-sided, for each column increased by itself. NaN where nothing determines the derivative.
+    of `names`. `deformation` (slots, 2) is that after the step, ddeformation (2 slots, m) its derivatives.
+    `contact` is the linearised contact problem: where its `weak` is not empty the derivatives are one-sided,
+    for each column increased by itself. NaN where nothing determines the derivative.
     """
 
     q: Array
     v: Array
+    deformation: Array
     dq: dict[str, Array]
     dv: dict[str, Array]
+    ddeformation: dict[str, Array]
     names: tuple[str, ...]
     contact: Sensitivity
 
@@ -69,7 +73,7 @@ def step_sensitivity(
     Args:
         scene, model, parameters, theta: as for `Simulation`.
         q, v: (n,) in the order of the scene's coordinates.
-        wrt: which of "q", "v", "inputs", "parameters".
+        wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
         deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
         time: at the start of the step, for what depends on it.
@@ -78,35 +82,54 @@ def step_sensitivity(
         ModelError: an argument is wrong, or the step cannot be taken as it is: no solution, a limit of travel
             reached within it.
     """
+    here, changes = prepared(scene, model, parameters, h, theta, wrt, names)
+    start = started(here, q, v, deformation, time)
+    sizes = [changes.size(kind) for kind in changes.kinds]
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    directions = {
+        kind: np.eye(size, first[-1], k) for kind, size, k in zip(changes.kinds, sizes, first, strict=False)
+    }
+    step = differentiated(here, changes, start, directions)
+    parts = {kind: slice(a, b) for kind, a, b in zip(changes.kinds, first, first[1:], strict=False)}
+    return StepSensitivity(
+        step.end.q, step.end.v, step.end.deformation,
+        {kind: step.dq[:, part] for kind, part in parts.items()},
+        {kind: step.dv[:, part] for kind, part in parts.items()},
+        {kind: step.ddeformation[:, part] for kind, part in parts.items()},
+        changes.names, step.contact,
+    )  # fmt: skip
+
+
+def prepared(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    parameters: Mapping[str, float] | None,
+    h: float,
+    theta: float,
+    wrt: Sequence[str],
+    names: Sequence[str] | None,
+) -> tuple[Assembly, Changes]:
+    """What differentiates steps of a scene. Raises ModelError."""
     scene = scene if isinstance(scene, Scene) else load(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
     for name in chosen:
         if name not in values:
             raise ModelError(f"names: unknown parameter {name!r}; valid: {', '.join(values) or 'none'}")
-    for name in wrt:
-        if name not in WRT:
-            raise ModelError(f"wrt: {name!r} is none of {', '.join(WRT)}")
-    here = Assembly(scene, model, values, h, theta, time)
-    start = _vector("q", q, len(here.state.q)), _vector("v", v, len(here.state.q))
-    strain = None if deformation is None else np.asarray(deformation, np.float64)
-    if strain is not None and strain.shape != here.state.deformation.shape:
-        raise ModelError(f"deformation: must have shape {here.state.deformation.shape}")
-    went = _taken(here, start, strain, h)
-    directions = _Directions(here, scene, model, values, chosen, tuple(wrt), start, h, theta, time)
-    quantum = float(here.workspace.terms.rounding[0]) / h
-    trial, turn = None, np.zeros((len(start[0]), directions.count))
-    for _ in range(MAX_LINEARISATIONS):
-        held, contact, speed = _solved(here, start, strain, trial)
-        turn = directions.differentiate(held, contact, strain, trial, turn)
-        trial = speed
-        if np.abs(speed - went).max(initial=0.0) <= _SAME * np.abs(went).max(initial=0.0) + quantum:
-            break
-        if not here.rung[0]["metric"]:
-            raise ModelError("step: it could not be repeated")
-    else:
-        raise ModelError("step: it could not be repeated")
-    return directions.result(went, turn, held, contact)
+    for kind in wrt:
+        if kind not in KINDS:
+            raise ModelError(f"wrt: {kind!r} is none of {', '.join(KINDS)}")
+    here = Assembly(scene, model, values, h, theta)
+    return here, Changes(here, scene, model, values, chosen, wrt)
+
+
+def started(here: Assembly, q: ArrayLike, v: ArrayLike, deformation: ArrayLike | None, time: float) -> Start:
+    """The start of a step. Raises ModelError naming what has the wrong shape."""
+    n, like = len(here.state.q), here.state.deformation
+    strain = np.zeros_like(like) if deformation is None else np.asarray(deformation, np.float64)
+    if strain.shape != like.shape or not np.isfinite(strain).all():
+        raise ModelError(f"deformation: must have shape {like.shape} and be finite")
+    return Start(_vector("q", q, n), _vector("v", v, n), strain, time)
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
@@ -116,22 +139,74 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
     return array
 
 
-def _taken(here: Assembly, start: tuple[Array, Array], strain: Array | None, h: float) -> Array:
-    """Velocities with which the simulation moves in this step."""
-    here.put(*start, strain)
-    if here.set_speeds() < h:
+class Differentiated(NamedTuple):
+    """One step: where it ends, and the derivatives (n or 2 slots, m) of that along the directions given."""
+
+    end: Start
+    dq: Array
+    dv: Array
+    ddeformation: Array
+    contact: Sensitivity
+
+
+def differentiated(
+    here: Assembly, changes: Changes, start: Start, directions: dict[str, Array]
+) -> Differentiated:
+    """Take the step from `start`, and differentiate it along directions (unknowns of a kind, m).
+
+    Raises ModelError if it cannot be taken, or has no derivative.
+    """
+    went, features, end = _taken(here, start)
+    n, count = len(start.q), next(iter(directions.values())).shape[1]
+    quantum = float(here.workspace.terms.rounding[0]) / here.h
+    trial, turn = None, np.zeros((n, count))
+    for _ in range(MAX_LINEARISATIONS):
+        held, contact, speed = _solved(here, start, trial)
+        by = directions if trial is None else {**directions, "trial": turn}
+        data, sizes = along(changes.of(held, start, trial), by)
+        change = contact.forward({name: sizes[name] for name in DATA}, **{name: data[name] for name in DATA})
+        free = here.state.free[: len(contact.v)]
+        turn = data["speed"].copy()
+        turn[free] = change.v
+        trial = speed
+        if np.abs(speed - went).max(initial=0.0) <= _SAME * np.abs(went).max(initial=0.0) + quantum:
+            break
+        if not here.rung[0]["metric"]:
+            raise ModelError("step: it could not be repeated")
+    else:
+        raise ModelError("step: it could not be repeated")
+    none = np.zeros((n, count))
+    driven = here.state.prescribed.astype(bool)[:, None]
+    dv = np.where(driven, turn, (turn - (1.0 - held.theta) * directions.get("v", none)) / held.theta)
+    return Differentiated(
+        end,
+        directions.get("q", none) + here.h * turn,
+        dv,
+        _followed(features, end, _deformed(here, held, start, contact, data, change.force, directions)),
+        contact,
+    )
+
+
+def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Start]:
+    """Velocities with which the simulation moves in this step, whose the slots are before it, and where it
+    leads."""
+    here.put(start)
+    before = here.state.features.copy()
+    if here.set_speeds() < here.h:
         raise ModelError("step: a coordinate reaches the end of its travel within it; take a shorter step")
-    if attempt(here.records, here.rung, here.workspace, h, h) != TAKEN:
+    if attempt(here.records, here.rung, here.workspace, here.h, here.h) != TAKEN:
         raise ModelError("step: no step of this length can be taken from here; take a shorter one")
-    return here.workspace.scratch.v_new.copy()
+    state = here.state
+    end = Start(
+        state.q.copy(), state.v.copy(), state.deformation.copy(), start.time + here.h, state.features.copy()
+    )
+    return here.workspace.scratch.v_new.copy(), before, end
 
 
-def _solved(
-    here: Assembly, start: tuple[Array, Array], strain: Array | None, trial: Array | None
-) -> tuple[Held, Sensitivity, Array]:
+def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Sensitivity, Array]:
     """What is held, the sensitivity of the contact problem, and all speeds of the step."""
     work, h = here.workspace, here.h
-    here.place(*start, strain, trial)
+    here.place(start, trial)
     state, scratch, clock = work.state, work.scratch, work.state.clock[0]
     for _ in range(MAX_LINEARISATIONS):
         count = here.gather(trial)
@@ -153,113 +228,50 @@ def _solved(
     return here.hold(count, problem), contact, scratch.v_new.copy()
 
 
-class _Directions:
-    """The columns, and the data that each changes."""
+def _deformed(
+    here: Assembly, held: Held, start: Start, contact: Sensitivity, data: Data, force: Array,
+    directions: dict[str, Array],
+) -> Array:  # fmt: skip
+    """Derivatives of the deformations after the step, R (h lambda + (C - (1 - theta) h K) delta) for the
+    contacts that are there; those of others stay."""
+    slots, d = start.deformation.shape
+    count = data["speed"].shape[1]
+    found = directions.get("deformation", np.zeros((slots * d, count))).reshape(slots, d, count).copy()
+    terms, h = here.workspace.terms, here.h
+    if not here.rung[0]["compliant"]:
+        return np.zeros((slots * d, count))
+    lam = contact.force[: len(held.keys) * d].reshape(-1, d)
+    for k, slot in enumerate(held.slots):
+        K, C = terms.contact_stiffness[k], terms.contact_damping[k]
+        if not np.isfinite(K).all():
+            continue
+        pushed = bool((lam[k] != 0.0).any())
+        theta, early = (held.theta, (1.0 - held.theta) * h) if pushed else (1.0, 0.0)
+        dK, dC = data["stiffness"][k], data["damping"][k]
+        delta, own = start.deformation[slot], found[slot].copy()
+        soft = theta * h * K + C
+        after = np.linalg.solve(soft, h * lam[k] + (C - early * K) @ delta)
+        push = h * force[k * d : (k + 1) * d] + (C - early * K) @ own
+        push += np.einsum("ijm,j->im", dC - early * dK, delta)
+        push -= np.einsum("ijm,j->im", theta * h * dK + dC, after)
+        found[slot] = np.linalg.solve(soft, push)
+    return found.reshape(slots * d, count)
 
-    def __init__(
-        self, here: Assembly, scene: Scene, model: Rung | str, values: dict[str, float],
-        names: tuple[str, ...], wrt: tuple[str, ...], start: tuple[Array, Array],
-        h: float, theta: float, time: float,
-    ) -> None:  # fmt: skip
-        self.here, self.start, self.names = here, start, names
-        n, reach = len(start[0]), float(here.state.clock[0]["reach"])
-        bodies = here.records.bodies
-        first = bodies["coordinate"]
-        angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
-        turns = np.isin(np.arange(n), angles)
-        self.length = _STEP * np.where(turns, 1.0, reach or 1.0)
-        fast = max(float(np.abs(start[1]).max(initial=0.0)), 1e-3 * (reach or 1.0) / h)
-        self.speed = np.full(n, _STEP * fast)
-        self.columns = [(kind, i) for kind in WRT if kind in wrt
-                        for i in range(len(names) if kind == "parameters" else n)]  # fmt: skip
-        self.count = len(self.columns)
-        self.varied: dict[int, list[tuple[float, Assembly]]] = {}
-        for i, name in enumerate(names if "parameters" in wrt else ()):
-            declared = scene.file.parameters[name]
-            low, high = declared.range or (-np.inf, np.inf)
-            size = _STEP * (abs(values[name]) or min(1.0, high - low))
-            nodes = (-1.0, 1.0)
-            if values[name] - size < low or values[name] + size > high:
-                side = 1.0 if values[name] - size < low else -1.0
-                nodes = (side, 2.0 * side)
-            self.varied[i] = [
-                (s * size, Assembly(scene, model, {**values, name: values[name] + s * size}, h, theta, time))
-                for s in nodes
-            ]
 
-    def differentiate(
-        self, held: Held, contact: Sensitivity, strain: Array | None, trial: Array | None, turn: Array
-    ) -> Array:
-        """Derivatives (n, m) of the speeds of the step, where those of the trial are `turn`."""
-        base = self.here.data(held, *self.start, strain, trial)
-        changes = [self._change(j, held, base, strain, trial, turn[:, j]) for j in range(self.count)]
-        here, n = self.here, len(self.start[0])
-        speeds = np.zeros((n, self.count))
-        if not changes:
-            return speeds
-        data = {name: np.stack([change[name] for change in changes], axis=-1) for name in DATA}
-        free = here.state.free[: len(contact.v)]
-        for j, change in enumerate(changes):
-            speeds[:, j] = change["speed"]
-        speeds[free] = contact.forward(**data).v
-        return speeds
+def _followed(before: NDArray[np.int64], end: Start, found: Array) -> Array:
+    """Derivatives of deformations in the slots to which their features have gone.
 
-    def _change(
-        self,
-        j: int,
-        held: Held,
-        base: dict[str, Array],
-        strain: Array | None,
-        trial: Array | None,
-        turn: Array,
-    ) -> dict[str, Array]:
-        kind, i = self.columns[j]
-        q, v = self.start
-        one = np.zeros(len(q))
-        prescribed = bool(self.here.state.prescribed[i]) if kind != "parameters" else False
-        if kind == "parameters":
-            samples = [
-                (s, at.data(held, q, v, strain, None if trial is None else trial + s * turn))
-                for s, at in self.varied[i]
-            ]
-        elif kind == "inputs" and not prescribed:
-            samples = [(s, self.here.data(held, q, v, strain, None if trial is None else trial + s * turn))
-                       for s in (-self.speed[i], self.speed[i])]  # fmt: skip
-        else:
-            one[i] = 1.0
-            size = float((self.length if kind == "q" else self.speed)[i])
-            nothing = np.zeros(len(q))
-            moves = [one if kind == name else nothing for name in ("q", "v", "inputs")]
-            samples = [
-                (s, self.here.data(held, q + s * moves[0], v + s * moves[1], strain,
-                                   None if trial is None else trial + s * turn, s * moves[2]))
-                for s in (-size, size)
-            ]  # fmt: skip
-        (s, low), (t, high) = samples
-        # The parabola through the base and both samples; the chord when they lie on either side alike.
-        change = {
-            name: ((low[name] - base[name]) * t / s - (high[name] - base[name]) * s / t) / (t - s)
-            if s != -t else (high[name] - low[name]) / (t - s)
-            for name in base if name != "F"
-        }  # fmt: skip
-        finite = np.isfinite(base["F"])
-        change["F"] = np.zeros(len(base["F"]))
-        change["F"][finite] = (high["F"][finite] - low["F"][finite]) / (t - s)
-        change["w"][::2] += np.where(held.bounced, 0.0, change.pop("gap") / self.here.h)
-        if kind == "inputs" and not prescribed and self.here.rung[0]["loads"]:
-            change["c"] = change["c"] + (self.here.state.free[: len(base["c"])] == i)
-        return change
-
-    def result(self, speed: Array, turn: Array, held: Held, contact: Sensitivity) -> StepSensitivity:
-        here, (q, v), theta = self.here, self.start, held.theta
-        driven = here.state.prescribed.astype(bool)
-        dq, dv = {}, {}
-        for kind in dict.fromkeys(kind for kind, _ in self.columns):
-            of = [j for j, (name, _) in enumerate(self.columns) if name == kind]
-            rate = turn[:, of]
-            own = np.eye(len(q))
-            dq[kind] = here.h * rate + (own if kind == "q" else 0.0)
-            end = (rate - (1.0 - theta) * (own if kind == "v" else 0.0)) / theta
-            dv[kind] = np.where(driven[:, None], rate, end)
-        end = np.where(driven, speed, (speed - (1.0 - theta) * v) / theta)
-        return StepSensitivity(q + here.h * speed, end, dq, dv, self.names, contact)
+    Raises ModelError where a contact that is deformed goes over to another feature.
+    """
+    assert end.features is not None
+    slots = found.reshape(len(end.deformation), -1, found.shape[1])
+    moved = np.zeros_like(slots)
+    moved[len(before) :] = slots[len(before) :]
+    for slot, feature in enumerate(before):
+        pair = slot - slot % 2
+        to = pair + np.flatnonzero(end.features[pair : pair + 2] == feature)
+        if len(to):
+            moved[to[0]] = slots[slot]
+        elif end.features[slot] != ABSENT and slots[slot].any():
+            raise ModelError("step: a contact goes over to another feature; there is no derivative here")
+    return moved.reshape(found.shape)

@@ -86,12 +86,12 @@ def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | No
     return made if check(system, made) else None
 
 
-def divide(system: System, mode: Mode, x: Array) -> list[Mode]:
-    """Children by the law that x violates most, the likeliest last."""
+def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> list[Mode]:
+    """Children by the law `first`, or else the one that x violates most, the likeliest last."""
     size = natural_parts(system, x)
     d, contacts = system.directions, len(system.mu)
     worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
-    for law in sorted(range(len(mode)), key=lambda law: -worst[law]):
+    for law in sorted(range(len(mode)), key=lambda law: (law != first, -worst[law])):
         parts = pieces(system, law, mode[law])
         if parts:
             force = x[law * d] if law < contacts else 1.0
@@ -104,16 +104,11 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 
-    s, small = system, system.size <= LARGEST
-    back = s.dense().T if small else sp.csr_array(s.matrix().T)
+    s = system
     least, most = signs(s, mode)
     lower, upper = limits(s, mode)
-    rays = [generators(s, k, mode[k]) for k in range(len(s.mu))]
-    m, beside, eye = len(lower), np.hstack if small else sp.hstack, np.eye if small else sp.eye_array
-    cone = block_diag(*rays)[:, : s.rows] if small else sp.block_diag([*rays, np.zeros((0, 0))], format="csr")
-    # (A^T p)_j = above - below: how much x_j is drawn to its upper and to its lower limit.
-    push = beside([cone @ back[: s.rows], np.zeros((cone.shape[0], 2 * m))])
-    drawn = beside([back[s.rows :], -eye(m), eye(m)])
+    m = len(lower)
+    cone, push, drawn = _constraints(s, mode)
     bounds = [(max(a, -1.0), min(c, 1.0)) for a, c in zip(least, most, strict=True)]
     bounds += [(0.0, 0.0 if np.isinf(c) else None) for c in upper]
     bounds += [(0.0, 0.0 if np.isinf(a) else None) for a in lower]
@@ -131,11 +126,25 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
     if found.x is None:
         return None, None
     if found.fun < -ROUNDING:
-        constraints = np.vstack([push, drawn]) if small else sp.vstack([push, drawn]).tocsr()
-        return _sharpen(np.asarray(found.x)[: s.size], constraints[:, : s.size]), None
+        rows = np.vstack([push, drawn]) if s.size <= LARGEST else sp.vstack([push, drawn], format="csr")
+        return _sharpen(np.asarray(found.x)[: s.size], rows[:, : s.size]), None
     contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
     return None, np.concatenate([contact, others])
+
+
+def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
+    """Rays of all contacts, how multipliers draw along them, and (A^T p)_j = above - below: how much x_j is
+    drawn to its upper and to its lower limit. Dense for few unknowns."""
+    rays, m = [generators(s, k, mode[k]) for k in range(len(s.mu))], len(s.lower)
+    if s.size <= LARGEST:
+        back, cone = s.dense().T, block_diag(*rays) if rays else np.zeros((0, 0))
+        push = np.hstack([cone @ back[: s.rows], np.zeros((len(cone), 2 * m))])
+        return cone, push, np.hstack([back[s.rows :], -np.eye(m), np.eye(m)])
+    back = sp.csr_array(s.matrix().T)
+    cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
+    push = sp.hstack([cone @ back[: s.rows], sp.csr_array((cone.shape[0], 2 * m))], format="csr")
+    return cone, push, sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
 
 
 def _sharpen(p: Array, constraints: Matrix) -> Array:

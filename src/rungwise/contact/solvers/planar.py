@@ -7,6 +7,8 @@ NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to loo
 
 from __future__ import annotations
 
+import math
+
 from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
@@ -27,6 +29,8 @@ LARGE = 24
 SOLVED, NO_SOLUTION = 0, 1
 GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
 """Stages of the chain."""
+_OPPOSITE = 1e-12
+"""Two rows are opposite, and demands in conflict, to this relative error."""
 _SPARE = 8
 """Rows of the scratch matrix for vectors, beside those of the largest system."""
 
@@ -59,6 +63,9 @@ def solve_planar(
         if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found, GUESS
         spread(contacts, limited, kept, force, tau)
+    if _is_squeezed(problem, n, contacts):
+        _clear(contacts, limited, mode, v, force, tau)
+        return NO_SOLUTION, residual(problem, n, contacts, limited, v, force, tau), GUESS
     found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
     if found > TOLERANCE and size > LARGE:
         found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
@@ -81,13 +88,44 @@ def solve_planar(
         )
         if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
             return SOLVED, found, ENUMERATION
+    _clear(contacts, limited, mode, v, force, tau)
+    return NO_SOLUTION, found, ENUMERATION
+
+
+@kernel
+def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
+    """No forces, nothing moves."""
+    v[:] = 0.0
     for k in range(contacts):
         mode[k] = OPEN
         force[2 * k] = force[2 * k + 1] = 0.0
     for r in range(limited):
         mode[contacts + r] = STICK
         tau[r] = 0.0
-    return NO_SOLUTION, found, ENUMERATION
+
+
+@kernel
+def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
+    """Whether two rigid contacts push in opposite directions and demand more than either leaves to the other:
+    W_i + ratio W_j = 0 while w_i + ratio w_j < 0."""
+    for i in range(contacts):
+        for j in range(i):
+            a, b = 2 * i, 2 * j
+            across, own, other = 0.0, 0.0, 0.0
+            for k in range(n):
+                across += p.W[a, k] * p.W[b, k]
+                own += p.W[a, k] * p.W[a, k]
+                other += p.W[b, k] * p.W[b, k]
+            if across >= 0.0 or p.R[i, 0, 0] != 0.0 or p.R[j, 0, 0] != 0.0:
+                continue
+            ratio, left = -across / other, 0.0
+            for k in range(n):
+                left = max(left, abs(p.W[a, k] + ratio * p.W[b, k]))
+            demand = p.w[a] + ratio * p.w[b]
+            sure = demand < -_OPPOSITE * (abs(p.w[a]) + ratio * abs(p.w[b]))
+            if sure and left <= _OPPOSITE * math.sqrt(own):
+                return True
+    return False
 
 
 @kernel

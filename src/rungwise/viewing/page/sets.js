@@ -1,6 +1,6 @@
 // The page of sets: what is chosen, the run nearest to it, and controls.
 
-const state = { t: 0, playing: false, stage: true, slice: true, space: true, fine: 0, last: 0, frames: 0 };
+const state = { t: 0, playing: false, stage: true, slice: true, space: true, fine: 0, last: 0, frames: 0, work: 0 };
 const end = () => Math.max(0, ...runsOf(chosen.run).map(c => c.time[c.time.length - 1]));
 const reduced = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -39,9 +39,9 @@ function tell() {
     const clip = runsOf(chosen.run)[k];
     $(`run-${k}`).textContent = clip ? `${clip.outcome}: ${clip.reason}` : "";
   });
-  const list = part => DATA.over.map((o, a) => `${o.name} = ${values(part)[a]}`).join(", ");
-  $("run-title").textContent = row ? `stored run at ${list(row.at)}` : "no run is stored";
-  $("where").textContent = `Chosen: ${list(chosen.point)}.` + (row ? ` The nearest of ${DATA.runs.length} stored points`
+  const list = (part, digits) => DATA.over.map((o, a) => `${o.name} = ${+values(part)[a].toPrecision(digits)}`).join(", ");
+  $("run-title").textContent = row ? `stored run at ${list(row.at, 4)}` : "no run is stored";
+  $("where").textContent = `Chosen: ${list(chosen.point, 6)}.` + (row ? ` The nearest of ${DATA.runs.length} stored points`
     + ` ${ALIKE[chosen.alike]} is ${short(100 * distance(row.at, chosen.point))} % of the box away.` : "");
   $("command").textContent = commandOf(set, at);
 }
@@ -55,6 +55,7 @@ function commandOf(set, at) {
 }
 
 function tick(now) {
+  const began = performance.now();
   if (state.playing) {
     const passed = state.last ? Math.min(0.1, (now - state.last) / 1000) : 0;
     state.last = now; state.stage = true;
@@ -65,7 +66,6 @@ function tick(now) {
     const t = Math.min(state.t, end());
     drawStage(t, { forces: true, contacts: true, names: true, length: 50 });
     $("time").max = end(); $("time").value = t; $("clock").textContent = `t = ${t.toPrecision(3)} of ${short(end())}`;
-    state.frames++;
   }
   if (state.slice) drawSlice();
   if (D === 3 && (state.space || (state.fine && now > state.fine))) {
@@ -73,6 +73,7 @@ function tick(now) {
     drawSpace(fine);
     if (fine) state.fine = 0;
   }
+  if (state.stage || state.slice || state.space) { state.frames++; state.work += performance.now() - began; }
   state.stage = state.slice = state.space = false;
   requestAnimationFrame(tick);
 }

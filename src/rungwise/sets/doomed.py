@@ -1,0 +1,264 @@
+"""States from which no input within bounds reaches the goal, by backward reachability over cells.
+
+A grid covers a box of states. From each of its vertices runs of one macro-step are made, for a grid of the
+inputs. What a cell may lead to is, for each of these inputs, the cell moved by the displacements of its
+vertices and of those of its neighbours: by all between the least and the greatest in each coordinate. Cells
+from which no chain of such steps leads to a cell about which a run met the goal are doomed. What leaves the
+box, and what a run did not decide, counts as reaching the goal.
+
+So the doomed set is found too small rather than too large, as far as the vertices about a cell show how far
+motions differ in it. That is an estimate, not a proof: `padding` says from how many cells around it is made.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import KINEMATIC, Rung
+from rungwise.outcome import Code
+from rungwise.scene import Scene, load
+from rungwise.scene import records as rec
+from rungwise.sets import store
+from rungwise.sets.images import Images
+from rungwise.sets.labels import Label
+from rungwise.sets.motions import SLOWEST
+from rungwise.sets.request import ACCURACY, digest, smallest
+from rungwise.sets.states import box_of_states, check_states, input_box, records_of, state_name
+from rungwise.sets.store import SetError
+from rungwise.simulation.batch import Batch
+from rungwise.simulation.run import moving_rung
+
+if TYPE_CHECKING:
+    import xarray
+
+ANY = "any"
+MAX_AXES = 4
+CELLS = (0, 512, 96, 40, 16)
+"""Cells along each axis, by the number of axes."""
+STRIDES = (2.0,)
+"""Lengths of macro-steps: how many cells the fastest coordinate moves. What one of them dooms is doomed."""
+POINTS = 100_000
+
+
+@dataclass(frozen=True)
+class DoomedSet:
+    """Labels (n1, ..., nd) of cells over a box of states: `DOOMED`; `INVALID` where every vertex about the
+    cell is no state (bodies overlap); `UNKNOWN` otherwise.
+
+    `inputs` (k, 2) are their bounds, `steps` the macro-steps' lengths in time, `runs` how many there were,
+    `escapes` the part of the cells, invalid ones aside, from which the box may be left.
+    """
+
+    scene: Scene
+    model: Rung
+    over: tuple[str, ...]
+    box: Reals
+    inputs: dict[str, tuple[float, float]]
+    cells: Ints
+    steps: tuple[float, ...]
+    runs: int
+    escapes: float
+    request: dict[str, Any] = field(repr=False)
+
+    @property
+    def solutions(self) -> str:
+        """ "slowest" or "any": how objects move that nothing drives."""
+        return str(self.request["solutions"])
+
+    def classify(self, points: Reals) -> NDArray[np.str_]:
+        """Labels (m,) of states (m, d), in the order of `over`; `unknown` outside the box."""
+        return np.array([str(label) for label in Label])[self.labels(points)]
+
+    def labels(self, points: Reals) -> Ints:
+        """As `classify`, as values of `Label`. Raises ValueError for another shape."""
+        points = np.asarray(points, np.float64)
+        if points.ndim != 2 or points.shape[1] != len(self.over):
+            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
+        inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
+        place = (points[inside] - self.box[:, 0]) / self.unit
+        at = np.minimum(place.astype(np.int64), np.array(self.cells.shape) - 1)
+        result = np.full(len(points), int(Label.UNKNOWN))
+        result[inside] = self.cells[tuple(at.T)]
+        return result
+
+    @property
+    def unit(self) -> Reals:
+        """Sides (d,) of a cell."""
+        return np.asarray((self.box[:, 1] - self.box[:, 0]) / self.cells.shape)
+
+    @property
+    def volumes(self) -> dict[str, float]:
+        """Part of the box that each label takes."""
+        count = np.bincount(self.cells.ravel(), minlength=len(Label)) / self.cells.size
+        return {str(label): float(count[label]) for label in Label if count[label] > 0.0}
+
+    def holds_on(self, model: Rung | str) -> tuple[bool, str]:
+        """Whether what is doomed here is doomed on another rung with the same inputs, and why."""
+        other = moving_rung(model)
+        if other == self.model:
+            return True, "it is the same rung"
+        if self.solutions != ANY:
+            return False, f"a motion of the {other.name} rung need not be one of the {self.model.name} rung"
+        if other.compliant:
+            return False, "compliant contacts let bodies overlap, and no motion of this set does"
+        if np.isin(records_of(self.scene).coordinates["drive"], (rec.SERVO, rec.FORCE)).any():
+            return False, "what servos and forces drive may move otherwise on the other rung"
+        return True, "any motion without overlap is one of this set, whatever causes it"
+
+    def beside_rule(self, n: int = POINTS, seed: int = 4, threads: int | None = None) -> dict[str, float]:
+        """Of n random states in the box, the parts that are doomed here and by the scene's own rule ("both"),
+        "only here", and "only by rule" (those are not contradicted: this set is found too small)."""
+        low, high = self.box.T
+        points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
+        batch = Batch(
+            self.scene, self.model, (), starts=self.over, parameters=self.request["parameters"],
+            tol=self.request["accuracy"], duration=1e-9 * self.steps[0], threads=threads,
+        )  # fmt: skip
+        outcome = batch.run(points).outcome
+        states = outcome != Code.INVALID
+        rule, here = outcome[states] == Code.DOOMED, self.labels(points[states]) == Label.DOOMED
+        parts = {"both": here & rule, "only here": here & ~rule, "only by rule": rule & ~here}
+        return {name: float(part.mean()) if len(part) else 0.0 for name, part in parts.items()}
+
+    @cached_property
+    def data(self) -> xarray.Dataset:
+        """Everything as arrays, in the units of the states."""
+        import xarray as xr
+
+        axes = tuple(name.replace("(", "_").replace(")", "").replace(".", "_") for name in self.over)
+        middles = {
+            axis: low + (np.arange(count) + 0.5) * unit
+            for axis, (low, _), count, unit in zip(axes, self.box, self.cells.shape, self.unit, strict=True)
+        }
+        return xr.Dataset(
+            {"label": (axes, self.cells.astype(np.int8), {"labels": [str(x) for x in Label]})},
+            coords=middles,
+            attrs={
+                "request": json.dumps(self.request),
+                "runs": self.runs,
+                "escapes": self.escapes,
+                "steps": list(self.steps),
+            },
+        )
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
+        return store.save(Path(folder), self.data)
+
+
+def doomed_set(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    over: Sequence[str],
+    inputs: Mapping[str, tuple[float, float]],
+    *,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    cells: int | Sequence[int] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    solutions: str = SLOWEST,
+    strides: Sequence[float] = STRIDES,
+    padding: int = 1,
+    accuracy: float | None = None,
+    threads: int | None = None,
+    out: str | Path | None = None,
+    on_progress: Callable[[str, int, int], None] | None = None,
+) -> DoomedSet:
+    """States of a scene from which no input within bounds reaches its goal, whatever the scene's own rule.
+
+    Args:
+        scene, model: as for `simulate`; a rung with rigid contact.
+        over: 1 to 4 names of the scene's state: all its coordinates ("part.x3", or "x3" where that is clear)
+            and, on dynamic rungs, the speeds of those that are not prescribed ("speed(part.x3)").
+        inputs: bounds of the parameters that may change in time, such as speeds of drives.
+        box: interval of each state by name; travel limits where not given.
+        cells: along each axis; `CELLS` if not given.
+        parameters: values of the other parameters.
+        solutions: "slowest", or, on the kinematic rung, "any": what nothing drives moves in every way that
+            overlaps nothing.
+        strides: macro-steps, in cells that the fastest coordinate moves.
+        padding: from how many cells around a cell it is estimated how far motions differ within it.
+        accuracy, threads: as for `feasible_set`.
+        out: folder for the result.
+        on_progress: called with what is done, runs so far, and runs known to be needed.
+
+    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
+    """
+    loaded = scene if isinstance(scene, Scene) else load(scene)
+    rung = moving_rung(model)
+    names = tuple(state_name(loaded, name) for name in over)
+    check_states(loaded, rung, names, MAX_AXES)
+    if solutions not in (SLOWEST, ANY) or (solutions == ANY and not rung.metric):
+        raise SetError(f"solutions: must be {SLOWEST}, or {ANY} on the {KINEMATIC.name} rung")
+    if not strides or not all(0.25 <= stride <= 100.0 for stride in strides) or not 0 <= padding <= 4:
+        raise SetError("strides must lie in 0.25..100 cells, padding in 0..4")
+    values = loaded.parameters(parameters)
+    shape = _shape(cells, len(names))
+    bounds = input_box(loaded, inputs)
+    request: dict[str, Any] = {
+        "kind": "doomed",
+        "scene": loaded.name,
+        "digest": digest(loaded),
+        "model": rung.name,
+        "inertia": rung.inertia,
+        "over": list(names),
+        "inputs": {name: list(interval) for name, interval in bounds.items()},
+        "parameters": values,
+        "solutions": solutions,
+        "strides": list(strides),
+        "padding": padding,
+        "accuracy": ACCURACY * smallest(loaded, values) if accuracy is None else accuracy,
+    }
+    intervals, travel = box_of_states(loaded, values, names, box)
+    request |= {"box": intervals.tolist(), "cells": list(shape)}
+    images = Images(loaded, rung, names, bounds, intervals, travel, shape, request, threads, on_progress)
+    labels = np.full(shape, int(Label.UNKNOWN))
+    for stride in strides:
+        labels[images.doomed(stride, solutions == ANY)] = Label.DOOMED
+    labels[~images.states] = Label.INVALID
+    result = DoomedSet(
+        scene=loaded, model=rung, over=names, box=intervals, inputs=bounds, cells=labels,
+        steps=tuple(images.steps), runs=images.runs, request=request,
+        escapes=float(images.escapes.sum() / images.states.sum()),
+    )  # fmt: skip
+    if out is not None:
+        result.save(out)
+    return result
+
+
+def load_doomed_set(folder: str | Path, scene: Scene | None = None) -> DoomedSet:
+    """A set from the folder that it was saved in; `scene` if it is none that ships.
+
+    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
+    """
+    data = store.load(folder)
+    request = store.attributes(data)
+    if request.get("kind") != "doomed":
+        raise SetError(f"{folder} holds a set of parameters, not of states")
+    loaded = load(request["scene"]) if scene is None else scene
+    if digest(loaded) != request["digest"]:
+        raise SetError(f"scene: {loaded.name} is not the scene as it was for the set in {folder}")
+    model = moving_rung(request["model"])
+    return DoomedSet(
+        scene=loaded, model=model if model.metric else model.with_inertia(request["inertia"]),
+        over=tuple(request["over"]), box=np.array(request["box"]),
+        inputs={name: (low, high) for name, (low, high) in request["inputs"].items()},
+        cells=data.label.values.astype(np.int64), steps=tuple(data.attrs["steps"]),
+        runs=int(data.attrs["runs"]), escapes=float(data.attrs["escapes"]), request=request,
+    )  # fmt: skip
+
+
+def _shape(cells: int | Sequence[int] | None, axes: int) -> tuple[int, ...]:
+    counts = CELLS[axes] if cells is None else cells
+    shape = (counts,) * axes if isinstance(counts, int) else tuple(counts)
+    if len(shape) != axes or not all(2 <= count <= 4096 for count in shape) or np.prod(shape) > 2e7:
+        raise SetError(f"cells: 2 to 4096 along each of {axes} axes, 20 million at most, not {cells!r}")
+    return shape

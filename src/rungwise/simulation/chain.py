@@ -1,0 +1,123 @@
+"""The derivative of the state after several steps with respect to where they start, what drives them, and
+parameters.
+
+Directions go through one step after another: the change of a step's data along each of them is of first
+order, and where a mode is about to change the solution still has a derivative along directions
+(`contact.sensitivity`), which obeys the chain rule though it is not linear. Source: Robinson, Math. Oper.
+Res. 16 (1991) 292-309 (chain rule of B-derivatives).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene, load
+from rungwise.simulation.changes import KINDS
+from rungwise.simulation.run import ModelError
+from rungwise.simulation.sensitivity import WRT, differentiated, prepared, started
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RunSensitivity:
+    """The state `q`, `v` (n,), `deformation` (slots, 2) after the steps, at `time`, and its derivatives.
+
+    dq, dv (n, m), ddeformation (2 slots, m) are by the kinds asked for: "q", "v" and "deformation" at the
+    start, "inputs", the same in all steps, and "parameters" in the order of `names`. `weak` are the numbers
+    of steps with a contact about to change its mode: if there are any, derivatives are one-sided, for each
+    column increased by itself. NaN where nothing determines the derivative.
+    """
+
+    time: float
+    q: Array
+    v: Array
+    deformation: Array
+    dq: dict[str, Array]
+    dv: dict[str, Array]
+    ddeformation: dict[str, Array]
+    names: tuple[str, ...]
+    weak: tuple[int, ...]
+
+
+def run_sensitivity(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    parameters: Mapping[str, float] | None = None,
+    *,
+    steps: int,
+    h: float | None = None,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    deformation: ArrayLike | None = None,
+    time: float = 0.0,
+    wrt: Sequence[str] = WRT,
+    names: Sequence[str] | None = None,
+    theta: float = 1.0,
+) -> RunSensitivity:
+    """Take `steps` steps of length h, and differentiate the state after them.
+
+    Args:
+        scene, model, parameters, theta: as for `Simulation`.
+        steps: how many, at least 1.
+        h: length of each; the scene's own if not given.
+        q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and where it starts
+            depends on parameters.
+        deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
+        time: at the start, for what depends on it.
+        wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
+        names: the parameters to differentiate by; all if not given.
+
+    Raises:
+        ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
+            limit of travel or a new feature reached within it.
+    """
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
+        raise ModelError(f"steps: must be a whole number of at least 1, not {steps!r}")
+    if (q is None) != (v is None):
+        raise ModelError("q and v: give both, or none to start as the scene does")
+    values = scene.parameters(parameters)
+    length = float(scene.bind(values).records.world[0]["step"]) if h is None else h
+    here, changes = prepared(scene, model, values, length, theta, (*wrt, "q", "v", "deformation"), names)
+    begin_q, begin_v = here.begun if q is None or v is None else (q, v)
+    start = started(here, begin_q, begin_v, deformation, time)
+    asked = [kind for kind in KINDS if kind in wrt]
+    first = np.concatenate([[0], np.cumsum([changes.size(kind) for kind in asked])]).astype(int)
+    parts = {kind: slice(a, b) for kind, a, b in zip(asked, first, first[1:], strict=False)}
+    directions = {}
+    for kind in changes.kinds:
+        directions[kind] = np.zeros((changes.size(kind), first[-1]))
+        if kind in parts:
+            directions[kind][:, parts[kind]] = np.eye(changes.size(kind))
+    if q is None and "parameters" in parts:
+        for kind, begun in zip(("q", "v"), changes.begins(), strict=True):
+            directions[kind][:, parts["parameters"]] = begun
+    weak: list[int] = []
+    lost = np.zeros(first[-1], bool)
+    for number in range(steps):
+        try:
+            step = differentiated(here, changes, start, directions)
+        except ValueError as error:
+            reason = str(error).removeprefix("step: ")
+            raise ModelError(f"step {number}, from time {start.time:.6g}: {reason}") from None
+        state = {"q": step.dq, "v": step.dv, "deformation": step.ddeformation}
+        lost |= ~np.isfinite(np.vstack(list(state.values()))).all(axis=0)
+        directions |= {kind: np.where(lost, 0.0, value) for kind, value in state.items()}
+        if step.contact.weak or step.contact.weak_rows:
+            weak.append(number)
+        start = step.end
+    dq, dv, strain = (
+        {kind: np.where(lost, np.nan, directions[of])[:, part] for kind, part in parts.items()}
+        for of in ("q", "v", "deformation")
+    )
+    return RunSensitivity(
+        start.time, start.q, start.v, start.deformation, dq, dv, strain, changes.names, tuple(weak)
+    )

@@ -1,0 +1,153 @@
+"""First-order changes of a step's data, each unknown of the start, input and parameter by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene
+from rungwise.scene.records import FREE, HINGE
+from rungwise.simulation.differences import Assembly, Held, Start
+
+Array: TypeAlias = NDArray[np.float64]
+Data: TypeAlias = dict[str, Array]
+"""Fields of the problem, and `speed`, `stiffness`, `damping`; in changes, directions are the last axis."""
+KINDS = ("q", "v", "deformation", "inputs", "parameters")
+_STEP = 1e-5
+
+
+class Changes:
+    """Differences of what a step assembles, by each of the kinds asked for.
+
+    Assemblies of other parameters are made once, and serve all steps.
+    """
+
+    def __init__(
+        self, here: Assembly, scene: Scene, model: Rung | str, values: dict[str, float],
+        names: tuple[str, ...], kinds: Sequence[str],
+    ) -> None:  # fmt: skip
+        self.here, self.names, self.kinds = here, names, tuple(kind for kind in KINDS if kind in kinds)
+        n, reach = len(here.state.q), float(here.state.clock[0]["reach"]) or 1.0
+        bodies = here.records.bodies
+        first = bodies["coordinate"]
+        angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
+        self.reach = reach
+        self.length = _STEP * np.where(np.isin(np.arange(n), angles), 1.0, reach)
+        self.varied: list[list[tuple[float, Assembly]]] = []
+        for name in names if "parameters" in kinds else ():
+            declared = scene.file.parameters[name]
+            low, high = declared.range or (-np.inf, np.inf)
+            size = _STEP * (abs(values[name]) or min(1.0, high - low))
+            nodes = (-1.0, 1.0)
+            if values[name] - size < low or values[name] + size > high:
+                side = 1.0 if values[name] - size < low else -1.0
+                nodes = (side, 2.0 * side)
+            self.varied.append(
+                [
+                    (s * size, here.like(scene, model, {**values, name: values[name] + s * size}))
+                    for s in nodes
+                ]
+            )
+
+    def size(self, kind: str) -> int:
+        """Number of unknowns of a kind."""
+        if kind == "parameters":
+            return len(self.varied)
+        return self.here.state.deformation.size if kind == "deformation" else len(self.here.state.q)
+
+    def of(self, held: Held, start: Start, trial: Array | None) -> dict[str, Data]:
+        """By kind, the change of the data with each unknown; also by the speeds of the `trial`."""
+        base = self.here.data(held, start, trial)
+        kinds = (*self.kinds, *(("trial",) if trial is not None else ()))
+        found = {}
+        for kind in kinds:
+            count = self.size(kind) if kind != "trial" else len(start.q)
+            each = [self._change(kind, i, held, start, trial, base) for i in range(count)]
+            found[kind] = {
+                name: np.stack([change[name] for change in each], axis=-1)
+                if each else np.zeros((*base[name].shape, 0))
+                for name in base if name != "gap"
+            }  # fmt: skip
+        return found
+
+    def begins(self) -> tuple[Array, Array]:
+        """Change (n, p) of the coordinates and speeds with which the scene begins, by each parameter."""
+        n = len(self.here.state.q)
+        dq, dv = np.zeros((2, n, len(self.varied)))
+        for i, samples in enumerate(self.varied):
+            for change, k in ((dq, 0), (dv, 1)):
+                ends = [(s, at.begun[k]) for s, at in samples]
+                change[:, i] = _slope(ends[0], ends[1], self.here.begun[k])
+        return dq, dv
+
+    def _change(self, kind: str, i: int, held: Held, start: Start, trial: Array | None, base: Data) -> Data:
+        here = self.here
+        prescribed = kind == "inputs" and bool(here.state.prescribed[i])
+        if kind == "parameters":
+            samples = [(s, at.data(held, start, trial)) for s, at in self.varied[i]]
+        elif kind == "inputs" and not prescribed:
+            change = {name: np.zeros_like(value) for name, value in base.items() if name != "gap"}
+            if here.rung[0]["loads"]:
+                change["c"] += here.state.free[: len(base["c"])] == i
+            return change
+        else:
+            size = self._size(kind, i, start)
+            samples = [(s, here.data(held, *self._moved(kind, i, s, start, trial))) for s in (-size, size)]
+        low, high = samples
+        change = {
+            name: _slope((low[0], low[1][name]), (high[0], high[1][name]), base[name])
+            for name in base if name not in _ENDLESS
+        }  # fmt: skip
+        for name in _ENDLESS:
+            finite = np.isfinite(base[name])
+            change[name] = np.zeros(base[name].shape)
+            change[name][finite] = (high[1][name][finite] - low[1][name][finite]) / (high[0] - low[0])
+        change["w"][::2] += np.where(held.bounced, 0.0, change.pop("gap") / here.h)
+        return change
+
+    def _size(self, kind: str, i: int, start: Start) -> float:
+        if kind == "q":
+            return float(self.length[i])
+        if kind == "deformation":
+            return _STEP * self.reach
+        return _STEP * max(float(np.abs(start.v).max(initial=0.0)), 1e-3 * self.reach / self.here.h)
+
+    def _moved(
+        self, kind: str, i: int, s: float, start: Start, trial: Array | None
+    ) -> tuple[Start, Array | None, Array | None]:
+        """The start, the trial and the faster inputs when one unknown is changed by s."""
+        one = np.zeros(self.size(kind) if kind != "trial" else len(start.q))
+        one[i] = s
+        if kind == "trial":
+            assert trial is not None
+            return start, trial + one, None
+        if kind == "inputs":
+            return start, trial, one
+        return start.moved(kind, one), trial, None
+
+
+_ENDLESS = ("F", "stiffness", "damping")
+"""Fields that may be infinite."""
+
+
+def _slope(low: tuple[float, Array], high: tuple[float, Array], base: Array) -> Array:
+    """The slope of the parabola through the base and both samples; the chord when they lie alike about it."""
+    (s, below), (t, above) = low, high
+    if s == -t:
+        return (above - below) / (t - s)
+    return ((below - base) * t / s - (above - base) * s / t) / (t - s)
+
+
+def along(changes: dict[str, Data], directions: dict[str, Array]) -> tuple[Data, Data]:
+    """The change of the data along directions (unknowns, m) of each kind, and the size of its terms."""
+    total: Data = {}
+    sizes: Data = {}
+    for kind, by in directions.items():
+        for name, change in changes[kind].items():
+            total[name] = total.get(name, 0.0) + change @ by
+            sizes[name] = sizes.get(name, 0.0) + np.abs(change) @ np.abs(by)
+    return total, sizes

@@ -1,0 +1,207 @@
+"""What is kept when a process is killed or the disk is full, and samples that fail while the rest goes on."""
+
+from __future__ import annotations
+
+import errno
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.simulation import batch as batches
+
+OVER = "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9"
+BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}
+
+
+def command(out: Path, *more: str) -> list[str]:
+    return [
+        sys.executable, "-m", "rungwise", "sets", "two_finger", "--model", "dynamic-compliant",
+        "--over", OVER, "--out", str(out), *more,
+    ]  # fmt: skip
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in sorted(folder.rglob("*"))
+        if file.is_file() and file.suffix != ".png"
+    }
+
+
+def grasp(out: Path, **options: Any) -> rw.FeasibleSet:
+    return rw.feasible_set(
+        "two_finger", rw.QUASISTATIC_RIGID, tuple(BOX), box=BOX, threads=1, tol=0.03, out=out, **options
+    )
+
+
+def test_ten_kills_at_random_moments_lose_nothing(tmp_path: Path) -> None:
+    coarse = ("--tol", "0.02")
+    subprocess.run(command(tmp_path / "whole", *coarse), check=True, capture_output=True)
+    began = time.monotonic()
+    subprocess.run(command(tmp_path / "again", *coarse), check=True, capture_output=True)
+    took = time.monotonic() - began
+    moments = np.random.default_rng(0)
+    kills, kept = 0, [0]
+    while kills < 10:
+        began = time.monotonic()
+        process = subprocess.Popen(
+            command(tmp_path / "parts", "--resume", *coarse), stdout=subprocess.DEVNULL
+        )
+        try:
+            process.wait(moments.uniform(0.3, 1.0) * took)
+            took = min(took, time.monotonic() - began)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            kills += 1
+        kept.append(len(list((tmp_path / "parts").rglob("batches/[0-9]*.npz"))))
+    assert kept == sorted(kept) and kept[-1] > 0
+    done = subprocess.run(command(tmp_path / "parts", "--resume", *coarse), check=True, capture_output=True)
+    assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
+    assert b"dynamic-compliant" in done.stdout
+
+
+def test_a_batch_that_is_torn_is_done_again(tmp_path: Path) -> None:
+    whole = grasp(tmp_path)
+    files = sorted((tmp_path / "batches").iterdir())
+    before = [file.read_bytes() for file in files]
+    files[0].write_bytes(b"")
+    files[1].write_bytes(before[1][: len(before[1]) // 2])
+    (tmp_path / "batches" / ".0123abcd.npz").write_bytes(b"torn")
+    (tmp_path / ".0123abcd.zarr").mkdir()
+    assert grasp(tmp_path, resume=True).data.identical(whole.data)
+    assert [file.read_bytes() for file in sorted((tmp_path / "batches").iterdir())] == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["batches", "request.json", "set.zarr"]
+
+
+def test_a_full_disk_keeps_what_is_finished(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = grasp(tmp_path / "whole")
+    save, written = np.savez, 0
+
+    def full(*arguments: Any, **arrays: Any) -> None:
+        nonlocal written
+        written += 1
+        if written > 2:
+            Path(arguments[0]).write_bytes(b"half")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        save(*arguments, **arrays)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(np, "savez", full)
+        with pytest.raises(OSError, match="No space left"):
+            grasp(tmp_path / "parts")
+    names = sorted(path.name for path in (tmp_path / "parts" / "batches").iterdir())
+    assert names == ["000000.npz", "000001.npz"]
+    assert grasp(tmp_path / "parts", resume=True).data.identical(whole.data)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 300 kB, where that can be had."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    try:
+        subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", str(folder)], check=True, capture_output=True
+        )
+    except (OSError, subprocess.CalledProcessError):
+        pytest.skip("needs the right to mount a file system; the test before imitates a full one")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_disk_that_is_full_is_one_line(small_disk: Path, tmp_path: Path) -> None:
+    failed = subprocess.run(command(small_disk / "set"), capture_output=True, text=True)
+    assert failed.returncode == 2 and failed.stdout == ""
+    assert failed.stderr == (
+        f"rungwise: out: {small_disk / 'set'} cannot be written (No space left on device);"
+        " finished batches are kept, and --resume goes on from them\n"
+    )
+    assert list(small_disk.rglob("batches/[0-9]*.npz"))
+    subprocess.run(["mount", "-o", "remount,size=50m", str(small_disk)], check=True)
+    subprocess.run(command(small_disk / "set", "--resume"), check=True, capture_output=True)
+    subprocess.run(command(tmp_path / "whole"), check=True, capture_output=True)
+    assert contents(small_disk / "set") == contents(tmp_path / "whole")
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(tmp_path: Path) -> None:
+    """Also for a superuser, whom permissions do not stop: a file is where the folder should be."""
+    (tmp_path / "file").touch()
+    targets = [tmp_path / "file" / "set"]
+    if os.geteuid() != 0:
+        (tmp_path / "closed").mkdir(mode=0o555)
+        targets.append(tmp_path / "closed" / "set")
+    for target in targets:
+        for option in ("--out", "--csv", "--mesh", "--html"):
+            file = {"--mesh": "set.obj"}.get(option, "set")
+            done = subprocess.run(
+                [
+                    sys.executable, "-m", "rungwise", "sets", "two_finger", "--model", "kinematic",
+                    "--over", "v1,v2", "--tol", "0.1", option, str(target.with_name(file)),
+                ],
+                capture_output=True, text=True,
+            )  # fmt: skip
+            assert done.returncode == 2 and done.stderr.count("\n") == 1
+            assert done.stderr.startswith(f"rungwise: {option[2:]}: ")
+            assert "cannot be written" in done.stderr
+
+
+def test_scenes_that_are_impossible_are_reported_and_the_rest_goes_on() -> None:
+    """A disc that grows into the wall beside it: from a radius of 1 on there is no start."""
+    scene = rw.load(
+        {
+            "name": "disc",
+            "parameters": {
+                "r": {"default": 0.5, "range": [0.1, 2.0]},
+                "v": {"default": 1.0, "range": [0.1, 2.0]},
+            },
+            "bodies": {
+                "disc": {
+                    "role": "robot", "shape": {"kind": "disc", "radius": "r"},
+                    "motion": {"kind": "slide", "axis": [0, 1], "name": "s"},
+                    "coordinates": {"s": {"drive": {"kind": "speed", "speed": "v"}}},
+                },
+                "wall": {
+                    "role": "obstacle", "pose": {"x": 1.0}, "motion": {"kind": "fixed"},
+                    "shape": {"kind": "halfplane", "normal": [-1, 0]},
+                },
+            },
+            "contacts": [{"between": ["disc", "wall"]}],
+            "goal": "disc.s >= 1",
+            "duration": 1.0,
+            "step": 0.1,
+        }
+    )  # fmt: skip
+    found = rw.feasible_set(scene, rw.KINEMATIC, ("r", "v"), tol=0.01, threads=1)
+    points = found.random(20_000, 6)
+    r, v = points.T
+    expected = np.where(r > 1.0, "invalid", np.where(v >= 1.0, "feasible", "infeasible"))
+    wrong = found.classify(points) != expected
+    assert (np.minimum(np.abs(r - 1.0), np.abs(v - 1.0))[wrong] <= 0.01 * 1.9).all()
+    assert found.volumes()["invalid"] == pytest.approx(1.0 / 1.9, abs=0.01)
+
+
+def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of runs that may take no more than all steps but one that any of them needs."""
+    accuracy, over = 3e-3, ("v1", "v2")
+    batch = rw.Batch(rw.load("two_finger"), rw.DYNAMIC_RIGID, over, tol=accuracy)
+    steps = batch.run(np.random.default_rng(0).uniform(0.2, 2.2, (2000, 2))).steps
+    monkeypatch.setattr(batches, "BUDGET", int(steps.max()) - 1)
+    found = rw.feasible_set("two_finger", rw.DYNAMIC_RIGID, over, box=BOX, tol=0.02, accuracy=accuracy)
+    parts = found.volumes()
+    assert set(parts) >= {"unknown", "doomed"} and sum(parts.values()) == pytest.approx(1.0)
+    monkeypatch.undo()
+    whole = rw.feasible_set("two_finger", rw.DYNAMIC_RIGID, over, box=BOX, tol=0.02, accuracy=accuracy)
+    assert "unknown" not in whole.volumes()
+    known = found.random(5000, 7)
+    known = known[found.classify(known) != "unknown"]
+    agree = found.classify(known) == whole.classify(known)
+    assert agree.mean() > 0.98
