@@ -19,8 +19,8 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 PYTHONS = ("python3", "/usr/bin/python3")
-LIMIT = 30.0
-"""Seconds that one solver gets for one problem, all its tolerances together."""
+LIMIT, START, SOLVES = 5.0, 1.5, 100
+"""Seconds that a solver gets for a problem, unless it could have been best in less: its start and solves."""
 DENSE = 300
 
 
@@ -46,7 +46,7 @@ def interpreter(given: str | None = None) -> str | None:
 
 
 def best(python: str, problem: rw.Problem, tol: float) -> Best | None:
-    """The fastest of Siconos' solvers, judged as our own answers are; None where it has no form or no answer."""
+    """The fastest of Siconos' solvers, judged as our own answers are; None without contacts or answer."""
     system, found = scaled(problem), None
     with tempfile.TemporaryDirectory() as folder:
         for kind, storage, text in _forms(problem, system):
@@ -54,7 +54,8 @@ def best(python: str, problem: rw.Problem, tol: float) -> Best | None:
             file.write_text(text)
             for solver in siconos_peer.SOLVERS[kind]:
                 out = file.with_suffix(f".{solver}.npz")
-                _run(python, file, kind, solver, problem.velocities, out)
+                limit = LIMIT if found is None else min(LIMIT, START + SOLVES * found.seconds)
+                _run(python, file, kind, solver, problem.velocities, out, limit)
                 if not out.exists():
                     continue
                 with np.load(out) as told:
@@ -65,11 +66,11 @@ def best(python: str, problem: rw.Problem, tol: float) -> Best | None:
     return found
 
 
-def _run(python: str, file: Path, kind: str, solver: str, velocities: int, out: Path) -> None:
+def _run(python: str, file: Path, kind: str, solver: str, velocities: int, out: Path, limit: float) -> None:
     """Whatever happens to the process, what it wrote counts."""
     command = [python, siconos_peer.__file__, str(file), kind, solver, str(velocities), str(out)]
     try:
-        subprocess.run(command, capture_output=True, timeout=LIMIT)
+        subprocess.run(command, capture_output=True, timeout=limit)
     except subprocess.TimeoutExpired:
         return
 

@@ -1,36 +1,46 @@
-"""Contact problems, the solvers that the default chain calls, the residual reached, and the time.
+"""Contact problems: the solvers that the default chain calls, the residual reached, the time, and Siconos'.
 
-    OMP_NUM_THREADS=1 python benchmarks/solvers.py [FOLDER] [--repeats N] [--only TEXT]
+    OMP_NUM_THREADS=1 python benchmarks/solvers.py [FOLDER] [--repeats N] [--only TEXT] [--siconos [PYTHON]]
+                                                   [--save FOLDER]
 
 FOLDER holds problem files (FCLIB, Siconos text, ContactBench); without it, ../shared/problems if it is there.
-Stacks and pyramids of boxes are generated in any case. Per problem the least time of N repeats.
+Stacks and piles of boxes are generated in any case; `--save` writes them (FCLIB). Everything is solved to a
+residual of 1e-8, and times are the least of N repeats, in microseconds of the processor.
 
-  cold      `rw.solve` from nothing: validation, elimination, solvers, judgement
+  cold      `rw.solve` of a problem never seen: elimination, scaling, solvers, judgement
+  again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million
-  compiled  Gauss-Seidel alone from compiled code, in microseconds, for up to 12 unknowns: from nothing, and
-            from forces changed by one part in a thousand; to 1e-8, - where it does not get there
+  compiled  the prepared problem from nothing, and from forces changed by one part in a thousand, called from
+            compiled code: up to 200 unknowns, - where Gauss-Seidel and Newton steps alone do not get there
   residual  the worse of the unit-free natural map and the imbalance; what decides
+  Siconos   the least time of its solvers, driver alone on a prepared problem, that got to the same residual;
+            ratio: `compiled`, or where there is none `again`, over it. With `--siconos` only, for contacts
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numba
 import numpy as np
 import scipy.sparse as sp
+import siconos_best
 
 import rungwise as rw
+from rungwise.contact.fclib import write_fclib
 from rungwise.contact.read import read_problem
-from rungwise.contact.solvers.gauss_seidel import accepts, sweep_until
+from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
+from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Ints, Reals
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")
 STEP, GRAVITY = 1e-2, 9.81
+TOL = 1e-8
 CORNERS = np.array([[x, y] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
 
 Contact = tuple[int, int, tuple[float, float, float]]
@@ -64,11 +74,11 @@ def stack(boxes: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
     return resting(contacts, centres, mu, push)
 
 
-def pyramid(base: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
-    """Each box on two below: four contacts with the ground, or eight with boxes."""
-    place = {
-        (level, j): (1.02 * j + 0.51 * level, level) for level in range(base) for j in range(base - level)
-    }
+def pile(boxes: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
+    """Each box on two below: four contacts with the ground, or eight with boxes; filled from below."""
+    base = next(n for n in range(1, boxes + 1) if n * (n + 1) >= 2 * boxes)
+    levels = [(level, j) for level in range(base) for j in range(base - level)]
+    place = {(level, j): (1.02 * j + 0.51 * level, level) for level, j in levels[:boxes]}
     number = {key: i for i, key in enumerate(place)}
     centres = np.array([[x, 0.0, 0.5 + level] for x, level in place.values()])
     contacts: list[Contact] = []
@@ -86,13 +96,17 @@ def pyramid(base: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
     return resting(contacts, centres, mu, push)
 
 
-def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
+def generated() -> Iterator[tuple[str, rw.Problem]]:
     for boxes in (3, 10, 20):
         for push in (0.0, 3.0):
             yield f"stack of {boxes}, push {push:g}", stack(boxes, push)
-    for base in (3, 6):
+    for boxes in (6, 20):
         for push in (0.0, 3.0, 10.0):
-            yield f"pyramid on {base}, push {push:g}", pyramid(base, push)
+            yield f"pile of {boxes}, push {push:g}", pile(boxes, push)
+
+
+def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
+    yield from generated()
     for path in sorted(folder.iterdir()) if folder else ():
         if path.suffix in SUFFIXES:
             try:
@@ -101,22 +115,26 @@ def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
                 print(f"{path.name:44.44s} {error}")
 
 
-def least_time(
-    problem: rw.Problem, start: np.ndarray | None, repeats: int
-) -> tuple[float, rw.ContactSolution]:
+def least_time(work: Callable[[], object], repeats: int) -> float:
+    """Microseconds of the quickest of so many."""
     times = []
     for _ in range(repeats):
-        began = time.perf_counter()
-        found = rw.solve(problem, start=start)
-        times.append(time.perf_counter() - began)
-    return min(times), found
+        began = time.process_time()
+        work()
+        times.append(time.process_time() - began)
+    return 1e6 * min(times)
 
 
-@kernel
+def copied(p: rw.Problem) -> rw.Problem:
+    return rw.Problem(p.A, p.b, p.mu, p.directions, p.lower, p.upper, p.velocities)
+
+
+@numba.njit
 def repeat(
-    row_start: np.ndarray,
-    column: np.ndarray,
+    row_start: Ints,
+    column: Ints,
     value: Reals,
+    A: Reals,
     blocks: Reals,
     diagonal: Reals,
     b: Reals,
@@ -126,60 +144,67 @@ def repeat(
     start: Reals,
     x: Reals,
     best: Reals,
-    scratch: Reals,
     tol: float,
+    dampings: Reals,
+    square: Reals,
+    vectors: Reals,
+    order: Ints,
     times: int,
-) -> int:
-    """Solve so many times, each from `start`; returns the sweeps of all."""
-    total = 0
+) -> None:
+    """Solve so many times, each from `start`."""
     for _ in range(times):
         for i in range(len(x)):
-            x[i] = start[i]
-        total += sweep_until(
-            row_start,
-            column,
-            value,
-            blocks,
-            diagonal,
-            b,
-            0.0,
-            mu,
-            lower,
-            upper,
-            x,
-            best,
-            scratch,
-            tol,
-            200,
-            200,
-        )
-    return total  # fmt: skip
+            x[i] = best[i] = start[i]
+        alternate(
+            row_start, column, value, A, blocks, diagonal, b, mu, lower, upper, x, best, tol, dampings,
+            square, vectors, order,
+        )  # fmt: skip
 
 
-def compiled(system: System, start: np.ndarray) -> float | None:
+def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
     """Microseconds of one compiled solve from `start`; None if it does not converge."""
-    s, times = system, 5000
+    s, best = system, np.empty(system.size)
+    times = max(1, 40_000 // s.size**2)
     arguments = (
-        s.row_start, s.column, s.value, s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, start,
-        np.empty(s.size), np.empty(s.size), np.empty((3, max(s.size, 3))), 1e-8,
+        s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, start,
+        np.empty(s.size), best, TOL, *workspace(s.size),
     )  # fmt: skip
-    if repeat(*arguments, 1) >= 200:
+    repeat(*arguments, 1)
+    if natural(s, best) > TOL:
         return None
-    least = np.inf
-    for _ in range(5):
-        began = time.perf_counter()
-        repeat(*arguments, times)
-        least = min(least, time.perf_counter() - began)
-    return 1e6 * least / times
+    return least_time(lambda: repeat(*arguments, times), repeats) / times
 
 
-def both_compiled(problem: rw.Problem, found: rw.ContactSolution) -> str:
+def both_compiled(problem: rw.Problem, found: rw.ContactSolution, repeats: int) -> list[float | None]:
     system = scaled(problem)
-    if system.size > 12 or not accepts(system):
-        return "-"
+    if not 0 < system.size <= SMALL or not accepts(system):
+        return [None, None]
     answer = found.x[system.kept] / system.force
-    told = [compiled(system, start) for start in (np.zeros(system.size), answer * (1.0 + 1e-3))]
-    return " ".join("-" if one is None else f"{one:.1f}" for one in told)
+    starts = np.zeros(system.size), answer * (1.0 + 1e-3)
+    return [compiled(system, start, repeats) for start in starts]
+
+
+def row(name: str, problem: rw.Problem, repeats: int, python: str | None) -> float | None:
+    """Print one row; the ratio to Siconos, if there is one."""
+    found = rw.solve(problem, tol=TOL)  # compiles
+    rw.solve(problem, tol=TOL, start=found.x * (1.0 + 1e-6))
+    fresh = iter([copied(problem) for _ in range(repeats)])
+    cold = least_time(lambda: rw.solve(next(fresh), tol=TOL), repeats)
+    again = least_time(lambda: rw.solve(problem, tol=TOL), repeats)
+    near = found.x * (1.0 + 1e-6)
+    warm = least_time(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
+    alone = both_compiled(problem, found, repeats)
+    best = siconos_best.best(python, problem, TOL) if python else None
+    ratio = None if best is None else (again if alone[0] is None else alone[0]) / (1e6 * best.seconds)
+    told = "" if best is None else f"{1e6 * best.seconds:9.1f} {ratio:6.2f} {best.solver:26s}"
+    chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
+    print(
+        f"{name:41.41s} {len(problem.b):5d} {found.status:13s} {found.residuals.worst:8.1e} {cold:9.1f}"
+        f" {again:9.1f} {warm:9.1f} {' '.join('      -' if one is None else f'{one:7.1f}' for one in alone)} "
+        f"{told or ('' if python is None else ' ' * 16 + ' ' * 27)} {chain}",
+        flush=True,
+    )
+    return ratio
 
 
 def main() -> None:
@@ -187,25 +212,33 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER if FOLDER.is_dir() else None)
-    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--only", default="", help="problems whose name has this in it")
-    given = parser.parse_args()
-    print(
-        f"{'problem':44s} {'unknowns':>8s} {'status':13s} {'residual':>8s}"
-        f" {'cold ms':>9s} {'warm ms':>9s} {'compiled':>10s}  chain"
+    parser.add_argument(
+        "--siconos", nargs="?", const="", help="a Python that has it; looked for if not given"
     )
-    for name, problem in problems(given.folder):
-        if given.only not in name:
-            continue
-        rw.solve(problem)  # compiles
-        cold, found = least_time(problem, None, given.repeats)
-        warm, _ = least_time(problem, found.x * (1.0 + 1e-6), given.repeats)
-        chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
-        print(
-            f"{name:44.44s} {len(problem.b):8d} {found.status:13s} {found.residuals.worst:8.1e}"
-            f" {1e3 * cold:9.3f} {1e3 * warm:9.3f} {both_compiled(problem, found):>10s}  {chain}",
-            flush=True,
-        )
+    parser.add_argument("--save", type=Path, help="write the generated problems here and end")
+    given = parser.parse_args()
+    if given.save is not None:
+        given.save.mkdir(parents=True, exist_ok=True)
+        for name, problem in generated():
+            write_fclib(given.save / f"{name.replace(', ', '_').replace(' ', '_')}.hdf5", problem, title=name)
+        return
+    python = None if given.siconos is None else siconos_best.interpreter(given.siconos or None)
+    if given.siconos is not None and python is None:
+        print("no Python here can import siconos (Debian: apt-get install python3-siconos)")
+    columns = f"{'cold':>9s} {'again':>9s} {'warm':>9s} {'compiled':>15s}"
+    peer = "" if python is None else f"  {'Siconos':>8s}  {'ratio':6s}{'its solver':26s}"
+    print(f"{'problem':41s} {'size':>5s} {'status':13s} {'residual':>8s} {columns} {peer}  chain")
+    ratios = [
+        row(name, problem, given.repeats, python)
+        for name, problem in problems(given.folder)
+        if given.only in name
+    ]
+    known = np.array([ratio for ratio in ratios if ratio is not None])
+    if len(known):
+        mean = np.exp(np.log(known).mean())
+        print(f"{len(known)} ratios: geometric mean {mean:.2f}, worst {known.max():.2f}")
 
 
 if __name__ == "__main__":

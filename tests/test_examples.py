@@ -109,7 +109,7 @@ def test_solver_benchmark_prints_a_table(
     solvers.main()
     printed = capsys.readouterr().out.splitlines()
     assert len(printed) >= 3 and all("solved" in line for line in printed if line.startswith("stack"))
-    for boxes, problem in ((10, solvers.stack(10)), (21, solvers.pyramid(6))):
+    for boxes, problem in ((10, solvers.stack(10)), (20, solvers.pile(20))):
         found = rw.solve(problem)
         assert found.status == "solved" and found.residuals.worst <= 1e-8
         ground = found.r[: 3 * 4 * (1 if boxes == 10 else 6) : 3]

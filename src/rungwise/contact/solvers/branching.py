@@ -138,7 +138,7 @@ def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
     drawn to its upper and to its lower limit. Dense for few unknowns."""
     rays, m = [generators(s, k, mode[k]) for k in range(len(s.mu))], len(s.lower)
     if s.size <= LARGEST:
-        back, cone = s.matrix().toarray().T, block_diag(*rays) if rays else np.zeros((0, 0))
+        back, cone = s.dense().T, block_diag(*rays) if rays else np.zeros((0, 0))
         push = np.hstack([cone @ back[: s.rows], np.zeros((len(cone), 2 * m))])
         return cone, push, np.hstack([back[s.rows :], -np.eye(m), np.eye(m)])
     back = sp.csr_array(s.matrix().T)

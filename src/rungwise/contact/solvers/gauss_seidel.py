@@ -27,7 +27,8 @@ from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
-_ROUNDS, _FIRST, _STEPS = 12, 3, 6
+_ROUNDS, _STEPS = 8, 6
+_NEAR = 1e-2
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE = 300
@@ -47,7 +48,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     if 0 < n <= SMALL:
         done = alternate(
             s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, x,
-            best, tol, _ROUNDS, _DAMPINGS, np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+            best, tol, *workspace(n),
         )  # fmt: skip
         return best, done
     sweeps = sweep_until(
@@ -68,6 +69,11 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
     return best
 
 
+def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
+    """Dampings and scratch for `alternate` with n unknowns."""
+    return _DAMPINGS, np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+
+
 @kernel
 def alternate(
     row_start: Ints,
@@ -83,27 +89,32 @@ def alternate(
     x: Reals,
     best: Reals,
     tol: float,
-    rounds: int,
     dampings: Reals,
     square: Reals,
     vectors: Reals,
     order: Ints,
 ) -> int:
-    """Improve x (N,), `best` being the best met, until it is within tol; returns sweeps and steps."""
-    d, n, done, least = blocks.shape[1], len(x), 0, math.inf
-    for turn in range(rounds):
+    """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
+
+    It begins with Newton steps where x is near a solution.
+    """
+    d, n, done = blocks.shape[1], len(x), 0
+    least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+    near = least < _NEAR
+    for turn in range(_ROUNDS):
         before = least
         for newton_turn in (False, True):
             if newton_turn:
                 done += descend_dense(
-                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.1 * tol, _STEPS, dampings,
+                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
                     square, vectors, order,
                 )  # fmt: skip
-            else:
-                done += sweep_until(
-                    row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, x, vectors[3],
-                    vectors, tol, (turn + 1) * _FIRST, (turn + 1) * _FIRST,
-                )  # fmt: skip
+            elif turn > 0 or not near:
+                for _ in range(1 << turn):
+                    _sweep(
+                        row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, x, vectors[3]
+                    )
+                done += 1 << turn
             found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
             if found < least:
                 least = found
@@ -111,7 +122,7 @@ def alternate(
                     best[i] = x[i]
             if least <= tol:
                 return done
-        if not least < 0.5 * before:
+        if turn > 0 and not least < 0.5 * before:
             break
     return done
 
@@ -244,9 +255,11 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
         m11, m22 = a11 + slip, a22 + slip
         determinant = m11 * m22 - a12 * a21
         if determinant > 1e-14 * (abs(m11 * m22) + abs(a12 * a21)):
-            t1, t2 = (a12 * g2 - m22 * g1) / determinant, (a21 * g1 - m11 * g2) / determinant
+            per = 1.0 / determinant
+            t1, t2 = (a12 * g2 - m22 * g1) * per, (a21 * g1 - m11 * g2) * per
             n = free - p * t1 - q * t2
-            length = math.sqrt(t1 * t1 + t2 * t2)
+            square = t1 * t1 + t2 * t2
+            length = math.sqrt(square)
             excess = length - mu * n
             if step == 0 and excess <= 0.0:
                 break
@@ -257,10 +270,9 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
             if abs(excess) <= 1e-15 * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16):
                 break
             # Newton on mu n / |t| - 1, which is nearly linear in the slip a.
-            d1, d2 = (a12 * t2 - m22 * t1) / determinant, (a21 * t1 - m11 * t2) / determinant
-            growth = (t1 * d1 + t2 * d2) / length
-            rate = mu * (-(p * d1 + q * d2) * length - n * growth)
-            newer = slip - (mu * n - length) * length / rate if rate != 0.0 else low
+            d1, d2 = (a12 * t2 - m22 * t1) * per, (a21 * t1 - m11 * t2) * per
+            rate = -mu * ((p * d1 + q * d2) * square + n * (t1 * d1 + t2 * d2))
+            newer = slip + excess * square / rate if rate != 0.0 else low
             if step == 0 and guess > 0.0:
                 newer = guess
         else:

@@ -23,6 +23,7 @@ from rungwise.contact.solvers.condensed import solver
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton_dense import (
     HALVINGS,
+    LEAST,
     VECTORS,
     WINDOW,
     alart_curnier,
@@ -141,8 +142,7 @@ def _step(
 def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Linear:
     """(I + damping - D + rho D (A + shift))^-1 F, D the derivative of the projections, in blocks.
 
-    Where contacts stick, a damped step is the Newton step of a problem in which they yield a little. In the
-    condensed form they always yield.
+    Where contacts stick, a damped step is the Newton step of a problem in which they yield a little.
     """
     s, d, kept = system, system.directions, 1.0 - rho * shift
     i = np.arange(s.size)
@@ -166,7 +166,7 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
 
     def sparse(damping: float, F: Array) -> Array | None:
         try:
-            return _finite(splu(sp.csc_array(J + damping * sp.eye_array(len(F)) if damping else J)).solve(F))
+            return _finite(splu(sp.csc_array(J + max(damping, LEAST) * sp.eye_array(len(F)))).solve(F))
         except RuntimeError:
             return None
 

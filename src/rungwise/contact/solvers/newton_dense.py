@@ -9,7 +9,7 @@ from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, kernel
 
 HALVINGS, WINDOW = 7, 12
-_YIELD = 1e-9
+LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 8
 
@@ -57,7 +57,7 @@ def descend_dense(
             copy(J, factors)
             for i in range(n):
                 step[i] = F[i]
-                factors[i, i] += _YIELD if attempt == 0 else max(_YIELD, dampings[attempt - 1] * size)
+                factors[i, i] += LEAST if attempt == 0 else max(LEAST, dampings[attempt - 1] * size)
             if not factorise(factors, n, order):
                 continue
             substitute(factors, n, order, step)

@@ -16,6 +16,7 @@ from rungwise.contact.system import System
 
 NAME = "proximal-point"
 _OUTER = 80
+_WINDOW, _STALLED = 20, 0.7
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _EASIER, _HARDER = 1e-2, 0.5, 2.0
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
@@ -31,11 +32,15 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     s = system
     A, sweeping = newton.form(s), gauss_seidel.accepts(s)
     x = best = start
-    found = least = natural(s, start)
+    found = least = before = natural(s, start)
     weight = _WEIGHT
     for done in range(_OUTER):
         if least <= tol:
             return best, done
+        if done % _WINDOW == 0:
+            if done and least > _STALLED * before:
+                return best, done
+            before = least
         offset = s.b - weight * x
         goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
         trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS) if sweeping else x
