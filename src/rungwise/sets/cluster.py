@@ -131,7 +131,8 @@ class Cluster:
         if isinstance(error, SetError):
             raise error
         if error is not None:
-            raise SetError(f"cluster: a worker failed, {type(error).__name__}: {error}{KEPT_NOTE}")
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise SetError(f"cluster: a worker failed, {reason}{KEPT_NOTE}")
         with self._asking():
             outcome, margin, seconds = future.result()
         self._learn(len(outcome), seconds)
