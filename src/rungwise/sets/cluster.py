@@ -135,7 +135,8 @@ class Cluster:
         if isinstance(error, SetError):
             raise error
         if error is not None:
-            raise SetError(f"cluster: a worker failed, {type(error).__name__}: {error}{KEPT_NOTE}")
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise SetError(f"cluster: a worker failed, {reason}{KEPT_NOTE}")
         with self._asking(), suppress(TimeoutError):
             outcome, margin, seconds = future.result(timeout=POLL_S)
             self._learn(len(outcome), seconds)
