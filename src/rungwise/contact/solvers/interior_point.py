@@ -186,7 +186,7 @@ def _advance(
     dz, dw, length = step(0.0, 1.0)
     length = min(1.0, length)
     predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
-    centring = min(1.0, max(predicted / product, 0.0)) ** 3
+    centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
     dz, dw, length = step(centring * product, 1.0 - _RETAINED * centring)
     if length < _SHORT and turning > 0.0:
         return _advance(A, b, z, w, cones, condensed, 0.0)
