@@ -229,11 +229,12 @@ def _factorise(
     column = (start[:, None] + np.arange(3))[used]
     shape = (len(scaling), len(scaling))
     J = A + sp.csr_array((blocks[row][used], (np.repeat(row, width), column)), shape=shape)
-    alive = np.ones(len(scaling))
-    alive[cones.dead] = 0.0
-    J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
+    if len(cones.dead):
+        alive = np.ones(len(scaling))
+        alive[cones.dead] = 0.0
+        J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
     try:
-        return splu(sp.csc_array(J)).solve
+        return splu(sp.csc_array(J), permc_spec="MMD_AT_PLUS_A").solve
     except RuntimeError:
         return None
 
