@@ -36,7 +36,9 @@ from rungwise.sets.solution_sets import SolutionSets, solution_sets
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.chain import RunSensitivity, run_sensitivity
-from rungwise.simulation.run import ModelError, Run, Simulation, simulate
+from rungwise.simulation.options import ModelError
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import Simulation, simulate
 from rungwise.simulation.sensitivity import StepSensitivity, step_sensitivity
 from rungwise.simulation.touching import Touching, touching
 from rungwise.simulation.trajectory import load as load_run

@@ -190,12 +190,6 @@ NAN, INF = float("nan"), float("inf")
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [0.5], directions=4), "directions"),
         (lambda: rw.Problem.balance(np.eye(2), [1.0], np.eye(2), [0.0, 0.0], [0.5], directions=2), "H"),
         (lambda: rw.Problem.balance([[1.0]], [1.0], [], [], [], S=[[1.0]], w_s=[0.0]), "W"),
-        (
-            lambda: rw.Problem.balance(
-                [[1.0]], [1.0], np.zeros((0, 1)), [], [], S=[[1.0]], w_s=[0.0], R_s=[-1.0]
-            ),
-            "R_s",
-        ),
         (lambda: rw.Problem(np.eye(2), [1.0, 2.0], lower=[0, 0], upper=[1, 1], velocities="a"), "velocities"),
         (lambda: rw.solve(3), "problem"),
         (lambda: rw.solve(STEP, tol="small"), "tol"),

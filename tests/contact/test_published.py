@@ -89,3 +89,18 @@ def test_the_traps() -> None:
     assert np.abs(game.z).max() > 1e-3  # z = 0 is what some solvers call a solution
     w = game.problem.A @ game.z + game.problem.b
     np.testing.assert_allclose(np.minimum(game.z, w), 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["lcp_CPS_1.dat", "lcp_CPS_3.dat", "lcp_Pang_isolated_sol.dat"])
+@pytest.mark.parametrize("small", [1.0, 1e-6, 1e-12])
+def test_a_trap_with_a_row_that_nothing_satisfies_is_never_solved(name: str, small: float) -> None:
+    """One more unknown that does nothing, and a rate of -small that no unknown raises."""
+    trap = read_problem(FOLDER / name)
+    assert isinstance(trap, rw.Problem)
+    size = len(trap.b)
+    M = np.zeros((size + 1, size + 1))
+    M[:size, :size] = trap.A.toarray() if hasattr(trap.A, "toarray") else trap.A
+    found = rw.solve(rw.Problem.lcp(M, np.append(trap.b, -small)))
+    assert found.status in ("jammed", "not_converged") and found.residuals.worst > found.tol
+    if small > 1e-8:  # what `solutions` counts as rounding
+        assert rw.solutions(found.problem).kind == "none"

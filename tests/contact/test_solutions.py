@@ -402,3 +402,54 @@ def test_when_either_of_two_may_rest_both_cases_count() -> None:
     found = rw.solutions(pushed([0.0, 0.0], [1.0, -3.0, -3.0], [[1.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]))
     np.testing.assert_allclose(rw.extreme_motions(found), [[-2.0, 3.0]] * 2)
     np.testing.assert_allclose(rw.extreme_motions(found, [[0], [1]]), [[0.0, 3.0]] * 2)
+
+
+# In space
+
+
+def spatial(rng: np.random.Generator, bodies: int, contacts: int) -> rw.Problem:
+    """Bodies of six coordinates that meet at random, without friction, some contacts twice."""
+    n = 6 * bodies
+    W = np.zeros((3 * contacts, n))
+    for k in range(contacts):
+        a, b = rng.choice(bodies + 1, 2, replace=False)  # the last one is the ground
+        for body in (x for x in (a, b) if x < bodies):
+            W[3 * k : 3 * k + 3, 6 * body : 6 * body + 6] = rng.normal(size=(3, 6))
+    W[:3] = W[3:6]
+    A = rng.normal(size=(n, n))
+    return rw.Problem.balance(
+        A @ A.T + np.eye(n), rng.normal(size=n), W, np.tile([0.1, 0.0, 0.0], contacts), np.zeros(contacts)
+    )
+
+
+def test_extreme_motions_of_files_in_space_are_those_of_their_solution(tmp_path: Path) -> None:
+    """Without friction masses leave one motion, however contacts share the forces; a file holds all of it."""
+    pytest.importorskip("h5py", reason="FCLIB files need h5py")
+    rng, kinds = np.random.default_rng(12), set()
+    for _ in range(6):
+        rw.write_fclib(tmp_path / "a.hdf5", spatial(rng, 2, 5))
+        problem = read_problem(tmp_path / "a.hdf5")
+        found, reference = rw.solutions(problem), rw.solve(problem)
+        assert check(found) and reference.status == "solved"
+        kinds.add(found.kind)
+        extremes = rw.extreme_motions(found)
+        np.testing.assert_allclose(extremes, np.tile(reference.v[:, None], 2), atol=1e-8)
+    assert "force-indeterminate" in kinds
+
+
+def test_a_ball_pushed_without_inertia_in_space() -> None:
+    """A plate at speed 1 along z, dry friction on the ball's support holding x and y, and its turns free."""
+    W = np.zeros((3, 6))
+    W[0, 2] = W[1, 0] = W[2, 1] = 1.0
+    held = np.eye(6)[:2]
+    ball = rw.Problem.balance(
+        np.zeros((6, 6)), np.zeros(6), W, [-1.0, 0.0, 0.0], [0.0], S=held, w_s=np.zeros(2), F=[0.1, 0.1]
+    )
+    found = rw.solutions(ball)
+    assert found.kind == "motion-indeterminate" and check(found)
+    free = [-np.inf, np.inf]
+    np.testing.assert_allclose(
+        rw.extreme_motions(found), [[0.0, 0.0], [0.0, 0.0], [1.0, np.inf], free, free, free], atol=1e-9
+    )
+    with pytest.raises(ValueError, match="directions must be 2"):
+        rw.solutions(rw.Problem.balance(np.eye(6), np.zeros(6), W, np.zeros(3), [0.5]))

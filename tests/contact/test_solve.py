@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 
 import numpy as np
 import pytest
@@ -222,3 +223,34 @@ def test_steps_as_models_assemble_them(
         else:
             assert found.certificate is not None and check(scaled(found.problem), found.certificate)
     assert solved > 40
+
+
+def has_solution(M: np.ndarray, q: np.ndarray) -> bool:
+    """By all 2^n sets of unknowns that may be positive."""
+    for chosen in product((False, True), repeat=len(q)):
+        own, z = np.array(chosen), np.zeros(len(q))
+        z[own] = np.linalg.solve(M[np.ix_(own, own)], -q[own])
+        w = M @ z + q
+        if (z >= 0.0).all() and (w[~own] >= 0.0).all():
+            return True
+    return False
+
+
+def test_what_has_no_solution_is_not_solved_in_any_units_of_rows_and_unknowns() -> None:
+    rng, seen = np.random.default_rng(4), {True: 0, False: 0}
+    for _ in range(150):
+        n = int(rng.integers(2, 5))
+        M, q = rng.normal(size=(n, n)) * 10.0 ** rng.uniform(-2, 2, (n, n)), rng.normal(size=n)
+        rows, unknowns = 10.0 ** rng.uniform(-5, 5, (2, n))
+        found = rw.solve(rw.Problem.lcp(rows[:, None] * M * unknowns, rows * q))
+        solvable = has_solution(M, q)
+        seen[solvable] += 1
+        assert (found.status == "solved") == solvable
+        if solvable:
+            z = found.z * unknowns
+            w, terms = M @ z + q, np.abs(M) @ np.abs(z) + np.abs(q)
+            assert (w >= -1e-5 * terms).all()
+            assert (
+                np.minimum(np.abs(w) / terms, np.abs(z) * (np.abs(M) / terms[:, None]).max(axis=0)) < 1e-5
+            ).all()
+    assert min(seen.values()) > 30

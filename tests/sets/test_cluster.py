@@ -106,7 +106,7 @@ def test_when_the_scheduler_dies_it_is_one_line_and_batches_are_kept(farm: Farm,
     until_kept(process, tmp_path)
     farm.scheduler.kill()
     _, error = process.communicate(timeout=120)
-    assert process.returncode == 2
+    assert process.returncode == 2, error.decode()
     assert error.decode().startswith("rungwise: cluster: ") and error.count(b"\n") == 1
     found = grasp(rw.DYNAMIC_RIGID, out=tmp_path / "set" / "dynamic-rigid", resume=True)
     assert found.data.identical(grasp(rw.DYNAMIC_RIGID).data)
@@ -135,6 +135,19 @@ def test_a_worker_that_dies_loses_nothing(farm: Farm, tmp_path: Path) -> None:
     expected = grasp(rw.DYNAMIC_RIGID)
     assert json.loads(output)["sets"][0]["evaluations"] == expected.evaluations
     assert rw.load_set(tmp_path / "set" / "dynamic-rigid").data.identical(expected.data)
+
+
+def test_a_worker_that_fails_is_named(farm: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch, pytest.raises(rw.SetError, match="another version of rungwise"):
+        patch.setattr(module, "version", lambda: "older")
+        grasp(cluster=farm.address)
+    with monkeypatch.context() as patch, pytest.raises(rw.SetError, match="a worker failed, FileNotFound"):
+        patch.setattr(module, "work", _fail)
+        grasp(cluster=farm.address)
+
+
+def _fail(*_: object) -> None:
+    open("/nowhere/at/all")
 
 
 def test_no_scheduler_is_one_line() -> None:

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 import rungwise as rw
 from rungwise.plain import json_text
 from rungwise.report.describe import describe, describe_text
-from rungwise.simulation.run import ModelError, Simulation
+from rungwise.simulation.options import ModelError
+from rungwise.simulation.run import Simulation
 
 from .conftest import MOVING
 

@@ -15,7 +15,8 @@ import pytest
 
 import rungwise as rw
 from rungwise.simulation import loop, trajectory
-from rungwise.simulation.run import ModelError, Simulation
+from rungwise.simulation.options import ModelError
+from rungwise.simulation.run import Simulation
 
 from .conftest import MOVING
 

@@ -88,6 +88,14 @@ def test_labels_are_those_of_the_sets(page: Any, found: list[rw.FeasibleSet]) ->
 
 
 @in_browser
+def test_stored_runs_say_how_they_ended(page: Any) -> None:
+    ends = page.evaluate("DATA.runs.map((row, i) => runsOf(i).map(c => c.outcome))")
+    labels = page.evaluate("DATA.runs.map(row => row.labels.map(k => DATA.labels[k]))")
+    names = {"goal": "feasible", "doomed": "doomed", "missed": "infeasible", "timeout": "infeasible"}
+    assert [[names[end] for end in row] for row in ends] == labels and len(labels) == 48
+
+
+@in_browser
 def test_parts_of_the_box_are_written(page: Any, found: list[rw.FeasibleSet]) -> None:
     text = page.evaluate("$('models').textContent")
     for each in found:

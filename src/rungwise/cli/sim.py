@@ -21,7 +21,7 @@ from rungwise.cli.arguments import (
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
-    from rungwise.simulation.run import Run
+    from rungwise.simulation.result import Run
 
 
 def sim(
@@ -73,7 +73,8 @@ def sim(
 ) -> int:
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
-    from rungwise.simulation.run import ModelError, Simulation
+    from rungwise.simulation.options import ModelError
+    from rungwise.simulation.run import Simulation
 
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")

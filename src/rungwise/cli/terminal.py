@@ -39,7 +39,7 @@ def plain_errors() -> Iterator[None]:
     """Wrong input of any kind becomes one line."""
     from rungwise.scene import SceneError
     from rungwise.sets.store import SetError
-    from rungwise.simulation.run import ModelError
+    from rungwise.simulation.options import ModelError
     from rungwise.viewing.view import ViewError
 
     try:

@@ -12,7 +12,7 @@ from rungwise.cli.arguments import JsonOption, SetOption, load_scene, number, pa
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
-    from rungwise.simulation.run import Run
+    from rungwise.simulation.result import Run
 
 
 def view(

@@ -8,12 +8,14 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System, compressed, fitted
 from rungwise.kernel import Ints, Reals, kernel
 
+_OWN = 1e-3
 _ROUNDING, _FLOOR = 2.0**-54, 1e-6
 
 
@@ -23,7 +25,8 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms, unit forces included. The others tell where the fault
+    imbalance of a free row over the sum of its terms, unit forces included. Without contacts and free
+    unknowns `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
     is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
     |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
     |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
@@ -60,6 +63,8 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
         system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
     )  # fmt: skip
     found[1] = _imbalance(problem, system, scales, x, y)
+    if problem.is_boxes:
+        found[0] = max(found[0], _OWN * in_own_terms(problem, x, y, scales.absolute))
     return Residuals(*found.tolist()), y
 
 
@@ -126,6 +131,25 @@ def _scales(problem: Problem) -> _Scales:
             fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
         found = _known[problem] = _Scales(absolute, free, unit)
     return found
+
+
+def in_own_terms(problem: Problem, x: Array, y: Array, absolute: Matrix) -> float:
+    """The largest violation by x of a law of a problem of limits alone, whatever the units of its rows and of
+    its unknowns: a rate counts by the size of its terms, an unknown by what it does to the rows, over theirs.
+
+    Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
+    beside the norm of all.
+    """
+    size = absolute @ np.abs(x) + np.abs(problem.b)
+    per_row = 1.0 / np.where(size > 0.0, size, 1.0)
+    each = sp.csr_array(sp.diags_array(per_row) @ sp.csr_array(absolute)).max(axis=0).toarray().ravel()
+    rate = y * per_row
+    with np.errstate(invalid="ignore"):
+        above = np.where(np.isfinite(problem.lower), (x - problem.lower) * each, np.inf)
+        below = np.where(np.isfinite(problem.upper), (problem.upper - x) * each, np.inf)
+    room = np.where(rate > 0.0, above, below)
+    broken = np.maximum(np.minimum(np.abs(rate), np.abs(room)), -np.minimum(above, below))
+    return float(broken.max(initial=0.0))
 
 
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:

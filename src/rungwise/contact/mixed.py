@@ -84,6 +84,12 @@ class Problem:
             object.__setattr__(self, name, own)
 
     @property
+    def is_boxes(self) -> bool:
+        """Whether it has no contacts and no free unknowns: an LCP, a relay, limits alone."""
+        free = np.isneginf(self.lower) & np.isposinf(self.upper)
+        return len(self.mu) == 0 and len(self.lower) > 0 and not free.any()
+
+    @property
     def rows(self) -> int:
         """Contact rows k d; they come first."""
         return self.directions * len(self.mu)
@@ -135,8 +141,6 @@ class Problem:
             _sized(name, value, size)
         if (limit < 0.0).any():
             raise ValueError("F: a limit must not be negative")
-        if (yielding < 0.0).any():
-            raise ValueError("R_s: a compliance must not be negative")
         parts = [[R, W, None], [-W.T, H, -S.T], [None, S, sp.diags_array(yielding)]]
         A = sp.block_array(parts if limited else [row[:2] for row in parts[:2]], format="csr")
         free = np.full(n, np.inf)

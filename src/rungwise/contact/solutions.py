@@ -148,6 +148,8 @@ class _Holding:
 def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> Array:
     """Least and greatest of each velocity (rate, where the problem has none) over all solutions: (m, 2).
 
+    In the plane, and in space without friction.
+
     `objects` names the velocities of each object. One for which rest is admissible rests: of the solutions
     only those count in which no further object could rest. Infinite where nothing bounds the motion.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import ModuleType
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.judge import judged
 from rungwise.contact.mixed import Array, Problem, vector
@@ -31,7 +32,7 @@ SOLVERS: tuple[ModuleType, ...] = (
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
 TOLERANCE = 1e-9
-_MARGIN = 0.3
+_MARGIN, _ROUNDS = 0.3, 5
 
 
 def solve(
@@ -76,10 +77,34 @@ def solve(
         attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
         full, proof = system.recover(found.x * system.force), found.proof
         residuals, y = judged(problem, system, full)
+    if residuals.worst > tol and proof is None and problem.is_boxes:
+        other, more = _in_other_units(problem, chain, tol)
+        attempts += more
+        if (better := judged(problem, system, other))[0].worst < residuals.worst:
+            full, (residuals, y) = other, better
     status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
     if residuals.worst <= tol:
         status, proof = Status.SOLVED, None
     return ContactSolution(problem, status, full, y, residuals, tol, tuple(attempts), proof)
+
+
+def _in_other_units(
+    problem: Problem, chain: tuple[ModuleType, ...], tol: float
+) -> tuple[Array, list[Attempt]]:
+    """What the chain comes to with units for rows and for unknowns, each of its own."""
+    A, per_row, unit = sp.csr_array(problem.A), np.ones(len(problem.b)), np.ones(len(problem.b))
+    size = abs(A)
+    for _ in range(_ROUNDS):
+        largest = np.maximum((size * unit).max(axis=1).toarray().ravel(), np.abs(problem.b))
+        per_row = 1.0 / np.where(largest > 0.0, largest, 1.0)
+        largest = (sp.diags_array(per_row) @ size).max(axis=0).toarray().ravel()
+        unit = 1.0 / np.where(largest > 0.0, largest, 1.0)
+    made = sp.diags_array(per_row) @ A @ sp.diags_array(unit)
+    again = Problem.boxes(made, per_row * problem.b, problem.lower / unit, problem.upper / unit)
+    system = scaled(again)
+    with np.errstate(all="ignore"):
+        x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol)
+    return unit * system.recover(x * system.force), attempts
 
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:

@@ -6,11 +6,13 @@ Runs do not depend on how they are cut, so the answers are those of one process.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent import futures
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from threading import get_ident
@@ -24,7 +26,7 @@ from rungwise.sets.asker import KEPT, Answer, InProcess, Runner
 from rungwise.sets.motions import Motions
 from rungwise.sets.request import batch_of
 from rungwise.sets.store import SetError
-from rungwise.simulation.run import moving_rung
+from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -70,11 +72,15 @@ class Cluster:
         try:
             while any(left.values()):
                 for _, (number, part) in zip(range(2 * self._threads() - len(waiting)), tasks, strict=False):
-                    future = self._client.submit(work, *self._job, batches[number][part], pure=False)
+                    with self._asking():
+                        future = self._client.submit(work, *self._job, batches[number][part], pure=False)
                     waiting[future] = number, part
                 for future in self._finished(waiting):
+                    answer = self._result(future)
+                    if answer is None:
+                        continue
                     number, part = waiting.pop(future)
-                    outcomes[number][part], margins[number][part] = self._result(future)
+                    outcomes[number][part], margins[number][part] = answer
                     left[number] -= part.stop - part.start
                     done += part.stop - part.start
                     on_progress(done)
@@ -82,8 +88,16 @@ class Cluster:
                         done -= len(batches[number])
                         yield number, outcomes[number], margins[number]
         finally:
-            with suppress(OSError):
+            with suppress(SetError), self._asking():
                 self._client.cancel(list(waiting))
+
+    @contextmanager
+    def _asking(self) -> Iterator[None]:
+        """Raises SetError when the connection is lost."""
+        try:
+            yield
+        except (OSError, asyncio.CancelledError, futures.CancelledError) as error:
+            raise SetError(f"cluster: the scheduler at {self.address} is gone{KEPT_NOTE}") from error
 
     def _tasks(self, batches: Sequence[Reals]) -> Iterator[tuple[int, slice]]:
         """Parts of batches, of a size that is set anew for each."""
@@ -96,10 +110,8 @@ class Cluster:
 
     def _threads(self) -> int:
         """How many tasks can run at once. Raises SetError when there has been no worker for some time."""
-        try:
+        with self._asking():
             threads = int(sum(self._client.nthreads().values()))
-        except OSError as error:
-            raise SetError(f"cluster: the scheduler at {self.address} is gone{KEPT_NOTE}") from error
         if threads:
             self._seen = time.monotonic()
         elif time.monotonic() > self._seen + PATIENCE_S:
@@ -113,20 +125,22 @@ class Cluster:
         if not waiting:
             time.sleep(POLL_S)
             return ()
-        try:
+        with self._asking(), suppress(TimeoutError):
             return list(wait(list(waiting), timeout=POLL_S, return_when="FIRST_COMPLETED").done)
-        except TimeoutError:
-            return ()
+        return ()
 
-    def _result(self, future: Future[Any]) -> tuple[Ints, Reals]:
-        try:
-            outcome, margin, seconds = future.result()
-        except SetError:
-            raise
-        except Exception as error:  # whatever went wrong on a worker
-            raise SetError(f"cluster: {type(error).__name__} at {self.address}: {error}{KEPT_NOTE}") from None
-        self._learn(len(outcome), seconds)
-        return outcome, margin
+    def _result(self, future: Future[Any]) -> tuple[Ints, Reals] | None:
+        """Outcomes and margins; None when the worker that had them is gone, and they are made anew."""
+        error = future.exception() if future.status == "error" else None
+        if isinstance(error, SetError):
+            raise error
+        if error is not None:
+            raise SetError(f"cluster: a worker failed, {type(error).__name__}: {error}{KEPT_NOTE}")
+        with self._asking(), suppress(TimeoutError):
+            outcome, margin, seconds = future.result(timeout=POLL_S)
+            self._learn(len(outcome), seconds)
+            return outcome, margin
+        return None
 
     def _learn(self, runs: int, seconds: float) -> None:
         """Size of the next tasks, from the time that one took."""

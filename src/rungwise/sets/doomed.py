@@ -35,7 +35,7 @@ from rungwise.sets.request import ACCURACY, digest, smallest
 from rungwise.sets.states import box_of_states, check_states, input_box, records_of, state_name
 from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch
-from rungwise.simulation.run import moving_rung
+from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
     import xarray

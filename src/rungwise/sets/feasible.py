@@ -27,7 +27,8 @@ from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
 from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
 from rungwise.sets.store import Log, SetError
 from rungwise.sets.tree import FIRST_LEVEL, BudgetSpent, Tree
-from rungwise.simulation.run import Run, moving_rung
+from rungwise.simulation.options import moving_rung
+from rungwise.simulation.result import Run
 
 if TYPE_CHECKING:
     import xarray

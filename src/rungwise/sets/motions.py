@@ -23,7 +23,8 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation.batch import Batch, Results
-from rungwise.simulation.run import Run, simulate
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import simulate
 
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
@@ -39,11 +40,13 @@ def motions(scene: Scene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motio
     if solutions == SLOWEST or model.inertia > 0.0:
         return ({},)
     template = scene.template
-    coordinates = rec.views(template.buffer, template.counts).coordinates
+    records = rec.views(template.buffer, template.counts)
+    driven = records.joints[records.measures["joint"][records.measures["drive"] != rec.NO_DRIVE]]
+    bodies = {*driven["body_a"].tolist(), *driven["body_b"].tolist()}
     alone = [
         name
-        for name, drive in zip(template.coordinates, coordinates["drive"], strict=True)
-        if drive == rec.NO_DRIVE
+        for name, c in zip(template.coordinates, records.coordinates, strict=True)
+        if c["drive"] == rec.NO_DRIVE and int(c["body"]) not in bodies
     ]
     return ({}, *({name: sign * HASTE} for name in alone for sign in (-1.0, 1.0)))
 

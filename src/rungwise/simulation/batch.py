@@ -17,16 +17,8 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
-from rungwise.simulation.run import (
-    CLOSER,
-    JAM,
-    LONGEST,
-    LOOKS,
-    ModelError,
-    check_options,
-    moving_rung,
-    preferences,
-)
+from rungwise.simulation.options import ModelError, check_options, moving_rung, preferences
+from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS
 from rungwise.simulation.samples import OPTIONS, RESULT, STOPPED, Place, Programs, run_samples
 from rungwise.simulation.state import CLOCK, CONTROL, allocate
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
 from rungwise.simulation.changes import KINDS
-from rungwise.simulation.run import ModelError
+from rungwise.simulation.options import ModelError
 from rungwise.simulation.sensitivity import WRT, differentiated, prepared, started
 
 Array: TypeAlias = NDArray[np.float64]

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Record, RecordArray, copy, kernel
-from rungwise.scene.records import NO_DRIVE, Records
+from rungwise.scene.records import HINGE, NO_DRIVE, Records
 from rungwise.simulation.state import ROUNDING, State, Workspace
 from rungwise.simulation.step import SUPPORTED, solve_step
 from rungwise.system.planar.place import coordinate_count
@@ -24,10 +24,13 @@ REST = 1e-6
 """What is slower than this part of the pace rests."""
 STRIDE = 0.05
 """How far a preferred motion may go in one step, over the smallest shape's reach: conditions see it there."""
+ONSET = 1e-4
+"""The same for the step in which it begins: so well is its beginning dated."""
 FLUNG = 10.0
 """What is faster than the pace by this factor is part of a preferred motion."""
 FAR = 10.0
-"""How far from its start a preferred motion may take a body that nothing stops, in extents of the scene."""
+"""How far from its start a preferred motion may take a body that nothing stops, in extents of the scene; what
+turns, once around."""
 
 
 @kernel
@@ -48,7 +51,7 @@ def solve_motion(
     clock.leans = 1
     moving = 0
     for b in range(records.bodies.shape[0]):
-        if _is_object(records, records.bodies[b], state):
+        if _is_object(records, b, state):
             rests = _rests(records, records.bodies[b], pace, workspace)
             rests &= not _goes_on(records, records.bodies[b], pace, workspace)
             _hold(records.bodies[b], rests, workspace)
@@ -56,7 +59,7 @@ def solve_motion(
     for preferred in (False, True):
         for b in range(records.bodies.shape[0]):
             body = records.bodies[b]
-            if moving > 1 and _may_be_held(records, body, preferred, pace, workspace):
+            if moving > 1 and _may_be_held(records, b, preferred, pace, workspace):
                 _hold(body, True, workspace)
                 rests = _solve(rung, h, contacts, workspace) == SUPPORTED
                 _hold(body, rests, workspace)
@@ -84,20 +87,24 @@ def _solve(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> 
 
 
 @kernel
-def _is_object(records: Records, body: Record, state: State) -> bool:
+def _is_object(records: Records, b: int, state: State) -> bool:
     """Whether a body moves and nothing drives it."""
+    body, measures = records.bodies[b], records.measures
     count = coordinate_count(body)
     alone = count > 0
     for i in range(body.coordinate, body.coordinate + count):
         alone &= not state.prescribed[i] and records.coordinates[i].drive == NO_DRIVE
+    for m in range(measures.shape[0]):
+        joint = records.joints[measures[m].joint]
+        alone &= measures[m].drive == NO_DRIVE or b not in (joint.body_a, joint.body_b)
     return alone
 
 
 @kernel
-def _may_be_held(records: Records, body: Record, preferred: bool, pace: float, workspace: Workspace) -> bool:
+def _may_be_held(records: Records, b: int, preferred: bool, pace: float, workspace: Workspace) -> bool:
     """Whether a body is an object that is not held yet, with or without a preferred motion."""
-    state, asked = workspace.state, False
-    if not _is_object(records, body, state) or workspace.scratch.held[body.coordinate]:
+    state, body, asked = workspace.state, records.bodies[b], False
+    if not _is_object(records, b, state) or workspace.scratch.held[body.coordinate]:
         return False
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         asked |= state.prefer[i] != 0.0
@@ -132,15 +139,23 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
     """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
     is one step, however many it takes here. One that has gone too far ends."""
     state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
-    far = FAR * workspace.terms.rounding[0] / ROUNDING
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         unit = _unit(records.coordinates[i])
         along += state.prefer[i] * state.v[i] * unit
         asked += state.prefer[i] * state.prefer[i] * pace
         fastest = max(fastest, abs(state.v[i]) * unit)
-        if abs(state.q[i] - state.start[i]) * unit > far:
+        if _has_gone_far(records, i, workspace):
             return False
     return fastest > FLUNG * pace or along > 0.5 * asked
+
+
+@kernel
+def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
+    """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
+    body = records.bodies[records.coordinates[i].body]
+    turns = body.motion == HINGE or i == body.coordinate + 2
+    far = 2.0 * math.pi if turns else FAR * workspace.terms.rounding[0] / ROUNDING
+    return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)
 
 
 @kernel
@@ -167,7 +182,8 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
     """Preferred velocities of what is not held."""
     state = workspace.state
     for i in range(state.q.shape[0]):
-        if not state.prescribed[i] and not workspace.scratch.held[i]:
+        held = state.prescribed[i] or workspace.scratch.held[i]
+        if not held and not _has_gone_far(records, i, workspace):
             state.wish[i] = state.prefer[i] * pace / _unit(records.coordinates[i])
 
 
@@ -175,11 +191,12 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
 def _is_sudden(records: Records, h: float, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion begins in this step, or goes far in it."""
     state, scratch = workspace.state, workspace.scratch
-    far = STRIDE * state.clock[0].size
+    size = min(state.clock[0].size, workspace.terms.rounding[0] / ROUNDING)
     sudden = False
     for i in range(state.q.shape[0]):
         unit = _unit(records.coordinates[i])
         beyond = unit * abs(scratch.v_new[i] - scratch.slowest[i])
         if beyond > REST * pace:
-            sudden |= abs(state.v[i]) * unit <= REST * pace or h * beyond > far
+            begins = abs(state.v[i]) * unit <= REST * pace
+            sudden |= h * beyond > (ONSET if begins else STRIDE) * size
     return sudden

@@ -16,7 +16,8 @@ from rungwise.scene import Scene
 from rungwise.scene.records import SPEED
 from rungwise.simulation import drives
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
-from rungwise.simulation.run import ModelError, Simulation
+from rungwise.simulation.options import ModelError
+from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place

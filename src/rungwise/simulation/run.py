@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,18 +14,18 @@ from rungwise.contact.certificate import Certificate
 from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
 from rungwise.contact.problem import ContactProblem, trim
 from rungwise.contact.solvers.planar import TOLERANCE
-from rungwise.kernel import Reals
-from rungwise.models.ladder import Rung, rung
-from rungwise.outcome import OUTCOMES, Code, Outcome
+from rungwise.models.ladder import Rung
+from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.scene import records as rec
-from rungwise.scene.values import shown
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.hard import HardSteps
-from rungwise.simulation.state import CONTROL, SCALARS, Workspace, allocate
+from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
+from rungwise.simulation.result import Run
+from rungwise.simulation.state import CONTROL, Workspace, allocate
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
@@ -36,187 +33,9 @@ TURN_S = 0.1
 
 LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
-NOTICED = 1e-3
-"""Energy that contacts add, over all energies of the run, from which on it is reported."""
-MANY = 10**9
-"""Most frames, and most steps between two of them."""
-
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
 """A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
 where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
-
-
-class ModelError(ValueError):
-    """The model or an option of the run is wrong; the text is one line that names it."""
-
-
-def moving_rung(model: Rung | str) -> Rung:
-    """The rung of that name. Raises ModelError, also for the one that does not move."""
-    try:
-        chosen = rung(model)
-    except ValueError as error:
-        raise ModelError(str(error)) from None
-    if not chosen.moves:
-        raise ModelError(
-            "model: the geometric rung does not say how bodies move; it is for planning,"
-            " which is not there yet; use a richer rung"
-        )
-    return chosen
-
-
-def check_options(
-    step: object, tol: object, duration: object, theta: object
-) -> tuple[float | None, float | None, float | None, float]:
-    """The options as numbers. Raises ModelError that names the one out of its range."""
-    if not 0.5 <= _real(theta) <= 1.0:
-        raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
-    return (
-        None if step is None else _positive("step", step),
-        None if tol is None else _positive("tol", tol),
-        None if duration is None else _positive("time", duration),
-        _real(theta),
-    )
-
-
-def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -> Reals:
-    """Preferred velocities (n,) in multiples of the pace, by coordinate. Raises ModelError."""
-    names = scene.template.coordinates
-    chosen = np.zeros(len(names))
-    if not isinstance(motion, Mapping | None):
-        raise ModelError(f"motion: must be a mapping of coordinates to numbers, not {shown(motion)}")
-    for name, value in (motion or {}).items():
-        if name not in names:
-            raise ModelError(f"motion: unknown coordinate {shown(name)}; valid: {', '.join(names) or 'none'}")
-        if not math.isfinite(_real(value)):
-            raise ModelError(f"motion.{name}: must be a finite number, not {shown(value)}")
-        chosen[names.index(name)] = float(value)
-    if chosen.any() and model.inertia > 0.0:
-        raise ModelError(
-            f"motion: inertia decides on the {model.name} rung; take a kinematic or quasistatic one"
-        )
-    return chosen
-
-
-@dataclass(frozen=True)
-class Run:
-    """How a run ended and what it recorded.
-
-    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
-    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
-    last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
-    was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
-    compile them; `workspace` holds the arrays as the run left them.
-    """
-
-    scene: Scene
-    model: Rung
-    parameters: dict[str, float]
-    motion: dict[str, float]
-    outcome: Outcome
-    reason: str
-    time: float
-    steps: int
-    attempts: int
-    worst_residual: float
-    wall_s: float
-    certificate: Certificate | None
-    problem: ContactProblem | None
-    workspace: Workspace | None
-    hard: HardSteps | None = None
-
-    @property
-    def final(self) -> dict[str, dict[str, float]]:
-        """Coordinates at the end, by body and name."""
-        places: dict[str, dict[str, float]] = {}
-        if self.workspace is not None:
-            for name, value in zip(self.scene.template.coordinates, self.workspace.state.q, strict=True):
-                body, coordinate = name.split(".")
-                places.setdefault(body, {})[coordinate] = float(value)
-        return places
-
-    @cached_property
-    def energy_gained(self) -> float:
-        """Energy that contacts added between recorded frames, where momentum counts: 0 by all laws of this
-        program but one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
-
-        It is the sum of the rises of contact work and elastic energy; one that steps may explain is 0.
-        """
-        if self.workspace is None or self.model.inertia == 0.0:
-            return 0.0
-        frames, count = self.workspace.frames, int(self.workspace.state.clock[0]["frames"])
-        account = dict(zip(SCALARS, frames.scalars[:count].T, strict=True))
-        rises = np.maximum(np.diff(account["contact_work"] + account["elastic_energy"]), 0.0).sum()
-        scale = max(np.abs(account[name]).max() for name in SCALARS if name != "residual")
-        return float(rises) if rises > NOTICED * scale else 0.0
-
-    @cached_property
-    def trajectory(self) -> xarray.Dataset:
-        """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
-        if self.workspace is None:
-            raise ValueError(f"the run did not begin: {self.reason}")
-        frames, clock = self.workspace.frames, self.workspace.state.clock[0]
-        labels = _pair_labels(self.scene)
-        data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
-        return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
-
-    def summary(self) -> dict[str, object]:
-        """Plain values, as `rungwise sim --json` prints them."""
-        return {
-            "scene": self.scene.name,
-            "model": self.model.name,
-            "parameters": self.parameters,
-            "motion": self.motion,
-            "outcome": str(self.outcome),
-            "reason": self.reason,
-            "time": self.time,
-            "steps": self.steps,
-            "attempts": self.attempts,
-            "final": self.final,
-            "worst_residual": self.worst_residual,
-            "certificate": None if self.certificate is None else self.certificate.kind,
-            "energy_gained": self.energy_gained,
-            "wall_s": round(self.wall_s, 6),
-            **({} if self.hard is None else {"hard": self.hard.summary()}),
-        }
-
-    def save(self, folder: str | Path) -> Path:
-        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
-        return trajectory.save(folder, self.trajectory, self.summary())
-
-
-def _pair_labels(scene: Scene) -> list[str]:
-    """A label for each pair of shapes: the contact's bodies, numbered where a body has several shapes."""
-    template = scene.template
-    contact_of = rec.views(template.buffer, template.counts).pairs["contact"]
-    labels = []
-    for index, contact in enumerate(contact_of):
-        name = "|".join(template.contacts[int(contact)])
-        several = int(np.sum(contact_of == contact)) > 1
-        labels.append(f"{name}/{int(np.sum(contact_of[:index] == contact))}" if several else name)
-    return labels
-
-
-def _positive(name: str, value: object) -> float:
-    number = _real(value)
-    if not 0.0 < number < math.inf:
-        raise ModelError(f"{name}: must be a finite number greater than 0, not {shown(value)}")
-    return number
-
-
-def _real(value: object) -> float:
-    """A number as float, and NaN for anything else."""
-    if isinstance(value, bool) or not isinstance(value, Real):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
-def _count(name: str, value: object, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= MANY:
-        raise ModelError(f"{name}: must be a whole number in {least}..{MANY}, not {shown(value)}")
-    return int(value)
 
 
 class Simulation:
@@ -259,8 +78,8 @@ class Simulation:
         self.scene = scene if isinstance(scene, Scene) else load(scene)
         self.model = moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
-        frames = _count("frames", frames, 3)
-        stride = None if stride is None else _count("stride", stride, 1)
+        frames = count("frames", frames, 3)
+        stride = None if stride is None else count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
         preferred = preferences(self.scene, self.model, motion)
         self.motion = {name: float(value) for name, value in (motion or {}).items()}

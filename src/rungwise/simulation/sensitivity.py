@@ -25,7 +25,7 @@ from rungwise.scene import Scene, load
 from rungwise.simulation.attempt import MAX_LINEARISATIONS, TAKEN, attempt
 from rungwise.simulation.changes import KINDS, Changes, Data, along
 from rungwise.simulation.differences import Assembly, Held, Start
-from rungwise.simulation.run import ModelError
+from rungwise.simulation.options import ModelError
 from rungwise.simulation.step import SUPPORTED, solve_step
 from rungwise.system.planar.manifold import ABSENT
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 
 if TYPE_CHECKING:
-    from rungwise.simulation.run import Run
+    from rungwise.simulation.result import Run
 
 
 @dataclass(frozen=True)

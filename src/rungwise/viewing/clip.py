@@ -19,7 +19,7 @@ from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
-from rungwise.simulation.run import Run
+from rungwise.simulation.result import Run
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import X, Y, place

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from rungwise.outcome import Code
 from rungwise.scene import Scene
-from rungwise.simulation.run import Run
+from rungwise.simulation.result import Run
 from rungwise.viewing.strata import Space, draw_strata, strata
 
 if TYPE_CHECKING:

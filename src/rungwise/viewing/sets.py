@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from rungwise.models.ladder import LADDER
 from rungwise.outcome import Code
 from rungwise.scene import shipped
 from rungwise.sets.feasible import FeasibleSet
-from rungwise.sets.labels import Label
+from rungwise.sets.labels import Label, labels
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.surface import Mesh, boundary
 from rungwise.viewing.clip import Clip, clip
@@ -31,15 +32,14 @@ VOLUME_SAMPLES = 100_000
 
 def page(found: Sequence[FeasibleSet], largest: int = LARGEST) -> str:
     """Text of the file. Sets must be of one scene over the same box (see `view`)."""
-    points, runs = _played(found, run_points(found, RUNS))
+    rows = _played(found, run_points(found, RUNS))
     title = f"sets of {found[0].scene.name} over {', '.join(found[0].over)}"
     fixed = _data(found)
     while True:
-        data = fixed | _runs(found, points, runs)
-        text = fill("sets.html", title, ("page.css", "sets.css"), SCRIPTS, data)
-        if len(text) <= largest or len(points) <= 1:
+        text = fill("sets.html", title, ("page.css", "sets.css"), SCRIPTS, fixed | _runs(found[0].box, rows))
+        if len(text) <= largest or len(rows) <= 1:
             return text
-        points, runs = points[: len(points) // 2], runs[: len(runs) // 2]
+        rows = rows[: len(rows) // 2]
 
 
 def run_points(found: Sequence[FeasibleSet], count: int) -> Reals:
@@ -47,12 +47,12 @@ def run_points(found: Sequence[FeasibleSet], count: int) -> Reals:
     turn, the one of its points that is farthest from those taken. None is invalid."""
     low, high = found[0].box.T
     points = found[0].random(CANDIDATES, 5)
-    labels = np.stack([each.labels(points) for each in found], axis=1)
-    valid = (labels != Label.INVALID).all(axis=1)
-    points, labels = points[valid], labels[valid]
+    here = np.stack([each.labels(points) for each in found], axis=1)
+    valid = (here != Label.INVALID).all(axis=1)
+    points, here = points[valid], here[valid]
     if not len(points):
         return np.asarray(points)
-    _, kinds = np.unique(labels, axis=0, return_inverse=True)
+    _, kinds = np.unique(here, axis=0, return_inverse=True)
     places = (points - low) / (high - low)
     away = np.linalg.norm(places - 0.5, axis=1)
     away = away.max() - away + 1.0  # the first is the one nearest the middle
@@ -66,16 +66,24 @@ def run_points(found: Sequence[FeasibleSet], count: int) -> Reals:
     return np.asarray(points[taken])
 
 
-def _played(found: Sequence[FeasibleSet], points: Reals) -> tuple[Reals, list[list[Clip]]]:
-    """The points at which every model has a run, and those runs."""
-    kept, clips = [], []
-    for k, point in enumerate(points):
+@dataclass(frozen=True)
+class _Row:
+    """A point of the box, every model's run there, and the labels of those runs (not of the sets)."""
+
+    point: Reals
+    clips: list[Clip]
+    labels: list[int]
+
+
+def _played(found: Sequence[FeasibleSet], points: Reals) -> list[_Row]:
+    rows = []
+    for point in points:
         values = dict(zip(found[0].over, point.tolist(), strict=True))
         runs = [each.replay(each.parameters | values) for each in found]
-        if all(run.outcome.code != Code.INVALID for run in runs):
-            kept.append(k)
-            clips.append([_thin(clip(run)) for run in runs])
-    return np.asarray(points[kept]), clips
+        codes = np.array([run.outcome.code for run in runs])
+        if (codes != Code.INVALID).all():
+            rows.append(_Row(point, [_thin(clip(run)) for run in runs], labels(codes).tolist()))
+    return rows
 
 
 def _thin(whole: Clip) -> Clip:
@@ -83,25 +91,21 @@ def _thin(whole: Clip) -> Clip:
     return whole.thinned(np.unique(np.linspace(0, count - 1, min(count, FRAMES)).astype(np.int64)))
 
 
-def _runs(found: Sequence[FeasibleSet], points: Reals, runs: Sequence[Sequence[Clip]]) -> dict[str, Any]:
-    clips = [each for row in runs for each in row]
-    low, high = found[0].box.T
+def _runs(box: Reals, rows: Sequence[_Row]) -> dict[str, Any]:
+    clips = [each for row in rows for each in row.clips]
+    low, high = box.T
     bodies: list[Any] = []
     data = [clip_data(each, np.zeros(0, np.int64)) for each in clips]
     for each in data:
         if each["bodies"] not in bodies:
             bodies.append(each["bodies"])
         each["bodies"] = bodies.index(each["bodies"])
-    labels = np.stack([each.labels(points) for each in found], axis=1)
     return {
         "bounds": bounds(clips),
         "force": largest_force(clips) if clips else 1.0,
         "bodies": bodies,
         "clips": data,
-        "runs": [
-            {"at": at, "labels": label}
-            for at, label in zip(((points - low) / (high - low)).tolist(), labels.tolist(), strict=True)
-        ],
+        "runs": [{"at": ((row.point - low) / (high - low)).tolist(), "labels": row.labels} for row in rows],
     }
 
 
@@ -148,13 +152,13 @@ def _grid(found: FeasibleSet, cells: int) -> Ints:
     return found.labels(low + places * (high - low))
 
 
-def _packed(labels: Ints) -> dict[str, str]:
+def _packed(grid: Ints) -> dict[str, str]:
     """Runs of equal labels, none longer than 16 bits tell."""
-    change = np.diff(labels, prepend=-1) != 0
+    change = np.diff(grid, prepend=-1) != 0
     change[::65535] = True
     starts = np.flatnonzero(change)
-    counts = np.diff(np.append(starts, len(labels)))
-    return {"labels": bytes_of(labels[starts], "<u1"), "counts": bytes_of(counts, "<u2")}
+    counts = np.diff(np.append(starts, len(grid)))
+    return {"labels": bytes_of(grid[starts], "<u1"), "counts": bytes_of(counts, "<u2")}
 
 
 def _mesh(found: FeasibleSet) -> dict[str, Any]:

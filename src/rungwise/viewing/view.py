@@ -11,7 +11,7 @@ from pathlib import Path
 from rungwise.scene import SceneError
 from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE, SetError
-from rungwise.simulation.run import Run
+from rungwise.simulation.result import Run
 from rungwise.viewing import draw, sets
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page

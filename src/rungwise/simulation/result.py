@@ -1,0 +1,125 @@
+"""How a run ended and what it recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.contact.certificate import Certificate
+from rungwise.contact.problem import ContactProblem
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Outcome
+from rungwise.scene import Scene
+from rungwise.scene import records as rec
+from rungwise.simulation import trajectory
+from rungwise.simulation.hard import HardSteps
+from rungwise.simulation.state import SCALARS, Workspace
+
+if TYPE_CHECKING:
+    import xarray
+
+NOTICED = 1e-3
+"""Energy that contacts add, over all energies of the run, from which on it is reported."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a run ended and what it recorded.
+
+    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
+    last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
+    was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
+    compile them; `workspace` holds the arrays as the run left them.
+    """
+
+    scene: Scene
+    model: Rung
+    parameters: dict[str, float]
+    motion: dict[str, float]
+    outcome: Outcome
+    reason: str
+    time: float
+    steps: int
+    attempts: int
+    worst_residual: float
+    wall_s: float
+    certificate: Certificate | None
+    problem: ContactProblem | None
+    workspace: Workspace | None
+    hard: HardSteps | None = None
+
+    @property
+    def final(self) -> dict[str, dict[str, float]]:
+        """Coordinates at the end, by body and name."""
+        places: dict[str, dict[str, float]] = {}
+        if self.workspace is not None:
+            for name, value in zip(self.scene.template.coordinates, self.workspace.state.q, strict=True):
+                body, coordinate = name.split(".")
+                places.setdefault(body, {})[coordinate] = float(value)
+        return places
+
+    @cached_property
+    def energy_gained(self) -> float:
+        """Energy that contacts added between recorded frames, where momentum counts: 0 by all laws of this
+        program but one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
+
+        It is the sum of the rises of contact work and elastic energy; one that steps may explain is 0.
+        """
+        if self.workspace is None or self.model.inertia == 0.0:
+            return 0.0
+        frames, count = self.workspace.frames, int(self.workspace.state.clock[0]["frames"])
+        account = dict(zip(SCALARS, frames.scalars[:count].T, strict=True))
+        rises = np.maximum(np.diff(account["contact_work"] + account["elastic_energy"]), 0.0).sum()
+        scale = max(np.abs(account[name]).max() for name in SCALARS if name != "residual")
+        return float(rises) if rises > NOTICED * scale else 0.0
+
+    @cached_property
+    def trajectory(self) -> xarray.Dataset:
+        """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
+        if self.workspace is None:
+            raise ValueError(f"the run did not begin: {self.reason}")
+        frames, clock = self.workspace.frames, self.workspace.state.clock[0]
+        labels = _pair_labels(self.scene)
+        data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
+        return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
+
+    def summary(self) -> dict[str, object]:
+        """Plain values, as `rungwise sim --json` prints them."""
+        return {
+            "scene": self.scene.name,
+            "model": self.model.name,
+            "parameters": self.parameters,
+            "motion": self.motion,
+            "outcome": str(self.outcome),
+            "reason": self.reason,
+            "time": self.time,
+            "steps": self.steps,
+            "attempts": self.attempts,
+            "final": self.final,
+            "worst_residual": self.worst_residual,
+            "certificate": None if self.certificate is None else self.certificate.kind,
+            "energy_gained": self.energy_gained,
+            "wall_s": round(self.wall_s, 6),
+            **({} if self.hard is None else {"hard": self.hard.summary()}),
+        }
+
+    def save(self, folder: str | Path) -> Path:
+        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
+        return trajectory.save(folder, self.trajectory, self.summary())
+
+
+def _pair_labels(scene: Scene) -> list[str]:
+    """A label for each pair of shapes: the contact's bodies, numbered where a body has several shapes."""
+    template = scene.template
+    contact_of = rec.views(template.buffer, template.counts).pairs["contact"]
+    labels = []
+    for index, contact in enumerate(contact_of):
+        name = "|".join(template.contacts[int(contact)])
+        several = int(np.sum(contact_of == contact)) > 1
+        labels.append(f"{name}/{int(np.sum(contact_of[:index] == contact))}" if several else name)
+    return labels
