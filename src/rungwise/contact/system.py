@@ -277,6 +277,11 @@ def _eliminated(
         return whole
     response = response - correction
     noise = abs(correction) + _ROUNDING * abs(response)
+    if isinstance(response, np.ndarray):
+        # A column is no better known than its largest entry, in units of the unknowns.
+        unit = np.empty(len(gone))
+        fitted(*compressed(own), 0, 1, unit)
+        noise += _ROUNDING * unit[:, None] * (np.abs(response) / unit[:, None]).max(axis=0, initial=0.0)
 
     def recover(x: Array) -> Array:
         full = np.zeros(len(b))

@@ -186,7 +186,7 @@ def _advance(
     dz, dw, length = step(0.0, 1.0)
     length = min(1.0, length)
     predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
-    centring = min(1.0, max(predicted / product, 0.0)) ** 3
+    centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
     dz, dw, length = step(centring * product, 1.0 - _RETAINED * centring)
     if length < _SHORT and turning > 0.0:
         return _advance(A, b, z, w, cones, condensed, 0.0)
@@ -229,11 +229,12 @@ def _factorise(
     column = (start[:, None] + np.arange(3))[used]
     shape = (len(scaling), len(scaling))
     J = A + sp.csr_array((blocks[row][used], (np.repeat(row, width), column)), shape=shape)
-    alive = np.ones(len(scaling))
-    alive[cones.dead] = 0.0
-    J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
+    if len(cones.dead):
+        alive = np.ones(len(scaling))
+        alive[cones.dead] = 0.0
+        J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
     try:
-        return splu(sp.csc_array(J)).solve
+        return splu(sp.csc_array(J), permc_spec="MMD_AT_PLUS_A").solve
     except RuntimeError:
         return None
 
