@@ -101,6 +101,19 @@ def test_figure_5(
     assert capsys.readouterr().out.count("feasible 0.") == len(figure.CASES)
 
 
+def test_figure_1(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Feasible and doomed states are apart; the feasible ones are those of the closed form, |x3| < 1/2."""
+    figure = script("examples/figure1.py", monkeypatch)
+    arguments = ["--points", "41", "--cells", "16", "--speeds", "3", "--out", str(tmp_path / "figure1.png")]
+    assert figure.main(arguments) == 0
+    assert (tmp_path / "figure1.png").stat().st_size > 20_000
+    first = capsys.readouterr().out.splitlines()[0]
+    parts = {part.split()[0]: float(part.split()[-1]) for part in first.split(": ", 1)[1].split(", ")}
+    assert 0.15 < parts["feasible:"] < 0.2 and parts["doomed:"] > 0.4
+
+
 def test_solver_benchmark_prints_a_table(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
