@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
@@ -151,7 +151,7 @@ class FeasibleSet:
                 moved[:, axis] += sign * self.tol * np.ptp(self.box[axis])
                 near |= self.labels(np.clip(moved, *self.box.T)) == truth
         count = int(wrong.sum())
-        bound = 1.0 if count == n else float(beta.ppf(1.0 - delta, count + 1, n - count))
+        bound = 1.0 if count == n else float(betaincinv(count + 1, n - count, 1.0 - delta))
         return Certified(n, count, int((wrong & near).sum()), bound, delta)
 
     def random(self, n: int, seed: int) -> Reals:
