@@ -211,3 +211,18 @@ def test_proximal_alone_against_the_chain(random_problem, run):
         assert status != 0 or (solved and solution.residual <= TOLERANCE)
         missed += solved and status != 0
     assert missed <= 40
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_opposite_contacts_squeeze_or_leave_room(body, run, scale):
+    """2 v >= 1 and v / 2 <= room: one speed is left from room = 1/4 on, and below that none."""
+    p = body(1, 2)
+    p.W[:, 0], p.mu[:] = np.array([2.0, 0.0, -0.5, 0.0]) / scale, 0.5
+    for room, answer in ((0.2499, None), (0.25, 0.5), (0.3, 0.5)):
+        p.w[:] = (-1.0, 0.0, room, 0.0)
+        status, solution = run("planar", p)
+        assert (status == 0) == (answer is not None)
+        if answer is None:
+            assert check(p, certify_infeasible(p))
+        else:
+            assert solution.v[0] == pytest.approx(answer * scale)
