@@ -31,13 +31,20 @@ def solve_step(
 
     Contact modes and forces start from those of the slots, and `state.modes` is left as it was.
     """
-    status, balanced = NO_SOLUTION, True
+    clock = state.clock[0]
+    status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
     for landing in (False, True):
-        status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem, landing)
+        clock.eps = limit_inertia(
+            rung, h, terms, contacts, clock.limited, free, state.free, state.speed, landing
+        )
+        if clock.eps == tried:
+            break
+        tried = clock.eps
+        status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem)
         if status == SOLVED:
             _take_over(rung, terms, contacts, state, scratch, problem)
             balanced = rung[0].inertia > 0.0 or not rung[0].loads or _is_balanced(h, terms, state, scratch)
-        if rung[0].inertia > 0.0 or rung[0].metric or (status == SOLVED and balanced):
+        if status == SOLVED and balanced:
             break
     if status != SOLVED:
         return UNSOLVED
@@ -53,12 +60,10 @@ def _solve_in_turn(
     state: State,
     scratch: Scratch,
     problem: ContactProblem,
-    landing: bool,
 ) -> int:
     """Solve with restitution or else without it, and with theta = 1 where something rigid holds."""
     clock = state.clock[0]
     n, limited = clock.free, clock.limited
-    clock.eps = limit_inertia(rung, h, terms, contacts, limited, n, state.free, state.speed, landing)
     bounced = rung[0].inertia > 0.0
     clock.theta = rung[0].theta
     status = NO_SOLUTION
