@@ -378,3 +378,34 @@ def test_energy_that_newton_and_coulomb_add_is_reported() -> None:
     assert gains[0.0, 0.0] == gains[0.5, 0.0] == gains[0.0, 0.7] == 0.0
     assert gains[0.5, 0.7] > 0.1
     assert rw.simulate(double_pendulum(0.5, 0.7), rw.DYNAMIC_COMPLIANT).energy_gained == 0.0
+
+
+def test_a_saturated_arm_stalls_in_full_steps() -> None:
+    """A disc too heavy for the torque of the joints: the arm leans on it, and rolls it as slowly as it can."""
+    run = rw.simulate(
+        "two_link", rw.QUASISTATIC_RIGID, parameters={"mass": 50.0, "torque": 1.0}, duration=0.6
+    )
+    soft = rw.simulate("two_link", rw.QUASISTATIC_COMPLIANT, parameters=weak, duration=0.6)
+    assert run.outcome.name == soft.outcome.name == "timeout"
+    assert run.attempts < 1.1 * run.steps < 700
+    assert run.final["upper"]["angle"] == pytest.approx(soft.final["upper"]["angle"], abs=5e-3)
+
+
+def test_the_load_on_a_servo_may_pass_zero_while_it_is_pushed() -> None:
+    """Balance is not lost at the target: at rest a and b share 1000 (0.6 - a) = 100 (b - 0.2)."""
+
+    def disc(x: float, **drive: Any) -> dict[str, Any]:
+        motion = {"kind": "slide", "axis": [1, 0], "name": "x"}
+        shape, pose = {"kind": "disc", "radius": 0.1}, {"x": x}
+        coordinates = {"x": {"drive": {"kind": "servo", **drive}}}
+        return {"role": "robot", "shape": shape, "pose": pose, "motion": motion, "coordinates": coordinates}
+
+    bodies = {
+        "a": disc(0.0, stiffness=1000, damping=10, target="0.6 * min(t, 1)"),
+        "b": disc(0.25, stiffness=100, target=0.2),
+    }
+    pushing = scene(bodies, {}, contacts=[{"between": ["a", "b"]}], duration=2.0)
+    for h in (1e-3, 3.3e-4, 1e-4):
+        run = rw.simulate(pushing, rw.QUASISTATIC_RIGID, step=h)
+        assert run.outcome.name == "timeout", run.reason
+        assert run.final["b"]["x"] == pytest.approx((600.0 + 20.0 - 50.0) / 1100.0, abs=1e-6)

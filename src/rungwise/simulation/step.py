@@ -14,7 +14,7 @@ from rungwise.simulation.state import Scratch, State
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-_UNBALANCED = 1e-4
+_UNBALANCED, _SMALL = 1e-4, 1e-3
 
 
 @kernel
@@ -155,8 +155,9 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 @kernel
 def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
-    """Whether what inertia the limit eps -> 0+ leaves in the balance is negligible beside the load on each
-    coordinate, or beside the greatest where there is none."""
+    """Whether what inertia the limit eps -> 0+ leaves in the balance of each coordinate is negligible beside
+    what springs and dampers resist there and the load, which counts as a small part of the greatest where it
+    is less, and as the greatest where there is none."""
     clock = state.clock[0]
     greatest, balanced = 0.0, True
     for i in range(clock.free):
@@ -164,7 +165,9 @@ def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> b
     for i in range(clock.free):
         a = state.free[i]
         left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
-        balanced &= greatest == 0.0 or left <= _UNBALANCED * (abs(terms.load[a]) or greatest)
+        load = max(abs(terms.load[a]), _SMALL * greatest) if terms.load[a] != 0.0 else greatest
+        resisted = (step * terms.stiffness[a, a] + terms.damping[a, a]) * abs(scratch.v_new[a])
+        balanced &= greatest == 0.0 or left <= _UNBALANCED * (load + resisted)
     return balanced
 
 
