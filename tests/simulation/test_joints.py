@@ -381,10 +381,9 @@ def test_energy_that_newton_and_coulomb_add_is_reported() -> None:
 
 
 def test_a_saturated_arm_stalls_in_full_steps() -> None:
-    """A disc too heavy for the torque of the joints: the arm leans on it, and rolls it as slowly as it can."""
-    run = rw.simulate(
-        "two_link", rw.QUASISTATIC_RIGID, parameters={"mass": 50.0, "torque": 1.0}, duration=0.6
-    )
+    """A disc too heavy for the torque of the joints: the arm leans on it and rolls it as slowly as it can."""
+    weak = {"mass": 50.0, "torque": 1.0}
+    run = rw.simulate("two_link", rw.QUASISTATIC_RIGID, parameters=weak, duration=0.6)
     soft = rw.simulate("two_link", rw.QUASISTATIC_COMPLIANT, parameters=weak, duration=0.6)
     assert run.outcome.name == soft.outcome.name == "timeout"
     assert run.attempts < 1.1 * run.steps < 700
