@@ -111,6 +111,7 @@ def _least_left(
     if not (np.isfinite(cost).all() and np.isfinite(balance).all()):
         return None
     near = cost < REACH
+    # What is minimised counts in 1 / REACH^2: the solver's own tolerance would hide it otherwise.
     A, most = balance[:, near], np.full((len(balance), 1), -1.0 / REACH**2)
     found = linprog(
         np.append(np.zeros(A.shape[1]), 1.0),

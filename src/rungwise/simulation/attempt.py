@@ -24,6 +24,9 @@ MAX_LINEARISATIONS = 12
 LEAP = 8.0
 """Bound on motion between bodies, over the smallest shape's reach, above which a kinematic step that pushes
 something, or that is linearised again, is halved: the bodies could be past each other."""
+EXACT = 1e-9
+"""Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
+step is not linearised again."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 OVERLAP = 1e-4
@@ -87,8 +90,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before - terms.rounding[0], -(1e-9 if rung[0].metric else OVERLAP) * clock.size)
-        closed = _opening(records, workspace) <= max(1e-9 if rung[0].metric else TORN, open_before)
+        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.size)
+        closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
             _finish(records, rung, h, contacts, workspace)
             return TAKEN

@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from rungwise.simulation.hard import HardSteps
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import CONTROL, Workspace, allocate
-
-if TYPE_CHECKING:
-    pass
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
