@@ -17,6 +17,7 @@ MOST = {
     "pivoting": 6 * (50 + 20 * 60),
     "interior-point": 100,
     "newton": 40,
+    "homotopy": 600,
     "proximal-point": 80,
     "branching": 300,
 }

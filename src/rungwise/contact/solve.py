@@ -14,6 +14,7 @@ from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
     gauss_seidel,
+    homotopy,
     interior_point,
     newton,
     pivoting,
@@ -28,6 +29,7 @@ SOLVERS: tuple[ModuleType, ...] = (
     pivoting,
     interior_point,
     newton,
+    homotopy,
     proximal_point,
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""

@@ -8,22 +8,22 @@ so, to fewer digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from rungwise.contact.mixed import Array
+from rungwise.contact.solvers.factors import Factors, orientation
 from rungwise.contact.system import Condensed
 from rungwise.kernel import Ints, Reals, kernel
 
 
-def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Callable[[Array], Array] | None:
-    """Solver of (E + L A) x = right (N,); E and L (N, 3) hold the rows of their blocks. None if singular."""
+def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
+    """Factors of E + L A; E and L (N, 3) hold the rows of their blocks. None if singular."""
     size = len(E)
     M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    if not condense(E, L, c.front, rows, d, *back, *across, M, P, G):
+    blocks = condense(E, L, c.front, rows, d, *back, *across, M, P, G)
+    if blocks == 0:
         return None
     factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
     if fault:
@@ -36,7 +36,7 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Callable[[Arr
         pull(P, v, rows, d, *back, x)
         return x
 
-    return solve
+    return Factors(solve, blocks * orientation(factor.diagonal(), exchanges))
 
 
 @kernel
@@ -55,13 +55,16 @@ def condense(
     M: Reals,
     P: Reals,
     G: Reals,
-) -> bool:
-    """Fill M = (E + L F)^-1 and P = M L in blocks, and take C P B from G; False where a block is singular."""
-    first = 0
+) -> int:
+    """Fill M = (E + L F)^-1 and P = M L in blocks, take C P B from G; returns the sign of det (E + L F)."""
+    first, sign = 0, 1
     while first < len(E):
         width = d if first < rows else 1
-        if not _invert(E, L, front, first, width, M):
-            return False
+        determinant = _invert(E, L, front, first, width, M)
+        if not abs(determinant) > 0.0:
+            return 0
+        if determinant < 0.0:
+            sign = -sign
         for i in range(first, first + width):
             for j in range(width):
                 P[i, j] = 0.0
@@ -73,12 +76,12 @@ def condense(
                         for l in range(across_start[i], across_start[i + 1]):
                             G[across_row[l], back_column[k]] -= across_value[l] * weight
         first += width
-    return True
+    return sign
 
 
 @kernel
-def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) -> bool:
-    """Rows of M = (E + L front)^-1 in one block, by adjugates."""
+def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) -> float:
+    """Rows of M = (E + L front)^-1 in one block, by adjugates; returns the determinant of E + L front."""
     t = M[first : first + width]
     for i in range(width):
         for j in range(width):
@@ -99,12 +102,10 @@ def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) 
         t[1, 0], t[1, 1], t[1, 2] = g * h - e * l, a * l - c * h, c * e - a * g
         t[2, 0], t[2, 1], t[2, 2] = e * k - f * h, b * h - a * k, a * f - b * e
         determinant = a * t[0, 0] + b * t[1, 0] + c * t[2, 0]
-    if not abs(determinant) > 0.0:
-        return False
     for i in range(width):
         for j in range(width):
             t[i, j] /= determinant
-    return True
+    return float(determinant)
 
 
 @kernel
