@@ -57,7 +57,7 @@ class Condensed(NamedTuple):
         return self._replace(back_value=back * self.back_value, across_value=across * self.across_value)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
 
