@@ -31,7 +31,7 @@ _GREATEST = 1e140
 Solve = Callable[[Matrix], Any]
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
-_FEW, _MOST = 2, 400
+_FEW, _MOST = 2, 700
 """Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
 
 
