@@ -22,7 +22,8 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | Non
     size = len(E)
     M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    blocks = condense(E, L, c.front, rows, d, *back, *across, M, P, G)
+    scratch = np.full(len(G), -1), np.empty(len(G), np.int64), np.empty(len(G))
+    blocks = condense(E, L, c.front, rows, d, *back, *across, M, P, G, *scratch)
     if blocks == 0:
         return None
     factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
@@ -55,8 +56,14 @@ def condense(
     M: Reals,
     P: Reals,
     G: Reals,
+    place: Ints,
+    used: Ints,
+    sums: Reals,
 ) -> int:
-    """Fill M = (E + L F)^-1 and P = M L in blocks, take C P B from G; returns the sign of det (E + L F)."""
+    """Fill M = (E + L F)^-1 and P = M L in blocks, take C P B from G; returns the sign of det (E + L F).
+
+    place (n,), negative, used (n,) and sums (n,) are scratch, n the size of G.
+    """
     first, sign = 0, 1
     while first < len(E):
         width = d if first < rows else 1
@@ -65,18 +72,36 @@ def condense(
             return 0
         if determinant < 0.0:
             sign = -sign
+        count = _columns(back_column, back_start[first], back_start[first + width], place, used)
         for i in range(first, first + width):
+            for k in range(count):
+                sums[k] = 0.0
             for j in range(width):
                 P[i, j] = 0.0
                 for k in range(width):
                     P[i, j] += M[i, k] * L[first + k, j]
                 if P[i, j] != 0.0:
                     for k in range(back_start[first + j], back_start[first + j + 1]):
-                        weight = P[i, j] * back_value[k]
-                        for l in range(across_start[i], across_start[i + 1]):
-                            G[across_row[l], back_column[k]] -= across_value[l] * weight
+                        sums[place[back_column[k]]] += P[i, j] * back_value[k]
+            for l in range(across_start[i], across_start[i + 1]):
+                row = G[across_row[l]]
+                for k in range(count):
+                    row[used[k]] -= across_value[l] * sums[k]
+        for k in range(count):
+            place[used[k]] = -1
         first += width
     return sign
+
+
+@kernel
+def _columns(column: Ints, start: int, end: int, place: Ints, used: Ints) -> int:
+    """List in `used` the columns of these entries, each once, and in `place` where; returns how many."""
+    count = 0
+    for k in range(start, end):
+        if place[column[k]] < 0:
+            place[column[k]], used[count] = count, column[k]
+            count += 1
+    return count
 
 
 @kernel

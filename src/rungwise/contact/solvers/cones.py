@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.factors import Factors, factors
@@ -57,7 +58,9 @@ def cones_of(system: System) -> Cones:
     tangents = np.arange(s.rows).reshape(-1, d)[~slides, 1:]
     first = np.concatenate([np.arange(0, s.rows, d), s.rows + limited, np.arange(s.size, size)])
     dim = np.concatenate([np.where(slides, d, 1), np.ones(len(limited) + size - s.size, np.int64)])
-    parts = None if s.condensed is None or size > s.size else s.condensed.scaled(1.0 / D)
+    parts = None if size > s.size else rank.parts(s)
+    if parts is not None:
+        parts = parts.scaled(1.0 / D)
     return Cones(*_with_limits(s, D), D, offset, first, dim, tangents.ravel(), s.size, s.rows, d, parts)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
 from rungwise.contact.solvers.measure import natural, rates
@@ -155,8 +156,8 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
     s, d, kept = system, system.directions, 1.0 - rho * shift
     i = np.arange(s.size)
     own = np.where(i < s.rows, i % d, 0)
-    if s.condensed is not None:
-        E, condensed = -kept * derivative, s.condensed
+    if (condensed := rank.parts(s)) is not None:
+        E = -kept * derivative
         E[i, own] += 1.0
 
         def lifted(damping: float, F: Array) -> Array | None:
