@@ -132,8 +132,9 @@ def _scaled(problem: Problem) -> System:
 
 
 def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
-    """Starts of the rows, columns and values (copies) of what is not zero in A, dense or CSR."""
+    """Starts of the rows, columns in order and values (copies) of what is not zero in A, dense or CSR."""
     if sp.issparse(A):
+        A = A if A.has_sorted_indices else A.sorted_indices()
         return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
     start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
     used = compress(A, start, column, value)
