@@ -133,6 +133,11 @@ def _scales(problem: Problem) -> _Scales:
     return found
 
 
+def absolute(problem: Problem) -> Matrix:
+    """|A|, made once."""
+    return _scales(problem).absolute
+
+
 def in_own_terms(problem: Problem, x: Array, y: Array, absolute: Matrix) -> float:
     """The largest violation by x of a law of a problem of limits alone, whatever the units of its rows and of
     its unknowns: a rate counts by the size of its terms, an unknown by what it does to the rows, over theirs.

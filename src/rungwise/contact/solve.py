@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from rungwise.contact.judge import judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
+from rungwise.contact.refine import refined
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -82,6 +83,9 @@ def solve(
         attempts += more
         if (better := judged(problem, system, other))[0].worst < residuals.worst:
             full, (residuals, y) = other, better
+    if residuals.worst <= tol:
+        full = refined(problem, system, full, tol)
+        residuals, y = judged(problem, system, full)
     status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
     if residuals.worst <= tol:
         status, proof = Status.SOLVED, None

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -28,7 +28,10 @@ _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
 _ROUNDS = 10
 _GREATEST = 1e140
+_LIGHT = 1e-9
 Solve = Callable[[Matrix], Any]
+_SMALL = 200
+"""Unknowns up to which sparse arithmetic takes longer than zeros do."""
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
 _FEW, _MOST = 2, 400
@@ -100,6 +103,7 @@ class System:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
 
 
+Eliminated: TypeAlias = tuple[Ints, Matrix, Array, Callable[[Array], Array], Condensed | None, bool]
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 
 
@@ -107,12 +111,24 @@ def scaled(problem: Problem) -> System:
     """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers."""
     made = _prepared.get(problem)
     if made is None:
-        made = _prepared[problem] = _scaled(problem)
+        made = _prepared[problem] = _scaled(problem, *_eliminated(problem))
     return made
 
 
-def _scaled(problem: Problem) -> System:
-    kept, A, b, recover, condensed = _eliminated(problem)
+def uneliminated(problem: Problem) -> System:
+    """The system in all unknowns."""
+    return _scaled(problem, *_whole(problem, problem.A))
+
+
+def _scaled(
+    problem: Problem,
+    kept: Ints,
+    A: Matrix,
+    b: Array,
+    recover: Callable[[Array], Array],
+    condensed: Condensed | None,
+    light: bool,
+) -> System:
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
@@ -121,7 +137,10 @@ def _scaled(problem: Problem) -> System:
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    fitted(row_start, column, value, rows, d, s)
+    if light:
+        _fit_massless(problem, row_start, column, value, s)
+    else:
+        fitted(row_start, column, value, rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
     rescaled(row_start, column, s, value, blocks, diagonal)
@@ -129,6 +148,19 @@ def _scaled(problem: Problem) -> System:
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
         force, rate, kept, recover, condensed and condensed.scaled(s),
     )  # fmt: skip
+
+
+def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
+    """s (N,) as without inertia: demanded rates and loads, each in units of their own, are of one size."""
+    first, last = problem.rows, problem.rows + problem.velocities
+    row = np.arange(len(s)).repeat(np.diff(row_start))
+    inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)
+    fitted(row_start, column, np.where(inertia, 0.0, value), problem.rows, problem.directions, s)
+    demands, loads = s * problem.b, s[first:last] * problem.b[first:last]
+    demands[first:last] = 0.0
+    ratio = np.linalg.norm(loads) / np.linalg.norm(demands)
+    s *= ratio**0.5
+    s[first:last] /= ratio
 
 
 def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
@@ -252,16 +284,21 @@ def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, 
                 s[i] = least
 
 
-def _eliminated(
-    problem: Problem,
-) -> tuple[Ints, Matrix, Array, Callable[[Array], Array], Condensed | None]:
-    """Kept places, their matrix and offset, the way back to all unknowns, and the matrix's parts.
+def _whole(problem: Problem, A: Matrix, light: bool = False) -> Eliminated:
+    return np.arange(len(problem.b)), A, problem.b, lambda x: x, None, light
 
-    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
+
+def _eliminated(problem: Problem) -> Eliminated:
+    """What is left: kept places, matrix, offset, the way back to all unknowns, and the matrix's parts.
+
+    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so, or inertia is
+    so small that rates without forces would hide the demanded ones.
     """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     everything, A, b = np.arange(len(problem.b)), problem.A, problem.b
-    whole = everything, A, b, lambda x: x, None
+    if sp.issparse(A) and len(b) <= _SMALL:
+        A = A.toarray()
+    whole = _whole(problem, A)
     fixed = np.concatenate([np.zeros(problem.rows, bool), free])
     kept, gone = everything[~fixed], everything[fixed]
     sparse = sp.issparse(A)
@@ -293,7 +330,18 @@ def _eliminated(
 
     left = _without_rounding(front - back @ response, front, back, noise)
     offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
-    return kept, left, offset, recover, _condensed(problem, own, across, back, front)
+    if _is_light(problem, offset):
+        return _whole(problem, A, light=True)
+    return kept, left, offset, recover, _condensed(problem, own, across, back, front), False
+
+
+def _is_light(problem: Problem, without_forces: Array) -> bool:
+    """Whether the rates without forces are so large that a residual beside them says nothing of demands."""
+    rows, velocities = problem.rows, problem.velocities
+    if velocities == 0 or not problem.b[rows : rows + velocities].any():
+        return False
+    demands = np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0)
+    return bool(0.0 < demands < _LIGHT * np.abs(without_forces).max(initial=0.0))
 
 
 def _condensed(

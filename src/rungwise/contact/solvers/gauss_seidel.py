@@ -107,7 +107,19 @@ def alternate(
             sweeps, accuracy = max(_FIRST_SWEEPS, 1 << turn), _ROUGH if turn == 0 else _EXACT
             for _ in range(sweeps):
                 _sweep(
-                    row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x, vectors[3]
+                    row_start,
+                    column,
+                    value,
+                    blocks,
+                    diagonal,
+                    b,
+                    0.0,
+                    mu,
+                    lower,
+                    upper,
+                    accuracy,
+                    x,
+                    vectors[3],
                 )
             done += sweeps
         done += descend_dense(
@@ -152,9 +164,7 @@ def sweep_until(
     d, y, out = blocks.shape[1], scratch[0], scratch[1]
     least, before = math.inf, math.inf
     for done in range(1, patience + 1):
-        _sweep(
-            row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, _EXACT, x, scratch[2]
-        )
+        _sweep(row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, _EXACT, x, scratch[2])
         if done > 3 and done % _CHECK:
             continue
         rates(row_start, column, value, b, shift, x, y)
