@@ -12,7 +12,8 @@ import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
-from rungwise.contact.system import System, compressed, fitted
+from rungwise.contact.system import System
+from rungwise.contact.units import compressed, fitted
 from rungwise.kernel import Ints, Reals, kernel
 
 _OWN = 1e-3
