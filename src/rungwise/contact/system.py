@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -54,6 +55,11 @@ class System:
     @property
     def rows(self) -> int:
         return self.directions * len(self.mu)
+
+    @cached_property
+    def is_damped(self) -> bool:
+        """Whether the normal rate of each contact, and the rate of each other unknown, grow with it."""
+        return bool((self.blocks[:, 0, 0] > 0.0).all() and (self.diagonal > 0.0).all())
 
     def dense(self) -> Array:
         """A (N, N)."""

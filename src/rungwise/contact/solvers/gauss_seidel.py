@@ -38,7 +38,7 @@ _CHECK = 10
 def accepts(system: System) -> bool:
     if system.condensed is not None and system.size > SMALL:
         return False
-    return bool((system.blocks[:, 0, 0] > 0.0).all() and (system.diagonal > 0.0).all())
+    return system.is_damped
 
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:

@@ -44,6 +44,7 @@ def accepts(_system: System) -> bool:
     return True
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The iterate x (N,) from `start` at which |F| is within tol or no longer falls, and the steps taken."""
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
