@@ -82,9 +82,9 @@ def solve(
         if (better := judged(problem, system, other))[0].worst < residuals.worst:
             full, (residuals, y) = other, better
     if residuals.worst <= tol:
-        better = refined(problem, system, full, tol)
-        if better is not full:
-            full, (residuals, y) = better, judged(problem, system, better)
+        finer = refined(problem, system, full, tol)
+        if finer is not full and (better := judged(problem, system, finer))[0].worst <= tol:
+            full, (residuals, y) = finer, better
     status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
     if residuals.worst <= tol:
         status, proof = Status.SOLVED, None
