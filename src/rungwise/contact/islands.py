@@ -8,8 +8,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
-from rungwise.contact.system import Condensed, System
+from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 

@@ -12,7 +12,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.system import FEW, MOST, Condensed, System, compressed
+from rungwise.contact.elimination import FEW, MOST, Condensed
+from rungwise.contact.system import System
+from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
 _SMALL, _LARGE = 200, 5000

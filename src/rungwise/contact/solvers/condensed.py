@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers.factors import Factors, orientation
-from rungwise.contact.system import Condensed
 from rungwise.kernel import Ints, Reals, kernel
 
 

@@ -14,10 +14,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact import rank
+from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.factors import Factors, factors
-from rungwise.contact.system import Condensed, System
+from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 _DENSE = 200

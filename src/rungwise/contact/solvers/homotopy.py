@@ -89,6 +89,7 @@ def accepts(system: System) -> bool:
     return len(system.mu) > 0
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the steps. The path begins where it must, not at `start`."""
     whole, cones = newton.form(system), cones_of(system)

@@ -46,6 +46,7 @@ def accepts(_system: System) -> bool:
     return True
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
     whole = newton.form(system)
