@@ -121,12 +121,15 @@ def _keep(found: Best, name: str, answer: Answer, natural: float, tol: float) ->
 class Siconos:
     """Siconos' solvers of friction and of linear complementarity; its drivers are called from a C loop."""
 
-    module, script = "siconos.numerics", siconos_peer.__file__
+    module = "siconos.numerics"
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.loop = folder, folder / "loop.so"
-        source = Path(__file__).with_name("siconos_loop.c")
-        subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", str(self.loop), str(source)], check=True)
+        self.folder = folder
+
+    def start(self, python: str) -> Peer:
+        loop, source = self.folder / "loop.so", Path(__file__).with_name("siconos_loop.c")
+        subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", str(loop), str(source)], check=True)
+        return Peer(python, siconos_peer.__file__, str(loop))
 
     def forms(self, problem: rw.Problem) -> list[Form]:
         return list(self._forms(problem, scaled(problem)))
@@ -168,23 +171,20 @@ class Siconos:
             file.write_text(data)
         else:
             np.savez(file, **data)
-        task = {
-            "file": str(file),
-            "kind": kind,
-            "rows": rows,
-            "velocities": velocities,
-            "loop": str(self.loop),
-        }
+        task = {"file": str(file), "kind": kind, "rows": rows, "velocities": velocities}
         return Form(name, siconos_peer.SOLVERS[kind], task, whole)
 
 
 class Pinocchio:
     """Pinocchio's ADMM and projected Gauss-Seidel, for contacts in space; planar ones are lifted."""
 
-    module, script = "pinocchio", pinocchio_peer.__file__
+    module = "pinocchio"
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+
+    def start(self, python: str) -> Peer:
+        return Peer(python, pinocchio_peer.__file__)
 
     def forms(self, problem: rw.Problem) -> list[Form]:
         system, forms = scaled(problem), []

@@ -1,15 +1,17 @@
 """Siconos as a peer (`peer_process`): its own Python (Debian: python3-siconos) runs this.
 
-A task has: file, a problem in Siconos' text format, or npz with M (n, n) and q (n,) of an LCP; kind, as in
-`SOLVERS`; solver; tol, for the solver; rows and velocities, the numbers of unknowns; loop, `siconos_loop.c`
-compiled; slow, seconds beyond which a solve is not repeated. Times are those of the driver alone, from
-nothing.
+    PYTHON benchmarks/siconos_peer.py LOOP
+
+LOOP is `siconos_loop.c`, compiled. A task has: file, a problem in Siconos' text format, or npz with M (n, n)
+and q (n,) of an LCP; kind, as in `SOLVERS`; solver; tol, for the solver; rows and velocities, the numbers of
+unknowns; slow, seconds beyond which a solve is not repeated. Times are of the driver alone, from nothing.
 """
 
 from __future__ import annotations
 
 import ctypes
 import importlib
+import sys
 import time
 from typing import Any
 
@@ -36,16 +38,16 @@ def _read(siconos: Any, file: str, kind: str) -> Any:
     return getattr(siconos, f"{prefix}_new_from_filename")(file)
 
 
-def solve(task: Task) -> Answer:
+def solve(task: Task, library: str) -> Answer:
     siconos, kind, solver = importlib.import_module("siconos.numerics"), task["kind"], task["solver"]
     problem = _read(siconos, task["file"], kind)
     options = siconos.SolverOptions(getattr(siconos, f"SICONOS_{_PREFIX[kind]}_{solver}"))
     options.iparam[0] = ITERATIONS if any(name in solver for name in _MANY) else ITERATIONS // 100
     options.dparam[0] = task["tol"]
-    loop = ctypes.CDLL(task["loop"]).repeat
+    loop = ctypes.CDLL(library).repeat
     loop.argtypes = [ctypes.c_void_p] * 6 + [ctypes.c_int] * 3
-    library = ctypes.CDLL(importlib.import_module("siconos._numerics").__file__)
-    driver = ctypes.cast(getattr(library, _DRIVER.get(kind, f"{kind}_driver")), ctypes.c_void_p)
+    drivers = ctypes.CDLL(importlib.import_module("siconos._numerics").__file__)
+    driver = ctypes.cast(getattr(drivers, _DRIVER.get(kind, f"{kind}_driver")), ctypes.c_void_p)
     r, u, v = np.zeros(task["rows"]), np.zeros(task["rows"]), np.zeros(max(1, task["velocities"]))
     addresses = (int(problem.this), r.ctypes.data, u.ctypes.data, v.ctypes.data, int(options.this))
     failed = 0
@@ -63,4 +65,4 @@ def solve(task: Task) -> Answer:
 if __name__ == "__main__":
     # Forks have it then.
     importlib.import_module("siconos.numerics")
-    serve(solve)
+    serve(lambda task: solve(task, sys.argv[1]))

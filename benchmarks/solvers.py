@@ -51,7 +51,6 @@ import contact_peers
 import numba
 import numpy as np
 from boxes import generated
-from peer_process import Peer
 
 import rungwise as rw
 from rungwise.contact.fclib import write_fclib
@@ -262,8 +261,8 @@ def running(stack: ExitStack, asked: dict[str, str | None]) -> dict[str, tuple]:
         kind = PEERS[name]
         python = None if given is None else contact_peers.interpreter(kind.module, given)
         if python is not None:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            peers[name] = stack.enter_context(Peer(python, kind.script)), kind(folder)
+            formats = kind(Path(stack.enter_context(tempfile.TemporaryDirectory())))
+            peers[name] = stack.enter_context(formats.start(python)), formats
         elif given is not None:
             print(f"--{name}: {given or 'no Python here'} cannot import {kind.module}", file=sys.stderr)
     return peers
