@@ -23,13 +23,14 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
-BUDGET, LIMIT = 12.0, 4.0
-"""Processor seconds that a peer gets for a problem, and one of its solvers at one tolerance."""
-START, SOLVES, SLOWER = 0.5, 20.0, 3.0
-"""Beside one that is best so far: seconds to read the problem, then so many of its solves; a solver is not
-timed again once a single solve takes so much longer."""
-LONG = 0.1
-"""Seconds after which a solver that did not converge gets no tighter tolerance."""
+BUDGET, LIMITS = 20.0, (0.4, 1.5, 5.0)
+"""Processor seconds that a peer gets for a problem; those that one solver gets at one tolerance at first, and
+again where it was stopped, while the budget lasts."""
+START, SOLVES, SLOWER = 0.2, 20.0, 3.0
+"""Beside one that is best so far a solver gets no more than this to begin and so many solves of the best, and
+is not timed again once a single solve takes so much longer."""
+PART = 0.5
+"""Of its limit: one that used more and did not converge was stopped."""
 DENSE = 300
 PYTHONS = {
     "siconos.numerics": (sys.executable, "python3", "/usr/bin/python3"),
@@ -55,7 +56,7 @@ class Best:
     """What a peer did with a problem.
 
     solver, seconds: the fastest to a natural map of at most the tolerance, or without one the most accurate;
-    natural: what it reached; unfinished: solvers that were stopped, died, or were not begun for want of time.
+    natural: what it reached; unfinished: solvers that used up their time, and might do better with more.
     """
 
     solver: str = "-"
@@ -81,35 +82,45 @@ def best(peer: Peer, forms: list[Form], problem: rw.Problem, tol: float) -> Best
     if not forms:
         return None
     found, left = Best(), BUDGET
-    for form in forms:
-        for solver in form.solvers:
-            left -= _climb(peer, form, solver, problem, tol, found, left)
+    waiting = [(form, solver, 0) for form in forms for solver in form.solvers]
+    for limit in LIMITS:
+        stopped = []
+        for form, solver, first in waiting:
+            last, spent = _climb(peer, form, solver, first, problem, tol, found, min(limit, left))
+            left = max(0.0, left - spent)
+            if last is not None:
+                stopped.append((form, solver, last))
+        waiting = stopped
+    found.unfinished = [f"{solver} ({form.name})" for form, solver, _ in waiting]
     return found
 
 
 def _climb(
-    peer: Peer, form: Form, solver: str, problem: rw.Problem, tol: float, found: Best, left: float
-) -> float:
-    """Ask for tighter and tighter tolerances until one is good enough; seconds used."""
-    system, used, name = scaled(problem), 0.0, f"{solver} ({form.name})"
-    for own in TOLERANCES:
+    peer: Peer, form: Form, solver: str, first: int, problem: rw.Problem, tol: float, found: Best, most: float
+) -> tuple[int | None, float]:
+    """Ask for tighter tolerances, from the first-th, until one is good enough or none could be best.
+
+    Returns which one took more than its limit, `most` or less, if one did, and the seconds used.
+    """
+    used = 0.0
+    for number, own in enumerate(TOLERANCES[first:], first):
         reached = found.natural <= tol
-        limit = min(LIMIT, left - used, START + SOLVES * found.seconds if reached else LIMIT)
-        slow = SLOWER * found.seconds if reached else np.inf
+        limit = min(most, START + SOLVES * found.seconds) if reached else most
         if limit <= 0.0:
-            found.unfinished.append(name)
-            return used
+            return number, used
+        slow = SLOWER * found.seconds if reached else np.inf
         answer, spent = peer.ask(form.task | {"solver": solver, "tol": own, "slow": slow}, limit)
         used += spent
+        stopped = limit == most and spent > PART * limit
         if answer is None:
-            found.unfinished.append(name)
-            return used
-        natural = judge(problem, system, form.whole(answer.forces)).natural
-        _keep(found, name, answer, natural, tol)
-        too_slow = reached and answer.seconds > found.seconds
-        if natural <= tol or too_slow or (not answer.converged and answer.seconds > LONG):
+            return (number if stopped else None), used
+        natural = judge(problem, scaled(problem), form.whole(answer.forces)).natural
+        _keep(found, f"{solver} ({form.name})", answer, natural, tol)
+        if natural <= tol or (reached and answer.seconds > found.seconds):
             break
-    return used
+        if stopped and not answer.converged:
+            return number, used
+    return None, used
 
 
 def _keep(found: Best, name: str, answer: Answer, natural: float, tol: float) -> None:
@@ -154,19 +165,19 @@ class Siconos:
             A = sp.csr_array(problem.A)
             matrices = _listing(A[rows:, rows:]) + _listing(sp.csr_array(A[:rows, rows:].T))
             vectors = _vectors(-problem.b[rows:], problem.b[:rows], problem.mu)
-            yield self._form("gfc3d", "sparse", head + matrices + vectors, rows, n, system.recover)
+            yield self._form("gfc3d", "mixed, own", head + matrices + vectors, rows, n, system.recover)
 
     def _form(
         self,
         kind: str,
-        storage: str,
+        name: str,
         data: str | dict[str, np.ndarray],
         rows: int,
         velocities: int,
         whole: Whole,
     ) -> Form:
-        name = f"{kind}, {storage}"
-        file = self.folder / f"{name.replace(', ', '_')}.{'dat' if isinstance(data, str) else 'npz'}"
+        ending = "dat" if isinstance(data, str) else "npz"
+        file = self.folder / f"{kind}_{name.replace(', ', '_')}.{ending}"
         if isinstance(data, str):
             file.write_text(data)
         else:

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from peer_process import Answer, Task, serve, typical
 
-SOLVERS = ("ADMM OSQP", "ADMM SPECTRAL", "PGS")
+SOLVERS = ("ADMM OSQP", "ADMM SPECTRAL", "ADMM OSQP A8", "ADMM SPECTRAL A8", "PGS")
+"""Method, rule by which its penalty is updated, and iterates that Anderson's acceleration remembers."""
 ITERATIONS, TRIAL, SHARE = 100_000, 20, 0.6
 """At most so many, and after so many for trial no more than this share of the time that is left."""
 
@@ -24,14 +25,15 @@ def solve(task: Task) -> Answer:
     pin = importlib.import_module("pinocchio")
     with np.load(task["file"]) as told:
         G, g, mu = np.asfortranarray(told["G"]), told["g"], told["mu"]
-    method, _, rule = task["solver"].partition(" ")
+    method, *rule = task["solver"].split()
     models, datas = _contacts(pin, mu)
     settings = getattr(pin, f"{method}SolverSettings")()
     settings.solve_ncp = settings.measure_timings = True
     settings.absolute_feasibility_tol = settings.absolute_complementarity_tol = task["tol"] * abs(g).max()
     settings.relative_feasibility_tol = settings.relative_complementarity_tol = 0.0
     if rule:
-        settings.admm_update_rule = getattr(pin.ADMMUpdateRule, rule)
+        settings.admm_update_rule = getattr(pin.ADMMUpdateRule, rule[0])
+        settings.anderson_capacity = int(rule[1][1:]) if len(rule) > 1 else 0
     forces, converged = np.zeros(len(g)), False
 
     def batch(times: int) -> float:

@@ -27,7 +27,7 @@ SOLVERS = {
 }
 _PREFIX = {"lcp": "LCP", "fc2d": "FRICTION_2D", "fc3d": "FRICTION_3D", "gfc3d": "GLOBAL_FRICTION_3D"}
 _DRIVER = {"lcp": "linearComplementarity_driver"}
-_MANY = ("NSGS", "ADMM", "PGS")
+_MANY = ("NSGS", "ADMM", "PGS", "VI_EG")
 
 
 def _read(siconos: Any, file: str, kind: str) -> Any:
@@ -40,7 +40,6 @@ def _read(siconos: Any, file: str, kind: str) -> Any:
 
 def solve(task: Task, library: str) -> Answer:
     siconos, kind, solver = importlib.import_module("siconos.numerics"), task["kind"], task["solver"]
-    problem = _read(siconos, task["file"], kind)
     options = siconos.SolverOptions(getattr(siconos, f"SICONOS_{_PREFIX[kind]}_{solver}"))
     options.iparam[0] = ITERATIONS if any(name in solver for name in _MANY) else ITERATIONS // 100
     options.dparam[0] = task["tol"]
@@ -49,14 +48,25 @@ def solve(task: Task, library: str) -> Answer:
     drivers = ctypes.CDLL(importlib.import_module("siconos._numerics").__file__)
     driver = ctypes.cast(getattr(drivers, _DRIVER.get(kind, f"{kind}_driver")), ctypes.c_void_p)
     r, u, v = np.zeros(task["rows"]), np.zeros(task["rows"]), np.zeros(max(1, task["velocities"]))
-    addresses = (int(problem.this), r.ctypes.data, u.ctypes.data, v.ctypes.data, int(options.this))
-    failed = 0
+    vectors, sizes = (r.ctypes.data, u.ctypes.data, v.ctypes.data), (task["rows"], task["velocities"])
+    problem, failed = _read(siconos, task["file"], kind), 0
 
-    def batch(times: int) -> float:
+    def some(times: int) -> float:
         nonlocal failed
         began = time.thread_time()
-        failed = loop(driver, *addresses, task["rows"], task["velocities"], times)
+        failed = loop(driver, int(problem.this), *vectors, int(options.this), *sizes, times)
         return time.thread_time() - began
+
+    def batch(times: int) -> float:
+        nonlocal problem
+        if kind != "gfc3d":
+            return some(times)
+        # Its drivers may leave the factors of the mass in the place of the mass.
+        total = 0.0
+        for _ in range(times):
+            problem = _read(siconos, task["file"], kind)
+            total += some(1)
+        return total
 
     seconds = typical(batch, task["slow"])
     return Answer(seconds, r, not failed)

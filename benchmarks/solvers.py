@@ -24,8 +24,8 @@ A peer's columns, with `--siconos` and `--pinocchio` (Pythons that have them; lo
             solvers time themselves
   (1e-05)   in place of a time: none got there, and this is the least residual that one reached
   ratio     our time over it, where both got there: `compiled`, or where there is none `again`
-  solver    which of its solvers, and what it was given: the Delassus form (fc2d, fc3d, lcp: Siconos' names)
-            in the problem's own units or scaled as ours is, dense or in blocks, or the mixed form (gfc3d)
+  solver    which of its solvers, and what it was given: the Delassus form in the problem's own units or
+            scaled as ours is (for Siconos dense or in blocks), or the mixed form, velocities and all
 
 Each solver is run with tighter and tighter tolerances of its own until our judge is content; one that is much
 slower than the best so far is given up, and a peer gets at most 12 s for a problem (`contact_peers.py`).
@@ -152,6 +152,7 @@ class Row:
 
     problem: str
     size: int
+    contacts: int
     status: str
     residual: float
     cold: float
@@ -185,25 +186,38 @@ def measured(name: str, problem: rw.Problem, repeats: int, peers: dict[str, tupl
         told = contact_peers.best(process, formats.forms(problem), problem, TOL)
         best[peer] = None if told is None else asdict(told)
     return Row(
-        name, len(problem.b), found.status, found.residuals.worst, cold, again, warm,
+        name, len(problem.b), len(problem.mu), found.status, found.residuals.worst, cold, again, warm,
         *both_compiled(problem, found, repeats), chain, best,
     )  # fmt: skip
 
 
+COLUMNS = {"cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
+NAME, SOLVER = 28, 24
+
+
 def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
     """Lines of the table and what they come to."""
-    own = ("cold", "again", "warm", "compiled", "near")
-    head = f"{'problem':31s} {'size':>4s} {'residual':>8s}" + "".join(f" {name:>8s}" for name in own)
-    head += "".join(f"  {peer.capitalize():>9s} {'ratio':>5s} {'solver':32s}" for peer in peers)
+    head = f"{'problem':{NAME}s} {'size':>4s} residual"
+    head += "".join(f" {name:>{width}s}" for name, width in COLUMNS.items())
+    head += "".join(f"  {peer.capitalize():>9s} ratio {'solver':{SOLVER}s}" for peer in peers)
     yield (head + ("  chain" if chain else "")).rstrip()
     for row in rows:
         told = f"{row.residual:8.0e}" if row.status == "solved" else f"{row.status:>8.8s}"
-        line = f"{row.problem:31.31s} {row.size:4d} {told}"
-        line += "".join(f" {_time(getattr(row, name)):>8s}" for name in own)
+        line = f"{_short(row.problem):{NAME}s} {row.size:4d} {told}"
+        line += "".join(f" {_time(getattr(row, name)):>{width}s}" for name, width in COLUMNS.items())
         line += "".join(_beside(row, peer) for peer in peers)
         yield (line + (f"  {row.chain}" if chain else "")).rstrip()
     for peer in peers:
-        yield summary(rows, peer)
+        for kind, some in (("contacts", True), ("no contacts", False)):
+            asked = [row for row in rows if row.peers[peer] is not None and some == (row.contacts > 0)]
+            if asked:
+                yield f"{peer.capitalize()}, {kind}: {summary(asked, peer)}"
+
+
+def _short(name: str) -> str:
+    for suffix in (*SUFFIXES, *SUFFIXES):
+        name = name.removesuffix(suffix)
+    return name[:NAME]
 
 
 def _time(microseconds: float | None) -> str:
@@ -213,25 +227,25 @@ def _time(microseconds: float | None) -> str:
 def _beside(row: Row, peer: str) -> str:
     found, ratio = row.peers[peer], row.ratio(peer)
     if found is None:
-        return f"  {'-':>9s} {'':38s}"
-    if ratio is None:
-        return f"  {'(' + format(found['natural'], '.0e') + ')':>9s} {'':5s} {found['solver']:32.32s}"
-    return f"  {_time(1e6 * found['seconds']):>9s} {ratio:5.2f} {found['solver']:32.32s}"
+        time, ratio, solver = "-", None, ""
+    else:
+        time, solver = _time(1e6 * found["seconds"]), found["solver"]
+    if found is not None and ratio is None:
+        time = f"({found['natural']:.0e})"
+    told = "" if ratio is None else f"{ratio:.2f}"
+    return f"  {time:>9s} {told:>5s} {solver:{SOLVER}.{SOLVER}s}"
 
 
 def summary(rows: list[Row], peer: str) -> str:
-    asked = [row for row in rows if row.peers[peer] is not None]
-    known = {row.problem: ratio for row in asked if (ratio := row.ratio(peer)) is not None}
-    line = f"{peer.capitalize()} got to {TOL:g} on {len(known)} of {len(asked)} problems"
+    """What the rows that a peer was given come to."""
+    known = {row.problem: ratio for row in rows if (ratio := row.ratio(peer)) is not None}
+    line = f"{len(known)} of {len(rows)} to {TOL:g}"
     if not known:
         return line
     worst = max(known, key=lambda name: known[name])
     mean = np.exp(np.mean(np.log(list(known.values()))))
     close = sum(ratio <= WITHIN for ratio in known.values())
-    return (
-        f"{line}: geometric mean of the ratios {mean:.2f}; {close} within {WITHIN} times;"
-        f" worst {known[worst]:.2f}, {worst}"
-    )
+    return f"{line}; ratios: geometric mean {mean:.2f}, {close} within {WITHIN}, worst {known[worst]:.2f} ({worst})"
 
 
 class Store:
