@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pinocchio_peer
@@ -32,10 +34,6 @@ is not timed again once a single solve takes so much longer."""
 PART = 0.5
 """Of its limit: one that used more and did not converge was stopped."""
 DENSE = 300
-PYTHONS = {
-    "siconos.numerics": (sys.executable, "python3", "/usr/bin/python3"),
-    "pinocchio": (sys.executable,),
-}
 
 
 Whole = Callable[[np.ndarray], np.ndarray]
@@ -65,11 +63,11 @@ class Best:
     unfinished: list[str] = field(default_factory=list)
 
 
-def interpreter(module: str, given: str) -> str | None:
-    """A Python that can import `module`: the given one, or without one the first that can."""
-    for python in (given,) if given else PYTHONS[module]:
+def interpreter(needed: str, given: str, others: tuple[str, ...]) -> str | None:
+    """A Python that can do what is `needed`: the given one, or without one the first of the others."""
+    for python in (given,) if given else others:
         try:
-            found = subprocess.run([python, "-c", f"import {module}"], capture_output=True, timeout=60)
+            found = subprocess.run([python, "-c", needed], capture_output=True, timeout=60)
         except (OSError, subprocess.TimeoutExpired):
             continue
         if found.returncode == 0:
@@ -129,13 +127,28 @@ def _keep(found: Best, name: str, answer: Answer, natural: float, tol: float) ->
         found.solver, found.seconds, found.natural = name, answer.seconds, natural
 
 
-class Siconos:
-    """Siconos' solvers of friction and of linear complementarity; its drivers are called from a C loop."""
+class Project(ABC):
+    """Another project: what a Python must do to run it, where one may be found, and its formats."""
 
-    module = "siconos.numerics"
+    needed: ClassVar[str]
+    pythons: ClassVar[tuple[str, ...]]
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+
+    @abstractmethod
+    def start(self, python: str) -> Peer:
+        """The running peer."""
+
+    @abstractmethod
+    def forms(self, problem: rw.Problem) -> list[Form]:
+        """What it reads for `problem`, written to the folder; none where it has no format for it."""
+
+
+class Siconos(Project):
+    """Siconos' solvers of friction and of linear complementarity; its drivers are called from a C loop."""
+
+    needed, pythons = "import siconos.numerics", (sys.executable, "python3", "/usr/bin/python3")
 
     def start(self, python: str) -> Peer:
         loop, source = self.folder / "loop.so", Path(__file__).with_name("siconos_loop.c")
@@ -186,13 +199,10 @@ class Siconos:
         return Form(name, siconos_peer.SOLVERS[kind], task, whole)
 
 
-class Pinocchio:
+class Pinocchio(Project):
     """Pinocchio's ADMM and projected Gauss-Seidel, for contacts in space; planar ones are lifted."""
 
-    module = "pinocchio"
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    needed, pythons = "from pinocchio import ADMMConstraintSolver", (sys.executable,)
 
     def start(self, python: str) -> Peer:
         return Peer(python, pinocchio_peer.__file__)

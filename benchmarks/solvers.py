@@ -39,6 +39,7 @@ import argparse
 import json
 import os
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -46,11 +47,13 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import contact_peers
 import numba
 import numpy as np
 from boxes import generated
+from peer_process import Peer
 
 import rungwise as rw
 from rungwise.contact.fclib import write_fclib
@@ -64,7 +67,12 @@ FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")
 TOL = 1e-8
 WITHIN = 1.5
-PEERS = {"siconos": contact_peers.Siconos, "pinocchio": contact_peers.Pinocchio}
+Running = dict[str, tuple[Peer, contact_peers.Project]]
+"""Peers by name, and what writes problems for them."""
+PEERS: dict[str, type[contact_peers.Project]] = {
+    "siconos": contact_peers.Siconos,
+    "pinocchio": contact_peers.Pinocchio,
+}
 
 
 def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
@@ -161,7 +169,7 @@ class Row:
     compiled: float | None
     near: float | None
     chain: str
-    peers: dict[str, dict[str, object] | None]
+    peers: dict[str, dict[str, Any] | None]
 
     def ratio(self, peer: str) -> float | None:
         """Our time over the peer's; infinite where only the peer has an answer, None where it has none."""
@@ -172,7 +180,7 @@ class Row:
         return own / (1e6 * found["seconds"]) if self.status == "solved" else np.inf
 
 
-def measured(name: str, problem: rw.Problem, repeats: int, peers: dict[str, tuple]) -> Row:
+def measured(name: str, problem: rw.Problem, repeats: int, peers: Running) -> Row:
     found = rw.solve(problem, tol=TOL)  # compiles
     near = found.x * (1.0 + 1e-6)
     rw.solve(problem, tol=TOL, start=near)
@@ -181,13 +189,14 @@ def measured(name: str, problem: rw.Problem, repeats: int, peers: dict[str, tupl
     again = usual(lambda: rw.solve(problem, tol=TOL), repeats)
     warm = usual(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
     chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
-    best = {}
+    best: dict[str, dict[str, Any] | None] = {}
     for peer, (process, formats) in peers.items():
         told = contact_peers.best(process, formats.forms(problem), problem, TOL)
         best[peer] = None if told is None else asdict(told)
+    alone = both_compiled(problem, found, repeats)
     return Row(
         name, len(problem.b), len(problem.mu), found.status, found.residuals.worst, cold, again, warm,
-        *both_compiled(problem, found, repeats), chain, best,
+        alone[0], alone[1], chain, best,
     )  # fmt: skip
 
 
@@ -227,13 +236,10 @@ def _time(microseconds: float | None) -> str:
 def _beside(row: Row, peer: str) -> str:
     found, ratio = row.peers[peer], row.ratio(peer)
     if found is None:
-        time, ratio, solver = "-", None, ""
-    else:
-        time, solver = _time(1e6 * found["seconds"]), found["solver"]
-    if found is not None and ratio is None:
-        time = f"({found['natural']:.0e})"
+        return f"  {'-':>9s} {'':{6 + SOLVER}s}"
+    time = f"({found['natural']:.0e})" if ratio is None else _time(1e6 * found["seconds"])
     told = "" if ratio is None else f"{ratio:.2f}"
-    return f"  {time:>9s} {told:>5s} {solver:{SOLVER}.{SOLVER}s}"
+    return f"  {time:>9s} {told:>5s} {found['solver']:{SOLVER}.{SOLVER}s}"
 
 
 def summary(rows: list[Row], peer: str) -> str:
@@ -245,19 +251,30 @@ def summary(rows: list[Row], peer: str) -> str:
     worst = max(known, key=lambda name: known[name])
     mean = np.exp(np.mean(np.log(list(known.values()))))
     close = sum(ratio <= WITHIN for ratio in known.values())
-    return f"{line}; ratios: geometric mean {mean:.2f}, {close} within {WITHIN}, worst {known[worst]:.2f} ({worst})"
+    ratios = f"geometric mean {mean:.2f}, {close} within {WITHIN}, worst {known[worst]:.2f} ({worst})"
+    return f"{line}; ratios: {ratios}"
 
 
 class Store:
-    """Rows in a JSON file, or nowhere; another run with the same settings goes on from there."""
+    """Rows in a JSON file, or nowhere; another run with the same settings goes on from there.
+
+    Raises
+    ------
+    ValueError
+        where there is a file of another kind or with other settings.
+    """
 
     def __init__(self, file: Path | None, settings: dict[str, object]) -> None:
         self.file, self.settings, self.rows = file, settings, {}
         if file is not None and file.exists():
-            told = json.loads(file.read_text())
-            if told["settings"] != settings:
-                sys.exit(f"{file}: has rows of other settings, {told['settings']}, not {settings}")
-            self.rows = {row["problem"]: Row(**row) for row in told["rows"]}
+            try:
+                told = json.loads(file.read_text())
+                found, rows = told["settings"], [Row(**row) for row in told["rows"]]
+            except (ValueError, KeyError, TypeError):
+                raise ValueError(f"{file}: is not a file of rows that this benchmark saved") from None
+            if found != settings:
+                raise ValueError(f"{file}: has rows of other settings, {found} and not {settings}")
+            self.rows = {row.problem: row for row in rows}
 
     def keep(self, row: Row) -> None:
         self.rows[row.problem] = row
@@ -268,17 +285,21 @@ class Store:
             os.replace(part, self.file)
 
 
-def running(stack: ExitStack, asked: dict[str, str | None]) -> dict[str, tuple]:
+def running(stack: ExitStack, asked: dict[str, str | None]) -> Running:
     """Name -> running peer and its formats, of those that are asked for and can be run."""
-    peers = {}
+    peers: Running = {}
     for name, given in asked.items():
         kind = PEERS[name]
-        python = None if given is None else contact_peers.interpreter(kind.module, given)
-        if python is not None:
-            formats = kind(Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        python = None if given is None else contact_peers.interpreter(kind.needed, given, kind.pythons)
+        if python is None:
+            if given is not None:
+                print(f"--{name}: {given or 'no Python here'} cannot `{kind.needed}`", file=sys.stderr)
+            continue
+        formats = kind(Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        try:
             peers[name] = stack.enter_context(formats.start(python)), formats
-        elif given is not None:
-            print(f"--{name}: {given or 'no Python here'} cannot import {kind.module}", file=sys.stderr)
+        except (OSError, subprocess.CalledProcessError) as error:
+            print(f"--{name}: {error}", file=sys.stderr)
     return peers
 
 
@@ -290,11 +311,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--only", default="", help="problems whose name has this in it")
     parser.add_argument("--siconos", nargs="?", const="", metavar="PYTHON", help="Debian: python3-siconos")
-    parser.add_argument("--pinocchio", nargs="?", const="", metavar="PYTHON", help="pip install pin")
+    parser.add_argument("--pinocchio", nargs="?", const="", metavar="PYTHON", help="pip install 'pin>=4'")
     parser.add_argument("--save", type=Path, metavar="FILE", help="keep finished rows, and go on from them")
     parser.add_argument("--chain", action="store_true", help="print the solvers called, too")
     parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the generated problems and end")
     given = parser.parse_args(arguments)
+    if given.folder is not None and not given.folder.is_dir():
+        parser.error(f"{given.folder}: is not a folder")
+    if given.repeats < 1:
+        parser.error(f"--repeats: must be at least 1, not {given.repeats}")
     if given.write is not None:
         given.write.mkdir(parents=True, exist_ok=True)
         for name, problem in generated():
@@ -304,7 +329,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     with ExitStack() as stack:
         peers = running(stack, {name: getattr(given, name) for name in PEERS})
-        store = Store(given.save, {"repeats": given.repeats, "tol": TOL, "peers": list(peers)})
+        try:
+            store = Store(given.save, {"repeats": given.repeats, "tol": TOL, "peers": list(peers)})
+        except ValueError as error:
+            parser.error(str(error))
         chosen = [(name, problem) for name, problem in problems(given.folder) if given.only in name]
         for number, (name, problem) in enumerate(chosen, 1):
             began = time.perf_counter()

@@ -69,8 +69,14 @@ def test_prints_a_table_and_goes_on_from_its_rows(
     monkeypatch.setattr(solvers, "measured", measured)
     assert solvers.main(arguments) == 0
     assert capsys.readouterr().out == printed.out
-    with pytest.raises(SystemExit, match="other settings"):
-        solvers.main([*arguments, "--repeats", "2"])
+    for more, complaint in (
+        (["--repeats", "2"], "rows of other settings"),
+        (["--save", __file__], "is not a file of rows"),
+        ([str(tmp_path / "nowhere")], "is not a folder"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            solvers.main([*arguments, *more])
+        assert ended.value.code == 2 and complaint in capsys.readouterr().err
 
 
 def test_summary_counts_only_rows_at_the_same_residual(module: Any) -> None:
