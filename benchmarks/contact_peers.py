@@ -25,7 +25,7 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
-BUDGET, LIMITS = 20.0, (0.4, 1.5, 5.0)
+BUDGET, LIMITS = 40.0, (0.4, 1.5, 5.0)
 """Processor seconds that a peer gets for a problem; those that one solver gets at one tolerance at first, and
 again where it was stopped, while the budget lasts."""
 START, SOLVES, SLOWER = 0.2, 20.0, 3.0
@@ -81,14 +81,17 @@ def best(peer: Peer, forms: list[Form], problem: rw.Problem, tol: float) -> Best
         return None
     found, left = Best(), BUDGET
     waiting = [(form, solver, 0) for form in forms for solver in form.solvers]
+    had = 0.0
     for limit in LIMITS:
         stopped = []
         for form, solver, first in waiting:
+            if found.natural <= tol and START + SOLVES * found.seconds <= had:
+                continue
             last, spent = _climb(peer, form, solver, first, problem, tol, found, min(limit, left))
             left = max(0.0, left - spent)
             if last is not None:
                 stopped.append((form, solver, last))
-        waiting = stopped
+        waiting, had = stopped, limit
     found.unfinished = [f"{solver} ({form.name})" for form, solver, _ in waiting]
     return found
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 import statistics
 import subprocess
@@ -80,6 +81,9 @@ class Peer:
 
 def serve(solve: Callable[[Task], Answer]) -> None:
     """Answer the questions of a `Peer` until it closes; whatever solvers print is dropped."""
+    # Some have their matrices on the stack.
+    most = resource.getrlimit(resource.RLIMIT_STACK)[1]
+    resource.setrlimit(resource.RLIMIT_STACK, (most, most))
     told = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     for line in sys.stdin:
