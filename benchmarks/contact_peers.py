@@ -25,7 +25,7 @@ from rungwise.contact.judge import judge
 from rungwise.contact.system import System, scaled
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
-BUDGET, LIMITS = 40.0, (0.4, 1.5, 5.0)
+BUDGET, LIMITS = 25.0, (0.4, 1.5, 5.0)
 """Processor seconds that a peer gets for a problem; those that one solver gets at one tolerance at first, and
 again where it was stopped, while the budget lasts."""
 START, SOLVES, SLOWER = 0.2, 20.0, 3.0

@@ -13,6 +13,7 @@ import ctypes
 import importlib
 import sys
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -38,23 +39,43 @@ def _read(siconos: Any, file: str, kind: str) -> Any:
     return getattr(siconos, f"{prefix}_new_from_filename")(file)
 
 
+def _parameters(siconos: Any, options: Any) -> Iterator[Any]:
+    """Parameters of a solver and of those within it, where they are."""
+    yield from (options.iparam, options.dparam)
+    for inner in range(options.numberOfInternalSolvers):
+        yield from _parameters(siconos, siconos.solver_options_get_internal_solver(options, inner))
+
+
+def _array(kind: Any, values: list[int]) -> Any:
+    return (kind * len(values))(*values)
+
+
+def _addresses(arrays: list[Any]) -> Any:
+    return _array(ctypes.c_void_p, [array.ctypes.data for array in arrays])
+
+
 def solve(task: Task, library: str) -> Answer:
     siconos, kind, solver = importlib.import_module("siconos.numerics"), task["kind"], task["solver"]
     options = siconos.SolverOptions(getattr(siconos, f"SICONOS_{_PREFIX[kind]}_{solver}"))
     options.iparam[0] = ITERATIONS if any(name in solver for name in _MANY) else ITERATIONS // 100
     options.dparam[0] = task["tol"]
     loop = ctypes.CDLL(library).repeat
-    loop.argtypes = [ctypes.c_void_p] * 6 + [ctypes.c_int] * 3
+    loop.argtypes = [ctypes.c_void_p] * 6 + [ctypes.c_int] * 2 + [ctypes.c_void_p] * 3 + [ctypes.c_int] * 2
     drivers = ctypes.CDLL(importlib.import_module("siconos._numerics").__file__)
     driver = ctypes.cast(getattr(drivers, _DRIVER.get(kind, f"{kind}_driver")), ctypes.c_void_p)
     r, u, v = np.zeros(task["rows"]), np.zeros(task["rows"]), np.zeros(max(1, task["velocities"]))
+    parameters = list(_parameters(siconos, options))
+    kept = [part.copy() for part in parameters]
+    places = (_addresses(parameters), _addresses(kept), _array(ctypes.c_size_t, [a.nbytes for a in kept]))
     vectors, sizes = (r.ctypes.data, u.ctypes.data, v.ctypes.data), (task["rows"], task["velocities"])
     problem, failed = _read(siconos, task["file"], kind), 0
 
     def some(times: int) -> float:
         nonlocal failed
         began = time.thread_time()
-        failed = loop(driver, int(problem.this), *vectors, int(options.this), *sizes, times)
+        failed = loop(
+            driver, int(problem.this), *vectors, int(options.this), *sizes, *places, len(kept), times
+        )
         return time.thread_time() - began
 
     def batch(times: int) -> float:

@@ -28,7 +28,7 @@ A peer's columns, with `--siconos` and `--pinocchio` (Pythons that have them; lo
             scaled as ours is (for Siconos dense or in blocks), or the mixed form, velocities and all
 
 Each solver is run with tighter and tighter tolerances of its own until our judge is content; one that is much
-slower than the best so far is given up, and a peer gets at most 40 s for a problem (`contact_peers.py`).
+slower than the best so far is given up, and a peer gets at most 25 s for a problem (`contact_peers.py`).
 Pinocchio is given planar contacts with an idle second tangent. `--save` keeps each finished row in FILE
 (JSON), and rows that are there are not measured again.
 """
