@@ -216,11 +216,13 @@ def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
         line += "".join(f" {_time(getattr(row, name)):>{width}s}" for name, width in COLUMNS.items())
         line += "".join(_beside(row, peer) for peer in peers)
         yield (line + (f"  {row.chain}" if chain else "")).rstrip()
-    for peer in peers:
+    for names in [[peer] for peer in peers] + ([peers] if len(peers) > 1 else []):
         for kind, some in (("contacts", True), ("no contacts", False)):
-            asked = [row for row in rows if row.peers[peer] is not None and some == (row.contacts > 0)]
+            asked = [
+                row for row in rows if some == (row.contacts > 0) and any(row.peers[one] for one in names)
+            ]
             if asked:
-                yield f"{peer.capitalize()}, {kind}: {summary(asked, peer)}"
+                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(asked, names)}"
 
 
 def _short(name: str) -> str:
@@ -242,9 +244,13 @@ def _beside(row: Row, peer: str) -> str:
     return f"  {time:>9s} {told:>5s} {found['solver']:{SOLVER}.{SOLVER}s}"
 
 
-def summary(rows: list[Row], peer: str) -> str:
-    """What the rows that a peer was given come to."""
-    known = {row.problem: ratio for row in rows if (ratio := row.ratio(peer)) is not None}
+def summary(rows: list[Row], peers: list[str]) -> str:
+    """What the rows come to that were given to some of the peers: ratios to the fastest of these."""
+    known = {}
+    for row in rows:
+        ratios = [ratio for peer in peers if (ratio := row.ratio(peer)) is not None]
+        if ratios:
+            known[row.problem] = max(ratios)
     line = f"{len(known)} of {len(rows)} to {TOL:g}"
     if not known:
         return line
