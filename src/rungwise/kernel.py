@@ -37,7 +37,7 @@ def kernel(function: F) -> F:
     A kernel allocates nothing: it is compiled without reference counting, which would otherwise be paid for
     each array of each call, and numba refuses it if it allocates.
     """
-    return _compile(function, allocates=False)
+    return _compile(function)
 
 
 def allocating_kernel(function: F) -> F:
@@ -45,8 +45,18 @@ def allocating_kernel(function: F) -> F:
     return _compile(function, allocates=True)
 
 
-def _compile(function: F, allocates: bool) -> F:
-    compiled = numba.njit(nogil=True, error_model="numpy", _nrt=allocates)(function)
+def inner_kernel(function: F) -> F:
+    """A kernel that becomes a part of each that calls it, where a call would take as long as the work."""
+    return _compile(function, forceinline=True)
+
+
+def summing_kernel(function: F) -> F:
+    """An inner kernel whose sums are taken in whatever order is fastest, several terms at a time."""
+    return _compile(function, forceinline=True, fastmath={"reassoc", "contract"})
+
+
+def _compile(function: F, allocates: bool = False, **options: object) -> F:
+    compiled = numba.njit(nogil=True, error_model="numpy", _nrt=allocates, **options)(function)
     if hasattr(compiled, "enable_caching"):
         with _numba_cache(cache_folder(function.__module__)):
             compiled.enable_caching()

@@ -101,6 +101,36 @@ def test_singular_inertia_is_solved_in_the_mixed_form() -> None:
     np.testing.assert_allclose([found.r[0], found.v[0]], [2.0, 0.0], atol=1e-9)
 
 
+def pushed(directions: int, inertia: float) -> rw.Problem:
+    """A unit box on a floor, pushed from the left at 0.1, with so much inertia."""
+    E = np.eye(directions)
+    floor = [np.array([*corner, -0.5]) for corner in product((-0.5, 0.5), repeat=directions - 1)]
+    side = np.array([-0.5, *[0.0] * (directions - 1)])
+    rows = []
+    for point, normal in [*((corner, directions - 1) for corner in floor), (side, 0)]:
+        for axis in [normal, *(axis for axis in range(directions) if axis != normal)]:
+            turn = np.cross(np.append(point, 0.0)[:3], np.append(E[axis], 0.0)[:3])
+            rows.append([*E[axis], *turn[-1 if directions == 2 else 0 :]])
+    w = np.zeros(len(rows))
+    w[-directions] = -0.1
+    load = np.zeros(len(rows[0]))
+    load[directions - 1] = -9.81
+    friction = [0.3] * len(floor) + [0.2]
+    return rw.Problem.balance(
+        inertia * np.eye(len(load)), load, np.array(rows), w, friction, directions=directions
+    )
+
+
+@pytest.mark.parametrize("inertia", [0.0, 1e-12, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("directions", [2, 3])
+def test_velocities_are_exact_however_small_inertia_is(directions: int, inertia: float) -> None:
+    problem = pushed(directions, inertia)
+    found = rw.solve(problem)
+    assert found.status == "solved"
+    scale = 0.0 if inertia < 1e-5 else 1e-9 * 9.81 / inertia  # beside these rates the residual is measured
+    np.testing.assert_allclose(found.v, [0.1, *[0.0] * (len(found.v) - 1)], rtol=0, atol=1e-10 + scale)
+
+
 def test_units_do_not_matter() -> None:
     rng = np.random.default_rng(5)
     G = rng.normal(size=(9, 4))

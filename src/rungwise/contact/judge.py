@@ -12,7 +12,8 @@ import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
-from rungwise.contact.system import System, compressed, fitted
+from rungwise.contact.system import System
+from rungwise.contact.units import compressed, fitted
 from rungwise.kernel import Ints, Reals, kernel
 
 _OWN = 1e-3
@@ -131,6 +132,11 @@ def _scales(problem: Problem) -> _Scales:
             fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
         found = _known[problem] = _Scales(absolute, free, unit)
     return found
+
+
+def absolute(problem: Problem) -> Matrix:
+    """|A|, made once."""
+    return _scales(problem).absolute
 
 
 def in_own_terms(problem: Problem, x: Array, y: Array, absolute: Matrix) -> float:

@@ -14,6 +14,7 @@ Topics in Nonsmooth Dynamics (2018), chapter 10; De Saxce and Feng, Math. Comput
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -83,7 +84,7 @@ class Problem:
                 array.flags.writeable = False
             object.__setattr__(self, name, own)
 
-    @property
+    @cached_property
     def is_boxes(self) -> bool:
         """Whether it has no contacts and no free unknowns: an LCP, a relay, limits alone."""
         free = np.isneginf(self.lower) & np.isposinf(self.upper)

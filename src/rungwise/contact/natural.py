@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Reals, inner_kernel, kernel
 
 
 @kernel
@@ -29,25 +29,20 @@ def natural_map(x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Real
     return math.sqrt(total)
 
 
-@kernel
+@inner_kernel
 def contact_map(x: Reals, y: Reals, mu: float, d: int, first: int, out: Reals) -> None:
     """The map of one contact whose normal row is `first`."""
-    rate, length = 0.0, 0.0
-    for i in range(first + 1, first + d):
-        rate += y[i] * y[i]
-        length += (x[i] - y[i]) ** 2
-    rate, length = math.sqrt(rate), math.sqrt(length)
-    normal = x[first] - y[first] - mu * rate
+    # In the plane b is a, and without friction both are n: what is written last there is what counts.
+    n, a, b = first, first + min(1, d - 1), first + d - 1
+    y_a, y_b = y[a] if d > 1 else 0.0, y[b] if d == 3 else 0.0
+    s, t = x[a] - y[a] if d > 1 else 0.0, x[b] - y[b] if d == 3 else 0.0
+    rate, length = mu * math.sqrt(y_a * y_a + y_b * y_b), math.sqrt(s * s + t * t)
+    normal = x[n] - y[n] - rate
     if mu * length <= -normal:
-        for i in range(first, first + d):
-            out[i] = x[i]
+        out[b], out[a], out[n] = x[b], x[a], x[n]
     elif length <= mu * normal:
-        for i in range(first, first + d):
-            out[i] = y[i]
-        out[first] += mu * rate
+        out[b], out[a], out[n] = y[b], y[a], y[n] + rate
     else:
         onto = (normal + mu * length) / (1.0 + mu * mu)
-        out[first] = x[first] - onto
-        shrink = mu * onto / length if length > 0.0 else 0.0
-        for i in range(first + 1, first + d):
-            out[i] = x[i] - shrink * (x[i] - y[i])
+        shrink = mu * onto / length
+        out[b], out[a], out[n] = x[b] - shrink * t, x[a] - shrink * s, x[n] - onto

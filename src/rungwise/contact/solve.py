@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from rungwise.contact.judge import judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
+from rungwise.contact.refine import refined
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -66,14 +67,12 @@ def solve(
         (residuals, y), proof = judged(problem, system, full), None
         attempts.append(Attempt(step.NAME, 1, residuals.worst))
     if not attempts or attempts[0].residual > tol:
-        with np.errstate(all="ignore"):  # iterates that run away are judged, not warned about
-            x, more = _run(chain, system, given[system.kept] / system.force, tol)
+        x, more = _run(chain, system, given[system.kept] / system.force, tol)
         attempts += more
         full = system.recover(x * system.force)
         (residuals, y), proof = judged(problem, system, full), None
     if residuals.worst > tol:
-        with np.errstate(all="ignore"):
-            found = branching.search(system, x, _MARGIN * tol)
+        found = branching.search(system, x, _MARGIN * tol)
         attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
         full, proof = system.recover(found.x * system.force), found.proof
         residuals, y = judged(problem, system, full)
@@ -82,6 +81,10 @@ def solve(
         attempts += more
         if (better := judged(problem, system, other))[0].worst < residuals.worst:
             full, (residuals, y) = other, better
+    if residuals.worst <= tol:
+        finer = refined(problem, system, full, tol)
+        if finer is not full and (better := judged(problem, system, finer))[0].worst <= tol:
+            full, (residuals, y) = finer, better
     status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
     if residuals.worst <= tol:
         status, proof = Status.SOLVED, None
@@ -102,8 +105,7 @@ def _in_other_units(
     made = sp.diags_array(per_row) @ A @ sp.diags_array(unit)
     again = Problem.boxes(made, per_row * problem.b, problem.lower / unit, problem.upper / unit)
     system = scaled(again)
-    with np.errstate(all="ignore"):
-        x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol)
+    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol)
     return unit * system.recover(x * system.force), attempts
 
 

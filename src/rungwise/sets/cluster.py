@@ -38,8 +38,8 @@ FIRST_TASK = 32
 CONNECT_S, PATIENCE_S, POLL_S = 5.0, 15.0, 1.0
 """How long to try to reach the scheduler, to go on without any worker, and between two looks for workers."""
 
-LOGGERS = ("distributed.client", "distributed.core")
-"""They would tell, in pages, what an error of ours tells in a line."""
+LOGGERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
+"""They, and those below them, would tell in pages what an error of ours tells in a line."""
 KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can be resumed"
 
 
@@ -50,9 +50,8 @@ class Cluster:
         self.address = address
         self._job = scene.file.model_dump_json(), json.dumps(dict(request)), version()
         self._client = _connect(address)
-        loggers = [logging.getLogger(name) for name in LOGGERS]
-        self._levels = {logger: logger.level for logger in loggers}
-        for logger in loggers:
+        self._levels = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
+        for logger in self._levels:
             logger.setLevel(logging.CRITICAL)
         self._size = FIRST_TASK
         self._seen = time.monotonic()

@@ -43,6 +43,7 @@ class Found(NamedTuple):
     proof: Infeasible | None
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def search(system: System, start: Array, tol: float) -> Found:
     """A solution within tol, or a checked proof that there is none, or the best of what was met."""
     best, least = start, natural(system, start)

@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
-from rungwise.contact.system import Condensed
 from rungwise.kernel import Ints, Reals, kernel
 
 

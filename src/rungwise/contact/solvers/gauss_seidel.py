@@ -20,15 +20,15 @@ import numpy as np
 
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
-from rungwise.contact.solvers.measure import distance, rates
+from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
-_ROUNDS, _STEPS = 8, 6
-_NEAR = 1e-2
+_ROUNDS, _FIRST_SWEEPS, _STEPS = 8, 3, 6
+_NEAR, _ROUGH, _EXACT = 1e-2, 1e-3, 1e-15
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE = 300
@@ -38,7 +38,7 @@ _CHECK = 10
 def accepts(system: System) -> bool:
     if system.condensed is not None and system.size > SMALL:
         return False
-    return bool((system.blocks[:, 0, 0] > 0.0).all() and (system.diagonal > 0.0).all())
+    return system.is_damped
 
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
@@ -71,7 +71,7 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
 
 def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
     """Dampings and scratch for `alternate` with n unknowns."""
-    return _DAMPINGS, np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+    return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
 
 
 @kernel
@@ -90,7 +90,7 @@ def alternate(
     best: Reals,
     tol: float,
     dampings: Reals,
-    square: Reals,
+    factors: Reals,
     vectors: Reals,
     order: Ints,
 ) -> int:
@@ -103,25 +103,36 @@ def alternate(
     near = least < _NEAR
     for turn in range(_ROUNDS):
         before = least
-        for newton_turn in (False, True):
-            if newton_turn:
-                done += descend_dense(
-                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
-                    square, vectors, order,
-                )  # fmt: skip
-            elif turn > 0 or not near:
-                for _ in range(1 << turn):
-                    _sweep(
-                        row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, x, vectors[3]
-                    )
-                done += 1 << turn
-            found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
-            if found < least:
-                least = found
-                for i in range(n):
-                    best[i] = x[i]
-            if least <= tol:
-                return done
+        if turn > 0 or not near:
+            sweeps, accuracy = max(_FIRST_SWEEPS, 1 << turn), _ROUGH if turn == 0 else _EXACT
+            for _ in range(sweeps):
+                _sweep(
+                    row_start,
+                    column,
+                    value,
+                    blocks,
+                    diagonal,
+                    b,
+                    0.0,
+                    mu,
+                    lower,
+                    upper,
+                    accuracy,
+                    x,
+                    vectors[3],
+                )
+            done += sweeps
+        done += descend_dense(
+            row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings, factors,
+            vectors, order,
+        )  # fmt: skip
+        found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+        if found < least:
+            least = found
+            for i in range(n):
+                best[i] = x[i]
+        if least <= tol:
+            return done
         if turn > 0 and not least < 0.5 * before:
             break
     return done
@@ -153,7 +164,7 @@ def sweep_until(
     d, y, out = blocks.shape[1], scratch[0], scratch[1]
     least, before = math.inf, math.inf
     for done in range(1, patience + 1):
-        _sweep(row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, x, scratch[2])
+        _sweep(row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, _EXACT, x, scratch[2])
         if done > 3 and done % _CHECK:
             continue
         rates(row_start, column, value, b, shift, x, y)
@@ -185,31 +196,29 @@ def _sweep(
     mu: Reals,
     lower: Reals,
     upper: Reals,
+    accuracy: float,
     x: Reals,
     local: Reals,
 ) -> None:
+    """Each contact and limited row once, the slip of contacts in space to this relative accuracy."""
     d, rows = blocks.shape[1], blocks.shape[1] * len(mu)
     for c in range(len(mu)):
         first = c * d
         for i in range(d):
-            total = b[first + i]
-            for k in range(row_start[first + i], row_start[first + i + 1]):
-                total += value[k] * x[column[k]]
+            total = b[first + i] + row_times(row_start, column, value, first + i, x)
             for j in range(d):
                 total -= blocks[c, i, j] * x[first + j]
             local[i] = total
-        solve_contact(blocks[c], shift, local, mu[c], x[first : first + d])
+        _solve_contact(blocks[c], shift, local, mu[c], accuracy, x[first : first + d])
     for j in range(len(lower)):
         i = rows + j
-        total = b[i]
-        for k in range(row_start[i], row_start[i + 1]):
-            total += value[k] * x[column[k]]
+        total = b[i] + row_times(row_start, column, value, i, x)
         x[i] = min(max((diagonal[j] * x[i] - total) / (diagonal[j] + shift), lower[j]), upper[j])
 
 
-@kernel
-def solve_contact(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
-    """Solve one contact exactly, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
+@inner_kernel
+def _solve_contact(block: Reals, shift: float, b: Reals, mu: float, accuracy: float, x: Reals) -> None:
+    """Solve one contact, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
     d = len(x)
     if b[0] >= 0.0 or d == 1 or mu == 0.0:
         x[0] = max(0.0, -b[0] / (block[0, 0] + shift))
@@ -218,10 +227,10 @@ def solve_contact(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> 
     elif d == 2:
         _solve_planar(block, shift, b, mu, x)
     else:
-        _solve_spatial(block, shift, b, mu, x)
+        _solve_spatial(block, shift, b, mu, accuracy, x)
 
 
-@kernel
+@inner_kernel
 def _solve_planar(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
     own = block[0, 0] + shift
     stiff = block[1, 1] + shift - block[1, 0] * block[0, 1] / own
@@ -240,8 +249,8 @@ def _solve_planar(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> 
     x[0], x[1] = n, t
 
 
-@kernel
-def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) -> None:
+@inner_kernel
+def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, accuracy: float, x: Reals) -> None:
     inverse = 1.0 / (block[0, 0] + shift)
     p, q = block[0, 1] * inverse, block[0, 2] * inverse
     a11, a12 = block[1, 1] + shift - block[1, 0] * p, block[1, 2] - block[1, 0] * q
@@ -267,7 +276,7 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
                 low = slip
             else:
                 high = slip
-            if abs(excess) <= 1e-15 * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16):
+            if abs(excess) <= accuracy * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16):
                 break
             # Newton on mu n / |t| - 1, which is nearly linear in the slip a.
             d1, d2 = (a12 * t2 - m22 * t1) * per, (a21 * t1 - m11 * t2) * per
@@ -283,7 +292,7 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, x: Reals) ->
     x[0], x[1], x[2] = n, t1, t2
 
 
-@kernel
+@inner_kernel
 def _slip(a11: float, a12: float, a21: float, a22: float, g1: float, g2: float, x: Reals) -> float:
     """The slip of the force guessed, closed; 0 if it pulls nowhere."""
     pull = x[1] * x[1] + x[2] * x[2]

@@ -22,11 +22,12 @@ import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
+from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import Condensed, System
+from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "interior-point"
@@ -58,6 +59,7 @@ def accepts(_system: System) -> bool:
     return True
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
     whole = newton.form(system)

@@ -8,7 +8,7 @@ systems; it skips zeros.
 
 from __future__ import annotations
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 
 _RANK = 1e-13
 
@@ -90,34 +90,54 @@ def _restore_order(a: Reals, size: int, columns: int, order: Ints) -> None:
             a[i, c] = a[i, 0]
 
 
-@kernel
+@summing_kernel
 def factorise(a: Reals, size: int, order: Ints) -> bool:
-    """Replace a[:size, :size] by its triangular factors, rows exchanged as `order` (size,) says; False if
-    singular."""
-    for k in range(size):
-        row = k
-        for i in range(k + 1, size):
-            if abs(a[i, k]) > abs(a[row, k]):
-                row = i
-        order[k] = row
-        if not abs(a[row, k]) > 0.0:
+    """Replace a[:size, :size] by its triangular factors, two columns at a time; False if singular.
+
+    Rows are exchanged as `order` (size,) says; the diagonal holds one over the pivots.
+    """
+    for k in range(0, size, 2):
+        if not _pivot(a, k, size, order):
             return False
-        if row != k:
-            for j in range(size):
-                x = a[k, j]
-                a[k, j] = a[row, j]
-                a[row, j] = x
-        inverse = 1.0 / a[k, k]
-        for i in range(k + 1, size):
+        right = k + 1
+        if right == size:
+            return True
+        for i in range(right, size):
             if a[i, k] != 0.0:
-                factor = a[i, k] * inverse
-                a[i, k] = factor
-                for j in range(k + 1, size):
-                    a[i, j] -= factor * a[k, j]
+                a[i, k] *= a[k, k]
+                a[i, right] -= a[i, k] * a[k, right]
+        if not _pivot(a, right, size, order):
+            return False
+        upper, lower, factor = a[k, k + 2 : size], a[right, k + 2 : size], a[right, k]
+        for j in range(len(upper)):
+            lower[j] -= factor * upper[j]
+        for i in range(k + 2, size):
+            first, second, row = a[i, k], a[i, right] * a[right, right], a[i, k + 2 : size]
+            a[i, right] = second
+            if first != 0.0 or second != 0.0:
+                for j in range(len(row)):
+                    row[j] -= first * upper[j] + second * lower[j]
     return True
 
 
-@kernel
+@inner_kernel
+def _pivot(a: Reals, k: int, size: int, order: Ints) -> bool:
+    """Bring the largest of column k up, and replace it by one over it; False if it is zero."""
+    row, largest = k, abs(a[k, k])
+    for i in range(k + 1, size):
+        if abs(a[i, k]) > largest:
+            row, largest = i, abs(a[i, k])
+    order[k] = row
+    if row != k:
+        for j in range(size):
+            x = a[k, j]
+            a[k, j] = a[row, j]
+            a[row, j] = x
+    a[k, k] = 1.0 / a[k, k]
+    return largest > 0.0
+
+
+@summing_kernel
 def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
     """Solve with the factors of `factorise` for the right-hand side x (size,), in place."""
     for k in range(size):
@@ -125,13 +145,12 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
         value = x[row]
         x[row] = x[k]
         x[k] = value
-    for i in range(size):
-        total = x[i]
-        for j in range(i):
-            total -= a[i, j] * x[j]
-        x[i] = total
-    for i in range(size - 1, -1, -1):
-        total = x[i]
-        for j in range(i + 1, size):
-            total -= a[i, j] * x[j]
-        x[i] = total / a[i, i]
+    # Column by column: entries do not wait for each other, as the terms of a sum would.
+    for j in range(size):
+        value = x[j]
+        for i in range(j + 1, size):
+            x[i] -= a[i, j] * value
+    for j in range(size - 1, -1, -1):
+        value = x[j] = x[j] * a[j, j]
+        for i in range(j):
+            x[i] -= a[i, j] * value

@@ -9,7 +9,7 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel, summing_kernel
 
 _ROUNDING = 2.0**-53
 
@@ -58,7 +58,17 @@ def distance(
 def rates(row_start: Ints, column: Ints, value: Reals, b: Reals, shift: float, x: Reals, y: Reals) -> None:
     """y = (A + shift) x + b."""
     for i in range(len(b)):
-        total = b[i] + shift * x[i]
-        for k in range(row_start[i], row_start[i + 1]):
-            total += value[k] * x[column[k]]
-        y[i] = total
+        y[i] = b[i] + shift * x[i] + row_times(row_start, column, value, i, x)
+
+
+@summing_kernel
+def row_times(row_start: Ints, column: Ints, value: Reals, i: int, x: Reals) -> float:
+    """Row i of A times x (N,)."""
+    row, place, total = value[row_start[i] : row_start[i + 1]], column[row_start[i] : row_start[i + 1]], 0.0
+    if len(row) == len(x):
+        for k in range(len(row)):
+            total += row[k] * x[k]
+    else:
+        for k in range(len(row)):
+            total += row[k] * x[place[k]]
+    return total

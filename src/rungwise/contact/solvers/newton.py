@@ -44,6 +44,7 @@ def accepts(_system: System) -> bool:
     return True
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The iterate x (N,) from `start` at which |F| is within tol or no longer falls, and the steps taken."""
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
@@ -105,7 +106,7 @@ def _descend_small(
     s, n, x = system, system.size, start.copy()
     done = descend_dense(
         s.row_start, s.column, s.value, A, b, shift, s.mu, s.directions, s.lower, s.upper, x, tol, steps,
-        np.array(dampings), np.empty((2, n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
     )  # fmt: skip
     return x, done
 

@@ -6,12 +6,12 @@ import math
 
 from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
-from rungwise.kernel import Ints, Reals, copy, kernel
+from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 HALVINGS, WINDOW = 7, 12
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
-VECTORS = 8
+VECTORS = 11
 
 
 @kernel
@@ -30,20 +30,19 @@ def descend_dense(
     tol: float,
     steps: int,
     dampings: Reals,
-    square: Reals,
+    factors: Reals,
     vectors: Reals,
     order: Ints,
 ) -> int:
     """Move x (N,) by Newton steps while |F| falls; returns the steps. A (N, N) is the rows once more.
 
-    square (2, N, N), vectors (8, N) and order (N,) are scratch.
+    factors (N, N), vectors (11, N) and order (N,) are scratch.
     """
     n, rows, rho = len(x), d * len(mu), 1.0 / (1.0 + shift)
-    J, factors = square[0], square[1]
     y, F, trial, step, ahead = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    derivative = vectors[5:8].reshape(n, 3)
+    slope, derivative = vectors[5:8].reshape(n, 3), vectors[8:11].reshape(n, 3)
     rates(row_start, column, value, b, shift, x, y)
-    size = earlier = alart_curnier(x, y, mu, d, lower, upper, rho, F, derivative)
+    size = earlier = alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
     for done in range(steps):
         if size <= tol or not size < math.inf:
             return done
@@ -51,22 +50,22 @@ def descend_dense(
             if size > 0.5 * earlier:
                 return done
             earlier = size
-        dense_jacobian(A, derivative, rows, d, rho, 1.0 - rho * shift, J)
+        copy(slope, derivative)
         newer, length = math.inf, 1.0
         for attempt in range(1 + len(dampings)):
-            copy(J, factors)
-            for i in range(n):
-                step[i] = F[i]
-                factors[i, i] += LEAST if attempt == 0 else max(LEAST, dampings[attempt - 1] * size)
+            damping = LEAST if attempt == 0 else max(LEAST, dampings[attempt - 1] * size)
+            jacobian(A, derivative, rows, d, rho, 1.0 - rho * shift, damping, factors)
             if not factorise(factors, n, order):
                 continue
+            for i in range(n):
+                step[i] = F[i]
             substitute(factors, n, order, step)
             length = 1.0
             for _ in range(HALVINGS if attempt == 0 else 1):
                 for i in range(n):
                     trial[i] = x[i] - length * step[i]
                 rates(row_start, column, value, b, shift, trial, y)
-                newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, derivative)
+                newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, slope)
                 if newer <= (1.0 - (1e-2 * length if attempt == 0 else 1e-4)) * size:
                     break
                 length, newer = 0.5 * length, math.inf
@@ -100,51 +99,45 @@ def alart_curnier(
     return math.sqrt(total)
 
 
-@kernel
+@inner_kernel
 def _contact(
     x: Reals, y: Reals, mu: float, d: int, first: int, rho: float, F: Reals, derivative: Reals
 ) -> None:
-    for i in range(first, first + d):
-        F[i] = x[i]
-        for j in range(d):
-            derivative[i, j] = 0.0
-    normal = x[first] - rho * y[first]
-    if not normal > 0.0:
-        return
-    F[first] = rho * y[first]
-    derivative[first, 0] = 1.0
-    length = 0.0
-    for i in range(first + 1, first + d):
-        length += (x[i] - rho * y[i]) ** 2
-    length = math.sqrt(length)
-    if length <= mu * normal:
-        for i in range(1, d):
-            F[first + i] = rho * y[first + i]
-            derivative[first + i, i] = 1.0
-        return
-    shrink = mu * normal / length
-    for i in range(1, d):
-        ahead = x[first + i] - rho * y[first + i]
-        F[first + i] = x[first + i] - shrink * ahead
-        derivative[first + i, 0] = mu * ahead / length
-        for j in range(1, d):
-            other = x[first + j] - rho * y[first + j]
-            derivative[first + i, j] = -shrink * ahead * other / (length * length)
-        derivative[first + i, i] += shrink
+    # In the plane b is a: what is written there for a second tangent is replaced by that for the first.
+    n, a, b = first, first + min(1, d - 1), first + d - 1
+    s, t = x[a] - rho * y[a], x[b] - rho * y[b] if d == 3 else 0.0
+    normal = x[n] - rho * y[n]
+    closed, radius, length = normal > 0.0, mu * max(0.0, normal), math.sqrt(s * s + t * t)
+    if closed and length <= radius:
+        F[b], derivative[b, 0], derivative[b, 1], derivative[b, 2] = rho * y[b], 0.0, 0.0, 1.0
+        F[a], derivative[a, 0], derivative[a, 1], derivative[a, 2] = rho * y[a], 0.0, 1.0, 0.0
+    else:
+        per = 1.0 / length if closed else 0.0
+        s, t, slope, shrink = s * per, t * per, mu if closed else 0.0, radius * per
+        F[b], derivative[b, 0] = x[b] - radius * t, slope * t
+        derivative[b, 1], derivative[b, 2] = -shrink * s * t, shrink * s * s
+        F[a], derivative[a, 0] = x[a] - radius * s, slope * s
+        derivative[a, 1], derivative[a, 2] = shrink * t * t, -shrink * s * t
+    F[n], derivative[n, 0] = rho * y[n] if closed else x[n], 1.0 if closed else 0.0
+    derivative[n, 1] = derivative[n, 2] = 0.0
 
 
 @kernel
-def dense_jacobian(A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, J: Reals) -> None:
-    """J = I - kept D + rho D A."""
-    size = len(A)
-    for i in range(size):
+def jacobian(
+    A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, damping: float, J: Reals
+) -> None:
+    """J = (1 + damping) I - kept D + rho D A."""
+    for i in range(len(A)):
         first, width = (i // d * d, d) if i < rows else (i, 1)
-        for c in range(size):
-            J[i, c] = 0.0
+        own = rho * derivative[i, 0]
+        if width == 3:
+            second, third = rho * derivative[i, 1], rho * derivative[i, 2]
+            for c in range(len(A)):
+                J[i, c] = own * A[first, c] + second * A[first + 1, c] + third * A[first + 2, c]
+        else:
+            second = rho * derivative[i, width - 1] if width == 2 else 0.0
+            for c in range(len(A)):
+                J[i, c] = own * A[first, c] + second * A[first + width - 1, c]
         for j in range(width):
-            weight = derivative[i, j]
-            if weight != 0.0:
-                for c in range(size):
-                    J[i, c] += rho * weight * A[first + j, c]
-                J[i, first + j] -= kept * weight
-        J[i, i] += 1.0
+            J[i, first + j] -= kept * derivative[i, j]
+        J[i, i] += 1.0 + damping

@@ -29,6 +29,7 @@ def accepts(system: System) -> bool:
     return (system.directions < 3 or len(system.mu) == 0) and _unfolded_size(system) <= LARGEST
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best of the points x (N,) at which pivoting ended, or `start`; and the pivots made."""
     basis, M, q = _unfold(system)

@@ -9,6 +9,8 @@ convergence where A is monotone and friction does not couple too strongly, howev
 
 from __future__ import annotations
 
+import numpy as np
+
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers import gauss_seidel, newton
 from rungwise.contact.solvers.measure import natural
@@ -27,6 +29,7 @@ def accepts(_system: System) -> bool:
     return True
 
 
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best iterate x (N,), and how many subproblems were tried."""
     s = system

@@ -1,0 +1,76 @@
+"""Rates where inertia is next to nothing: Newton steps on the problem as it was given.
+
+Once velocities are eliminated, the rates of contacts are differences of W H^-1 c and W H^-1 W^T r. In a
+quasistatic step H is small beside all that holds the bodies, these are many orders larger than what they
+leave, and a residual of 1e-14 of them may be a hundredth of the rates. In the mixed form rates are sums of
+velocities: an undamped step of the generalised Jacobian (see `newton`), solved by least squares of its
+equilibrated rows, finds them to rounding wherever modes determine them.
+Accepts: up to `LARGEST` unknowns, some of them eliminated. Promises: an x whose rates are no worse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import LinAlgError, lstsq
+
+from rungwise.contact.judge import absolute
+from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.natural import natural_map
+from rungwise.contact.solvers.measure import rates
+from rungwise.contact.solvers.newton_dense import alart_curnier, jacobian
+from rungwise.contact.system import System, uneliminated
+
+LARGEST = 400
+_LIGHT = 1e-6
+"""Rates below this, beside those without forces, mean that inertia does not matter."""
+_STEPS, _SINGULAR = 3, 1e-14
+
+
+def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
+    """x (N,), or a better one where its rates are wrong by more than `tol` of those that there are."""
+    if len(system.kept) == len(problem.b) or len(problem.b) > LARGEST:
+        return x
+    demanded = np.delete(problem.b, np.s_[problem.rows : problem.rows + problem.velocities])
+    if not demanded.any() or not _error(problem, system, x) > tol:
+        return x
+    whole = uneliminated(problem)
+    trial = x / whole.force
+    for _ in range(_STEPS):
+        step = _step(whole, trial)
+        if step is None or not np.isfinite(step).all():
+            break
+        trial = trial - step
+    best = trial * whole.force
+    return best if _error(problem, system, best) < _error(problem, system, x) else x
+
+
+def _error(problem: Problem, system: System, x: Array) -> float:
+    """The natural map beside the largest sum of a rate's terms, in units of the rates without forces; zero
+    unless these are far larger."""
+    kept = system.kept
+    y, terms = problem.A @ x + problem.b, absolute(problem) @ np.abs(x) + np.abs(problem.b)
+    actual, out = float((terms[kept] / system.rate).max(initial=0.0)), np.empty(len(kept))
+    if not 0.0 < actual < _LIGHT:
+        return 0.0
+    return (
+        natural_map(
+            x[kept] / system.force, y[kept] / system.rate, system.mu, system.directions, system.lower,
+            system.upper, out,
+        )
+        / actual
+    )  # fmt: skip
+
+
+def _step(whole: System, x: Array) -> Array | None:
+    n = whole.size
+    y, F, derivative, J = np.empty(n), np.empty(n), np.zeros((n, 3)), np.empty((n, n))
+    rates(whole.row_start, whole.column, whole.value, whole.b, 0.0, x, y)
+    alart_curnier(x, y, whole.mu, whole.directions, whole.lower, whole.upper, 1.0, F, derivative)
+    jacobian(whole.dense(), derivative, whole.rows, whole.directions, 1.0, 1.0, 0.0, J)
+    per_row = 1.0 / np.abs(J).max(axis=1)
+    J *= per_row[:, None]
+    unit = 1.0 / np.maximum(np.abs(J).max(axis=0), np.finfo(float).tiny)
+    try:
+        return np.asarray(unit * lstsq(J * unit, per_row * F, cond=_SINGULAR, lapack_driver="gelsy")[0])
+    except (LinAlgError, ValueError):
+        return None

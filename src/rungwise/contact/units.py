@@ -1,0 +1,139 @@
+"""The units in which a system is solved: kernels on its rows in CSR.
+
+Each contact is measured in a unit s of its own, and each other unknown in one: s A s has a diagonal of about
+one. Forces are then s |s b| and rates |s b| / s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.mixed import Array, Matrix
+from rungwise.kernel import Ints, Reals, kernel
+
+_ROUNDS = 10
+_GREATEST = 1e140
+
+
+def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
+    """Starts of the rows, columns in order and values (copies) of what is not zero in A, dense or CSR."""
+    if sp.issparse(A):
+        A = A if A.has_sorted_indices else A.sorted_indices()
+        return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
+    start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
+    used = compress(A, start, column, value)
+    return start, column[:used], value[:used]
+
+
+@kernel
+def expand(row_start: Ints, column: Ints, value: Reals, A: Reals) -> None:
+    """Fill A, zero before, from its rows."""
+    for i in range(len(A)):
+        for k in range(row_start[i], row_start[i + 1]):
+            A[i, column[k]] = value[k]
+
+
+@kernel
+def compress(A: Reals, row_start: Ints, column: Ints, value: Reals) -> int:
+    """Fill the rows of A's entries that are not zero; returns how many."""
+    used = 0
+    for i in range(A.shape[0]):
+        row_start[i] = used
+        for j in range(A.shape[1]):
+            if A[i, j] != 0.0:
+                column[used], value[used] = j, A[i, j]
+                used += 1
+    row_start[len(row_start) - 1] = used
+    return used
+
+
+@kernel
+def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
+    size, least, some, every = len(s), math.inf, False, True
+    for i in range(size):
+        s[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            if column[k] == i:
+                s[i] = abs(value[k])
+    for first in range(0, rows, d):
+        mean = 0.0
+        for i in range(first, first + d):
+            mean += s[i] / d
+        for i in range(first, first + d):
+            s[i] = mean
+        if mean > 0.0:
+            least, some = min(least, mean), True
+    for i in range(size):
+        if i < rows and some and not s[i] > 0.0:
+            s[i] = least
+        every = every and s[i] > 0.0
+        s[i] = -1.0 / math.sqrt(s[i]) if s[i] > 0.0 else 1.0
+    if not every:
+        equilibrate(row_start, column, value, rows, d, s)
+    for i in range(size):
+        s[i] = abs(s[i])
+
+
+@kernel
+def measured(
+    s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
+) -> bool:
+    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range."""
+    size, largest = 0.0, 0.0
+    for i in range(len(s)):
+        size += (s[i] * b[i]) ** 2
+        if not 1.0 / _GREATEST < s[i] < _GREATEST:
+            return False
+    size = math.sqrt(size)
+    if not size < _GREATEST:
+        return False
+    if size == 0.0:
+        for j in range(len(lower)):
+            for limit in (lower[j], upper[j]):
+                if not math.isinf(limit):
+                    largest = max(largest, abs(limit))
+        size = largest if largest > 0.0 else 1.0
+    for i in range(len(s)):
+        force[i], rate[i] = s[i] * size, size / s[i]
+        offset[i] = b[i] / rate[i]
+    for j in range(len(lower)):
+        lower[j] /= force[rows + j]
+        upper[j] /= force[rows + j]
+    return True
+
+
+@kernel
+def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
+    """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
+    d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
+    for i in range(len(s)):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = column[k]
+            value[k] *= s[i] * s[j]
+            if i < rows and j < rows and i // d == j // d:
+                blocks[i // d, i % d, j % d] = value[k]
+            elif i == j:
+                diagonal[i - rows] = value[k]
+
+
+@kernel
+def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one."""
+    size = len(s)
+    for _ in range(_ROUNDS):
+        for i in range(size):
+            largest = 0.0
+            for k in range(row_start[i], row_start[i + 1]):
+                largest = max(largest, abs(value[k] * s[column[k]]))
+            if s[i] > 0.0 and largest > 0.0:
+                s[i] = math.sqrt(s[i] / largest)
+        for first in range(0, rows, d):
+            least = math.inf
+            for i in range(first, first + d):
+                least = min(least, s[i])
+            for i in range(first, first + d):
+                s[i] = least
