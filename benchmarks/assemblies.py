@@ -206,11 +206,6 @@ def generated() -> Iterator[tuple[str, rw.Problem]]:
     for count in (6, 20):
         for push in (0.0, 3.0, 10.0):
             yield f"pile of {count}, push {push:g}", pile(count, push)
-    yield "pyramid of 36, push 10, mu 0.9", pile(36, 10.0, 0.9)
-    yield "tower of 36 planks, push 20", tower(12, 3, 20.0, 0.6)
-    yield "wall of 33 bricks, falling", wall(6, 6, speed=3.0)
-    yield "arch of 45, push 10", arch(45, 10.0)
-    yield "80 balls, falling, loose", balls(80, 3, 0.5, 3.0, 0.05)
 
 
 def _frame(normal: Vector) -> np.ndarray:
