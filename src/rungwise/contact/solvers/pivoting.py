@@ -11,12 +11,15 @@ often others; a ray is only a hint.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "pivoting"
 LARGEST = 400
@@ -32,15 +35,16 @@ def accepts(system: System) -> bool:
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best of the points x (N,) at which pivoting ended, or `start`; and the pivots made."""
-    basis, M, q = _unfold(system)
+    unfolded = unfold(system)
+    M, q, z = unfolded.M, unfolded.q, np.zeros(len(unfolded.q))
+    tableau, basis = workspace(len(q))
     best, least, total = start, natural(system, start), 0
     for attempt in range(_TRIES):
-        z = np.zeros(len(q))
-        ended, pivots = lemke(M, q, _covering(attempt, len(q)), z)
+        ended, pivots = lemke(M, q, covering(attempt, len(q)), z, tableau, basis)
         total += pivots
         if not ended:
             continue
-        x = basis @ z + _origin(system)
+        x = unfolded.back @ z + unfolded.origin
         found = natural(system, x)
         if found < least:
             best, least = x, found
@@ -49,7 +53,21 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     return best, total
 
 
-def _covering(attempt: int, size: int) -> Array:
+class Unfolded(NamedTuple):
+    """x = back z + origin with 0 <= z _|_ M z + q >= 0."""
+
+    back: Array
+    origin: Array
+    M: Array
+    q: Array
+
+
+def workspace(n: int) -> tuple[Array, Ints]:
+    """Tableau and basis for `lemke` with n unknowns."""
+    return np.empty((n, 2 * n + 2)), np.empty(n, np.int64)
+
+
+def covering(attempt: int, size: int) -> Array:
     """Positive vectors, the first all ones; the others differ by powers of the golden ratio, repeatably."""
     if attempt == 0:
         return np.ones(size)
@@ -67,8 +85,18 @@ def _origin(system: System) -> Array:
     return np.concatenate([np.zeros(system.rows), np.where(np.isfinite(limits), limits, 0.0)])
 
 
-def _unfold(system: System) -> tuple[Array, Array, Array]:
-    """B, M, q: x = B z + origin, and 0 <= z _|_ M z + q >= 0."""
+_unfolded: WeakKeyDictionary[System, Unfolded] = WeakKeyDictionary()
+
+
+def unfold(system: System) -> Unfolded:
+    """The linear complementarity problem of a system, made once."""
+    made = _unfolded.get(system)
+    if made is None:
+        made = _unfolded[system] = _unfold(system)
+    return made
+
+
+def _unfold(system: System) -> Unfolded:
     s, d, size = system, system.directions, _unfolded_size(system)
     A = s.dense()
     B = np.zeros((s.size, size))
@@ -93,26 +121,26 @@ def _unfold(system: System) -> tuple[Array, Array, Array]:
             B[i, at + 1] = -1.0
             at += 1
         at += 1
-    offset = s.b + A @ _origin(s)
-    return B, B.T @ A @ B + extra, B.T @ offset + bound
+    origin = _origin(s)
+    return Unfolded(B, origin, B.T @ A @ B + extra, B.T @ (s.b + A @ origin) + bound)
 
 
-@allocating_kernel
-def lemke(M: Reals, q: Reals, covering: Reals, z: Reals) -> tuple[bool, int]:
-    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made."""
-    n = len(q)
-    # Rows [w, z, z0, right]: w - M z - covering z0 = q.
-    a = np.zeros((n, 2 * n + 2))
-    row = 0
+@kernel
+def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, basis: Ints) -> tuple[bool, int]:
+    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made.
+
+    a (n, 2 n + 2) and basis (n,) are scratch: rows [w, z, z0, right] of w - M z - covering z0 = q.
+    """
+    n, row = len(q), 0
     for i in range(n):
-        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
+        z[i], basis[i] = 0.0, i
         for j in range(n):
-            a[i, n + j] = -M[i, j]
+            a[i, j], a[i, n + j] = 0.0, -M[i, j]
+        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
         if q[i] / covering[i] < q[row] / covering[row]:
             row = i
     if n == 0 or q[row] >= 0.0:
         return True, 0
-    basis = np.arange(n)
     entering = 2 * n
     for pivots in range(1, 50 + 20 * n):
         _exchange(a, row, entering)
