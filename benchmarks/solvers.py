@@ -12,7 +12,7 @@ residual of 1e-8, and times are medians of N repeats, in microseconds of the pro
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million
   compiled  the prepared problem from nothing, called from compiled code: up to 200 unknowns, - where
-            Gauss-Seidel and Newton steps alone do not get there
+            the first solver of the chain (Gauss-Seidel with Newton steps, or pivoting) does not get there
   near      the same from the answer's forces, changed by one part in a thousand
   chain     (`--chain`) solvers that `rw.solve` called, and their iterations
 
@@ -61,7 +61,6 @@ from rungwise.contact.read import read_problem
 from rungwise.contact.solvers import pivoting
 from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.solvers.pivoting import covering, lemke, unfold
 from rungwise.contact.system import System, scaled
 from rungwise.kernel import Ints, Reals
 
@@ -149,21 +148,21 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
 
 @numba.njit
 def repeat_pivoting(
-    M: Reals, q: Reals, cover: Reals, z: Reals, tableau: Reals, basis: Ints, times: int
+    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, basis: Ints, times: int
 ) -> None:
     """Solve so many times."""
     for _ in range(times):
-        lemke(M, q, cover, z, tableau, basis)
+        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, basis)
 
 
 def compiled_pivoting(system: System, repeats: int) -> float | None:
-    """Microseconds of one compiled solve by pivoting, which knows no start; None if it ends on a ray."""
-    unfolded = unfold(system)
+    """Microseconds of one compiled solve by pivoting, which knows no start; None if it finds nothing."""
+    unfolded = pivoting.unfold(system)
     n = len(unfolded.q)
-    times, z = max(1, 40_000 // n**2), np.empty(n)
-    arguments = unfolded.M, unfolded.q, covering(0, n), z, *pivoting.workspace(n)
+    times, found = max(1, 40_000 // n**2), np.empty(n)
+    arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
     repeat_pivoting(*arguments, 1)
-    if natural(system, unfolded.back @ z + unfolded.origin) > TOL:
+    if natural(system, unfolded.back @ found + unfolded.origin) > TOL:
         return None
     return usual(lambda: repeat_pivoting(*arguments, times), repeats) / times
 
