@@ -8,7 +8,8 @@ residual; larger systems fall apart into their islands first. Sources: Jourdan, 
 Appl. Mech. Eng. 155 (1998) 31-47; Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact
 (2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
-limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner.
+limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
+nor a few limited rows alone, which pivoting does.
 Promises: the iterate of least residual among those checked; linear convergence where the problem is well
 posed, none where it is badly rank deficient.
 """
@@ -34,7 +35,7 @@ _ROUNDS, _FIRST_SWEEPS, _STEPS = 8, 3, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-3, 1e-15
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
-_PATIENCE = 300
+_PATIENCE, _FEW = 300, 12
 _CHECK = 10
 
 
@@ -43,6 +44,8 @@ def accepts(system: System) -> bool:
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > SMALL:
             return False
+    if len(system.mu) == 0 and system.size <= _FEW:
+        return False
     return system.is_damped
 
 
