@@ -73,3 +73,15 @@ def test_islands_are_found_and_solved_as_one_problem() -> None:
     r[rows] = found.r
     for problem, own in ((one, r[: one.rows]), (two, 1e3 * r[one.rows :])):
         assert judge(problem, scaled(problem), own).worst <= 1e-6
+
+
+def test_gaps_of_rounding_size_demand_nothing() -> None:
+    """Balls that touch but for the last digit, falling: their velocities are eliminated all the same."""
+    exact = assemblies.balls(12, 2, 0.5, 3.0)
+    b = exact.b.copy()
+    b[: exact.rows : 3] = 2e-14 * (np.arange(len(exact.mu)) % 3)
+    near = rw.Problem(exact.A, b, exact.mu, 3, exact.lower, exact.upper, exact.velocities)
+    assert scaled(near).size == exact.rows
+    found = rw.solve(near)
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.v, rw.solve(exact).v, atol=1e-6)

@@ -22,6 +22,8 @@ _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
 _LIGHT = 1e-9
 """Demanded rates below this, beside those without forces, are less than any residual tells."""
+_NOTHING = 1e-12
+"""Demanded rates below this, beside loads, are the rounding of closed gaps."""
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -123,7 +125,8 @@ def _is_light(problem: Problem, without_forces: Array) -> bool:
     if velocities == 0 or not problem.b[rows : rows + velocities].any():
         return False
     demands = np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0)
-    return bool(0.0 < demands < _LIGHT * np.abs(without_forces).max(initial=0.0))
+    nothing = _NOTHING * np.abs(problem.b).max()
+    return bool(nothing < demands < _LIGHT * np.abs(without_forces).max(initial=0.0))
 
 
 def _condensed(
