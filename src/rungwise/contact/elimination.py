@@ -21,7 +21,7 @@ from rungwise.kernel import Ints, Reals, kernel
 _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
 _LIGHT = 1e-9
-"""Demanded rates below this, beside those without forces, are less than any residual tells."""
+"""Demanded rates below this, beside those without forces, are less than a residual of these tells."""
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -55,7 +55,7 @@ class Condensed(NamedTuple):
 
 class Left(NamedTuple):
     """What is left of a problem: places kept (N,), matrix A and offset b, `recover` from x (N,) to all
-    unknowns, and the parts of A. `light`: nothing is eliminated, because inertia is next to none."""
+    unknowns, and the parts of A. `light`: inertia may be next to none, beside what is demanded."""
 
     kept: Ints
     A: Matrix
@@ -65,18 +65,17 @@ class Left(NamedTuple):
     light: bool = False
 
 
-def everything(problem: Problem, light: bool = False) -> Left:
+def everything(problem: Problem) -> Left:
     """The problem as it is, dense where it is small."""
     small = sp.issparse(problem.A) and len(problem.b) <= _SMALL
     A = problem.A.toarray() if small else problem.A
-    return Left(np.arange(len(problem.b)), A, problem.b, lambda x: x, None, light)
+    return Left(np.arange(len(problem.b)), A, problem.b, lambda x: x)
 
 
 def eliminated(problem: Problem) -> Left:
     """What is left: kept places, matrix, offset, the way back to all unknowns, and the matrix's parts.
 
-    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so, or inertia is
-    so small that rates without forces would hide the demanded ones.
+    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     whole = everything(problem)
@@ -112,9 +111,8 @@ def eliminated(problem: Problem) -> Left:
 
     left = _without_rounding(front - back @ response, front, back, noise)
     offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
-    if _is_light(problem, offset):
-        return everything(problem, light=True)
-    return Left(kept, left, offset, recover, _condensed(problem, own, across, back, front))
+    condensed = _condensed(problem, own, across, back, front)
+    return Left(kept, left, offset, recover, condensed, _is_light(problem, offset))
 
 
 def _is_light(problem: Problem, without_forces: Array) -> bool:

@@ -31,7 +31,7 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
     if len(system.kept) == len(problem.b) or len(problem.b) > LARGEST:
         return x
     demanded = np.delete(problem.b, np.s_[problem.rows : problem.rows + problem.velocities])
-    if not demanded.any() or not _error(problem, system, x) > tol:
+    if not demanded.any() or not rate_error(problem, system, x) > tol:
         return x
     whole = uneliminated(problem)
     trial = x / whole.force
@@ -41,10 +41,10 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
             break
         trial = trial - step
     best = trial * whole.force
-    return best if _error(problem, system, best) < _error(problem, system, x) else x
+    return best if rate_error(problem, system, best) < rate_error(problem, system, x) else x
 
 
-def _error(problem: Problem, system: System, x: Array) -> float:
+def rate_error(problem: Problem, system: System, x: Array) -> float:
     """The natural map beside the largest sum of a rate's terms, in units of the rates without forces; zero
     unless these are far larger."""
     kept = system.kept

@@ -3,8 +3,9 @@
 Each contact is measured in a unit s of its own: s^2 is one over the mean diagonal of its block, so that its
 block has a unit diagonal, all its directions alike, and friction is what it was. Forces and rates are divided
 by |s q|, the norm of the rates without forces: `natural_map` of the scaled system is the residual by which
-answers are judged. Where inertia is next to none, and the rates without forces nearly infinite, demanded
-rates and loads are the measures instead.
+answers are judged. Where these hide what is demanded, because inertia is next to none or demands are, nothing
+but the answer tells which of both it is: one that moves is judged so; for the others there is a second
+system, `massless`, of all unknowns, in which demanded rates and loads are the measures.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class System:
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
     others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left.
+    were eliminated than are left; light: whether there is a `massless` system beside.
     """
 
     row_start: Ints
@@ -47,6 +48,7 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
+    light: bool
 
     @property
     def size(self) -> int:
@@ -72,13 +74,19 @@ class System:
 
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
+_massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 
 
-def scaled(problem: Problem) -> System:
-    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers."""
-    made = _prepared.get(problem)
+def scaled(problem: Problem, massless: bool = False) -> System:
+    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
+
+    `massless`: that in all unknowns, measured by demanded rates and loads, of a problem whose system is light.
+    """
+    known = _massless if massless else _prepared
+    made = known.get(problem)
     if made is None:
-        made = _prepared[problem] = _scaled(problem, eliminated(problem))
+        left = everything(problem) if massless else eliminated(problem)
+        made = known[problem] = _scaled(problem, left, massless)
     return made
 
 
@@ -87,7 +95,7 @@ def uneliminated(problem: Problem) -> System:
     return _scaled(problem, everything(problem))
 
 
-def _scaled(problem: Problem, left: Left) -> System:
+def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     kept, A, b, recover, condensed, light = left
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
@@ -97,7 +105,7 @@ def _scaled(problem: Problem, left: Left) -> System:
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    if light:
+    if massless:
         _fit_massless(problem, row_start, column, value, s)
     else:
         fitted(row_start, column, value, rows, d, s)
@@ -106,7 +114,7 @@ def _scaled(problem: Problem, left: Left) -> System:
     rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover, condensed and condensed.scaled(s),
+        force, rate, kept, recover, condensed and condensed.scaled(s), light,
     )  # fmt: skip
 
 
