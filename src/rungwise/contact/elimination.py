@@ -5,6 +5,7 @@ With A_ff regular the free unknowns (velocities, joint forces) follow from the o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -20,8 +21,6 @@ from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
-_LIGHT = 1e-9
-"""Demanded rates below this, beside those without forces, are less than a residual of these tells."""
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -55,14 +54,15 @@ class Condensed(NamedTuple):
 
 class Left(NamedTuple):
     """What is left of a problem: places kept (N,), matrix A and offset b, `recover` from x (N,) to all
-    unknowns, and the parts of A. `light`: inertia may be next to none, beside what is demanded."""
+    unknowns, and the parts of A. `demanded`: the largest rate demanded over that without forces, infinite if
+    there is none."""
 
     kept: Ints
     A: Matrix
     b: Array
     recover: Callable[[Array], Array]
     condensed: Condensed | None = None
-    light: bool = False
+    demanded: float = math.inf
 
 
 def everything(problem: Problem) -> Left:
@@ -112,16 +112,16 @@ def eliminated(problem: Problem) -> Left:
     left = _without_rounding(front - back @ response, front, back, noise)
     offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
     condensed = _condensed(problem, own, across, back, front)
-    return Left(kept, left, offset, recover, condensed, _is_light(problem, offset))
+    return Left(kept, left, offset, recover, condensed, _demanded(problem, offset))
 
 
-def _is_light(problem: Problem, without_forces: Array) -> bool:
-    """Whether the rates without forces are so large that a residual beside them says nothing of demands."""
+def _demanded(problem: Problem, without_forces: Array) -> float:
     rows, velocities = problem.rows, problem.velocities
     if velocities == 0 or not problem.b[rows : rows + velocities].any():
-        return False
-    demands = np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0)
-    return bool(0.0 < demands < _LIGHT * np.abs(without_forces).max(initial=0.0))
+        return math.inf
+    demands = float(np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0))
+    largest = float(np.abs(without_forces).max(initial=0.0))
+    return demands / largest if 0.0 < demands < largest else math.inf
 
 
 def _condensed(

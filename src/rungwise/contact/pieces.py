@@ -78,7 +78,7 @@ class Solutions:
     `excluded` are the modes that hold none, each with multipliers that prove it; with no pieces they are the
     `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with one of them, in
     the scaled system, that proves it (see `monotone`). `undecided` modes are those without proof. `nodes` is
-    the number of modes looked at.
+    the number of modes looked at. `massless` says that the scaled system is that beside demanded rates.
     """
 
     problem: Problem
@@ -90,6 +90,7 @@ class Solutions:
     certificate: Infeasible | None
     undecided: tuple[Mode, ...]
     nodes: int
+    massless: bool = False
 
     def names(self, piece: Piece) -> tuple[str, ...]:
         """The mode in words: one for each contact, then for each other unknown that is not eliminated."""
@@ -232,7 +233,7 @@ def classify(motion: Array, leaves: Sequence[Piece], undecided: int) -> Kind:
 
 def check(found: Solutions) -> bool:
     """Whether the evidence proves the kind and the dimensions of all pieces, from the problem alone."""
-    problem, system = found.problem, scaled(found.problem)
+    problem, system = found.problem, scaled(found.problem, found.massless)
     leaves = (*found.pieces, *found.covered)
     proved = (mode for mode, _ in (*found.excluded, *found.held))
     modes = (*(piece.mode for piece in leaves), *proved, *found.undecided)

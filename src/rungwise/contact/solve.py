@@ -12,7 +12,7 @@ from rungwise.contact.farkas import Infeasible
 from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.refine import rate_error, refined
+from rungwise.contact.refine import SMALL, rate_error, refined
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -72,7 +72,7 @@ def solve(
         attempts += more
         answer = _judged(problem, system, system.recover(x * system.force))
     slow = None
-    if system.light:
+    if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
         if not _tells(problem, system, answer, tol):
             slow, more = _without_inertia(problem, chain, answer.x, tol)
@@ -83,7 +83,8 @@ def solve(
         answer, more = _last_resort(problem, system, chain, answer, tol)
         attempts += more
         answer = _finer(problem, system, answer, tol)
-        if slow is not None and answer.residual <= tol and not _tells(problem, system, answer, tol):
+        hidden = slow is not None and system.demanded < tol and answer.residual <= tol
+        if slow is not None and hidden and not _tells(problem, system, answer, tol):
             answer = slow
     status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
     if answer.residual <= tol:
@@ -138,10 +139,22 @@ def _without_inertia(
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol)
         attempts.append(attempt)
-    balance = slice(problem.rows, problem.rows + problem.velocities)
-    if answer.proof is not None and any(p[balance].any() for p in answer.proof.vectors):
+    if answer.proof is not None and not is_kinematic(problem, answer.proof):
         answer = answer._replace(proof=None)
     return answer, attempts
+
+
+def demands_little(given: Problem | ContactProblem, system: System) -> bool:
+    """Whether what is demanded is next to nothing beside the rates without forces, and yet no noise."""
+    if isinstance(given, ContactProblem) and np.abs([*given.w, *given.w_s]).max(initial=0.0) <= given.quantum:
+        return False
+    return system.demanded < SMALL
+
+
+def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
+    """Whether a proof of the massless system weighs no balance of forces, and so is one of any inertia."""
+    balance = slice(problem.rows, problem.rows + problem.velocities)
+    return not any(p[balance].any() for p in proof.vectors)
 
 
 def _last_resort(

@@ -30,7 +30,7 @@ class System:
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
     others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left; light: whether there is a `massless` system beside.
+    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite.
     """
 
     row_start: Ints
@@ -48,7 +48,7 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
-    light: bool
+    demanded: float
 
     @property
     def size(self) -> int:
@@ -80,7 +80,8 @@ _massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 def scaled(problem: Problem, massless: bool = False) -> System:
     """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
 
-    `massless`: that in all unknowns, measured by demanded rates and loads, of a problem whose system is light.
+    `massless`: that in all unknowns, measured by demanded rates and loads; only where velocities can be
+    eliminated.
     """
     known = _massless if massless else _prepared
     made = known.get(problem)
@@ -96,7 +97,7 @@ def uneliminated(problem: Problem) -> System:
 
 
 def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
-    kept, A, b, recover, condensed, light = left
+    kept, A, b, recover, condensed, demanded = left
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
@@ -114,7 +115,7 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover, condensed and condensed.scaled(s), light,
+        force, rate, kept, recover, condensed and condensed.scaled(s), demanded,
     )  # fmt: skip
 
 
