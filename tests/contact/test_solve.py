@@ -139,7 +139,7 @@ def test_velocities_are_exact_however_small_inertia_is(directions: int, inertia:
 def test_demands_of_rounding_size_change_no_verdict(
     noise: float, inertia: float, load: float, wrap: Callable[[np.ndarray], object]
 ) -> None:
-    """A box of weight 9.81 on two points, mu 0.5: rests at 2, slides at (6 - 4.905) / H; never unsupported."""
+    """A box of weight 9.81 on two points, mu 0.5: rests at 2, slides at (6 - 4.905) / H."""
     noise *= 1e3 / inertia
     W = np.array([[0.0, 1.0, -0.5], [1.0, 0.0, 0.1], [0.0, 1.0, 0.5], [1.0, 0.0, 0.1]])
     w = noise * np.array([1.0, -0.3, 0.7, 0.2])

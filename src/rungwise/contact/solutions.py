@@ -183,7 +183,7 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
     if not isinstance(objects, Sequence) or not all(isinstance(one, Sequence) for one in objects):
         raise ValueError("objects: must be a list of the velocities of each object, such as [[0, 1, 2]]")
     for i in (i for coordinates in objects for i in coordinates):
-        if not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
+        if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
             raise ValueError(f"objects: velocity {i!r} is not one of 0 to {len(offset) - 1}")
     shapes = [polyhedron(system, piece.mode) for piece in found.pieces]
     unit = np.abs(motion).max(axis=1, initial=0.0)

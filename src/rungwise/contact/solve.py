@@ -56,7 +56,7 @@ def solve(
     """
     assembled = problem if isinstance(problem, ContactProblem) else None
     problem = Problem.of(problem)
-    if isinstance(tol, str) or not 0.0 < tol < 1.0:
+    if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
     system = scaled(problem)
@@ -199,8 +199,10 @@ def _in_other_units(
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
     known = {module.NAME: module for module in SOLVERS}
+    if names is not None and not isinstance(names, tuple | list):
+        raise ValueError(f"solvers: must be a tuple of names, not {names!r}")
     for name in names or ():
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise ValueError(f"solvers: {name!r} is none of {', '.join(known)}")
     return SOLVERS if names is None else tuple(known[name] for name in names)
 
