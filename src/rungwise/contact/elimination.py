@@ -110,7 +110,10 @@ def eliminated(problem: Problem) -> Left:
         return full
 
     left = _without_rounding(front - back @ response, front, back, noise)
-    offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
+    still = recover(np.zeros(len(kept)))[gone]
+    offset = b[kept] + back @ still
+    # What should cancel, and does but for rounding, is no demand.
+    offset[np.abs(offset) <= _ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
     condensed = _condensed(problem, own, across, back, front)
     return Left(kept, left, offset, recover, condensed, _demanded(problem, offset))
 

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.elimination import Condensed, Left, eliminated, everything
-from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
 from rungwise.kernel import Ints
 
@@ -106,7 +106,7 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    if massless:
+    if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(A)):
         _fit_massless(problem, row_start, column, value, s)
     else:
         fitted(row_start, column, value, rows, d, s)
@@ -119,14 +119,22 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     )  # fmt: skip
 
 
+def _has_diagonal(A: Matrix) -> bool:
+    """Whether inertia or compliance says what rate is much for a force: nothing else does."""
+    return bool(A.diagonal().any())
+
+
 def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
     """s (N,) as without inertia: demanded rates and loads, each in units of their own, are of one size."""
     first, last = problem.rows, problem.rows + problem.velocities
     row = np.arange(len(s)).repeat(np.diff(row_start))
     inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)
     fitted(row_start, column, np.where(inertia, 0.0, value), problem.rows, problem.directions, s)
-    demands, loads = s * problem.b, s[first:last] * problem.b[first:last]
+    limits = np.concatenate([problem.lower, problem.upper]) / np.tile(s[first:], 2)
+    loads = np.concatenate([s[first:last] * problem.b[first:last], limits[np.isfinite(limits)]])
+    demands = s * problem.b
     demands[first:last] = 0.0
-    ratio = np.linalg.norm(loads) / np.linalg.norm(demands)
-    s *= ratio**0.5
-    s[first:last] /= ratio
+    ratio = np.linalg.norm(loads) / (np.linalg.norm(demands) or 1.0)
+    if ratio > 0.0 and demands.any():
+        s *= ratio**0.5
+        s[first:last] /= ratio
