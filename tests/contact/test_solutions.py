@@ -455,25 +455,23 @@ def test_a_ball_pushed_without_inertia_in_space() -> None:
         rw.solutions(rw.Problem.balance(np.eye(6), np.zeros(6), W, np.zeros(3), [0.5]))
 
 
+def massless(seed: int, compliance: float, force: float, speed: float) -> rw.Problem:
+    """Two contacts, a joint with a limit and no inertia, in these units of force and speed."""
+    rng = np.random.default_rng(seed)
+    return rw.Problem.balance(
+        np.zeros((4, 4)), force * rng.normal(size=4), rng.normal(size=(4, 4)), speed * rng.normal(size=4),
+        rng.uniform(0.1, 1.0, 2), directions=2, S=rng.normal(size=(1, 4)), w_s=speed * rng.normal(size=1),
+        R=speed / force * compliance * np.diag([1.0, 1.0, 0.0, 0.0]), F=force * rng.uniform(0.1, 2.0, 1),
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("speed", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("compliance", [0.0, 1.0])
 def test_units_do_not_matter_without_inertia(force: float, speed: float, compliance: float) -> None:
     """Nothing but demands and loads, or one compliant contact, says what is much for rates and forces."""
-    rng = np.random.default_rng(8)
-    for _ in range(12):
-        W, S = rng.normal(size=(4, 4)), rng.normal(size=(1, 4))
-        mu, loads, limit = rng.uniform(0.1, 1.0, 2), rng.normal(size=4), rng.uniform(0.1, 2.0, 1)
-        w, w_s = rng.normal(size=4), rng.normal(size=1)
-        R = compliance * np.diag([1.0, 1.0, 0.0, 0.0])
-
-        def problem(a: float, b: float) -> rw.Problem:
-            return rw.Problem.balance(
-                np.zeros((4, 4)), a * loads, W, b * w, mu, directions=2, R=b / a * R, S=S, w_s=b * w_s,
-                F=a * limit,
-            )  # fmt: skip
-
-        one, other = problem(1.0, 1.0), problem(force, speed)
+    for seed in range(12):
+        one, other = massless(seed, compliance, 1.0, 1.0), massless(seed, compliance, force, speed)
         known, again = rw.solutions(one), rw.solutions(other)
         assert known.kind == again.kind and known.kind != "undecided" and check(again)
         assert len(known.pieces) == len(again.pieces)
