@@ -1,37 +1,64 @@
-"""Contact problems: the solvers that the default chain calls, the residual reached, the time, and Siconos'.
+"""Contact problems: what `rw.solve` takes for each, and the best of Siconos' and of Pinocchio's solvers.
 
-    OMP_NUM_THREADS=1 python benchmarks/solvers.py [FOLDER] [--repeats N] [--only TEXT] [--siconos [PYTHON]]
-                                                   [--save FOLDER]
+    OMP_NUM_THREADS=1 python benchmarks/solvers.py [FOLDER] [--siconos [PYTHON]] [--pinocchio [PYTHON]]
+                             [--only TEXT] [--repeats N] [--save FILE] [--chain] [--write FOLDER]
 
 FOLDER holds problem files (FCLIB, Siconos text, ContactBench); without it, ../shared/problems if it is there.
-Stacks and piles of boxes are generated in any case; `--save` writes them (FCLIB). Everything is solved to a
-residual of 1e-8, and times are the least of N repeats, in microseconds of the processor.
+Stacks and piles of boxes are generated in any case; `--write` writes them (FCLIB). Everything is solved to a
+residual of 1e-8, and times are medians of N repeats, in microseconds of the processor.
 
+  residual  the worse of the unit-free natural map and the imbalance; the status, where it is not solved
   cold      `rw.solve` of a problem never seen: elimination, scaling, solvers, judgement
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million
-  compiled  the prepared problem from nothing, and from forces changed by one part in a thousand, called from
-            compiled code: up to 200 unknowns, - where Gauss-Seidel and Newton steps alone do not get there
-  residual  the worse of the unit-free natural map and the imbalance; what decides
-  Siconos   the least time of its solvers, driver alone on a prepared problem, that got to the same residual;
-            ratio: `compiled`, or where there is none `again`, over it. With `--siconos` only, for contacts
+  compiled  the prepared problem from nothing, called from compiled code: up to 200 unknowns, - where
+            the first solver of the chain (Gauss-Seidel with Newton steps, or pivoting) does not get there
+  near      the same from the answer's forces, changed by one part in a thousand
+  chain     (`--chain`) solvers that `rw.solve` called, and their iterations
+
+A peer's columns, with `--siconos` and `--pinocchio` (Pythons that have them; looked for if not given):
+
+  time      the least of all its solvers, from nothing on a problem that lies ready in its own format, that
+            got to the same residual (its natural map, by our judge); what reading, condensing and scaling
+            take is not counted. Siconos' drivers are called from a loop in C (so `cc` is needed), Pinocchio's
+            solvers time themselves
+  (1e-05)   in place of a time: none got there, and this is the least residual that one reached
+  ratio     our time over it, where both got there: `compiled`, or where there is none `again`
+  solver    which of its solvers, and what it was given: the Delassus form in the problem's own units or
+            scaled as ours is (for Siconos dense or in blocks), or the mixed form, velocities and all
+
+Each solver is run with tighter and tighter tolerances of its own until our judge is content; one that is much
+slower than the best so far is given up, and a peer gets at most 25 s for a problem (`contact_peers.py`).
+Pinocchio is given planar contacts with an idle second tangent. `--save` keeps each finished row in FILE
+(JSON), and rows that are there are not measured again.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
+import contact_peers
 import numba
 import numpy as np
-import scipy.sparse as sp
-import siconos_best
+from boxes import generated
+from peer_process import Peer
 
 import rungwise as rw
 from rungwise.contact.fclib import write_fclib
 from rungwise.contact.read import read_problem
+from rungwise.contact.solvers import pivoting
 from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
@@ -39,70 +66,14 @@ from rungwise.kernel import Ints, Reals
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")
-STEP, GRAVITY = 1e-2, 9.81
 TOL = 1e-8
-CORNERS = np.array([[x, y] for x in (-0.5, 0.5) for y in (-0.5, 0.5)])
-
-Contact = tuple[int, int, tuple[float, float, float]]
-"""Body below (-1 the ground), body above, point; all normals are vertical."""
-
-
-def resting(contacts: list[Contact], centres: np.ndarray, mu: float, push: float) -> rw.Problem:
-    """One step from rest of unit boxes (mass 1) under gravity and random loads of size `push` (newtons)."""
-    n, rng = 6 * len(centres), np.random.default_rng(0)
-    W = sp.lil_array((3 * len(contacts), n))
-    for k, (below, above, point) in enumerate(contacts):
-        for row, direction in enumerate(np.eye(3)[[2, 0, 1]]):
-            for body, sign in ((above, 1.0), (below, -1.0)):
-                if body >= 0:
-                    turn = np.cross(np.array(point) - centres[body], direction)
-                    W[3 * k + row, 6 * body : 6 * body + 6] = sign * np.concatenate([direction, turn])
-    mass = np.tile([1.0, 1.0, 1.0, 1 / 6, 1 / 6, 1 / 6], len(centres))
-    load = np.zeros((len(centres), 6))
-    load[:, :3] = push * rng.normal(size=(len(centres), 3))
-    load[:, 2] -= GRAVITY
-    w = np.zeros(3 * len(contacts))
-    return rw.Problem.balance(
-        sp.diags_array(mass / STEP), load.ravel(), sp.csr_array(W), w, np.full(len(contacts), mu)
-    )
-
-
-def stack(boxes: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
-    """Boxes one on another, four contacts each."""
-    centres = np.array([[0.0, 0.0, 0.5 + i] for i in range(boxes)])
-    contacts = [(i - 1, i, (x, y, float(i))) for i in range(boxes) for x, y in CORNERS]
-    return resting(contacts, centres, mu, push)
-
-
-def pile(boxes: int, push: float = 0.0, mu: float = 0.5) -> rw.Problem:
-    """Each box on two below: four contacts with the ground, or eight with boxes; filled from below."""
-    base = next(n for n in range(1, boxes + 1) if n * (n + 1) >= 2 * boxes)
-    levels = [(level, j) for level in range(base) for j in range(base - level)]
-    place = {(level, j): (1.02 * j + 0.51 * level, level) for level, j in levels[:boxes]}
-    number = {key: i for i, key in enumerate(place)}
-    centres = np.array([[x, 0.0, 0.5 + level] for x, level in place.values()])
-    contacts: list[Contact] = []
-    for (level, j), (x, _) in place.items():
-        own = number[level, j]
-        if level == 0:
-            contacts += [(-1, own, (x + a, b, 0.0)) for a, b in CORNERS]
-            continue
-        for under in (j, j + 1):
-            below = place[level - 1, under][0]
-            ends = (max(x, below) - 0.5, min(x, below) + 0.5)
-            contacts += [
-                (number[level - 1, under], own, (a, b, float(level))) for a in ends for b in (-0.5, 0.5)
-            ]
-    return resting(contacts, centres, mu, push)
-
-
-def generated() -> Iterator[tuple[str, rw.Problem]]:
-    for boxes in (3, 10, 20):
-        for push in (0.0, 3.0):
-            yield f"stack of {boxes}, push {push:g}", stack(boxes, push)
-    for boxes in (6, 20):
-        for push in (0.0, 3.0, 10.0):
-            yield f"pile of {boxes}, push {push:g}", pile(boxes, push)
+WITHIN = 1.5
+Running = dict[str, tuple[Peer, contact_peers.Project]]
+"""Peers by name, and what writes problems for them."""
+PEERS: dict[str, type[contact_peers.Project]] = {
+    "siconos": contact_peers.Siconos,
+    "pinocchio": contact_peers.Pinocchio,
+}
 
 
 def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
@@ -112,17 +83,17 @@ def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
             try:
                 yield path.name, read_problem(path)
             except ValueError as error:
-                print(f"{path.name:44.44s} {error}")
+                print(f"{path.name}: left out: {error}", file=sys.stderr)
 
 
-def least_time(work: Callable[[], object], repeats: int) -> float:
-    """Microseconds of the quickest of so many."""
+def usual(work: Callable[[], object], repeats: int) -> float:
+    """Median microseconds of so many."""
     times = []
     for _ in range(repeats):
         began = time.process_time()
         work()
         times.append(time.process_time() - began)
-    return 1e6 * min(times)
+    return 1e6 * statistics.median(times)
 
 
 def copied(p: rw.Problem) -> rw.Problem:
@@ -172,74 +143,237 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
     repeat(*arguments, 1)
     if natural(s, best) > TOL:
         return None
-    return least_time(lambda: repeat(*arguments, times), repeats) / times
+    return usual(lambda: repeat(*arguments, times), repeats) / times
+
+
+@numba.njit
+def repeat_pivoting(
+    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, basis: Ints, times: int
+) -> None:
+    """Solve so many times."""
+    for _ in range(times):
+        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, basis)
+
+
+def compiled_pivoting(system: System, repeats: int) -> float | None:
+    """Microseconds of one compiled solve by pivoting, which knows no start; None if it finds nothing."""
+    unfolded = pivoting.unfold(system)
+    n = len(unfolded.q)
+    times, found = max(1, 40_000 // n**2), np.empty(n)
+    arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
+    repeat_pivoting(*arguments, 1)
+    if natural(system, unfolded.back @ found + unfolded.origin) > TOL:
+        return None
+    return usual(lambda: repeat_pivoting(*arguments, times), repeats) / times
 
 
 def both_compiled(problem: rw.Problem, found: rw.ContactSolution, repeats: int) -> list[float | None]:
     system = scaled(problem)
-    if not 0 < system.size <= SMALL or not accepts(system):
+    if not 0 < system.size <= SMALL:
         return [None, None]
+    if not accepts(system):
+        return [compiled_pivoting(system, repeats) if pivoting.accepts(system) else None, None]
     answer = found.x[system.kept] / system.force
     starts = np.zeros(system.size), answer * (1.0 + 1e-3)
     return [compiled(system, start, repeats) for start in starts]
 
 
-def row(name: str, problem: rw.Problem, repeats: int, python: str | None) -> float | None:
-    """Print one row; the ratio to Siconos, if there is one."""
+@dataclass
+class Row:
+    """One line of the table, times in microseconds; peers: name -> what it did, None where it has no form."""
+
+    problem: str
+    size: int
+    contacts: int
+    status: str
+    residual: float
+    cold: float
+    again: float
+    warm: float
+    compiled: float | None
+    near: float | None
+    chain: str
+    peers: dict[str, dict[str, Any] | None]
+
+    def ratio(self, peer: str) -> float | None:
+        """Our time over the peer's; infinite where only the peer has an answer, None where it has none."""
+        found = self.peers.get(peer)
+        if found is None or found["natural"] > TOL:
+            return None
+        own = self.again if self.compiled is None else self.compiled
+        return own / (1e6 * found["seconds"]) if self.status == "solved" else np.inf
+
+
+def measured(name: str, problem: rw.Problem, repeats: int, peers: Running) -> Row:
     found = rw.solve(problem, tol=TOL)  # compiles
-    rw.solve(problem, tol=TOL, start=found.x * (1.0 + 1e-6))
-    fresh = iter([copied(problem) for _ in range(repeats)])
-    cold = least_time(lambda: rw.solve(next(fresh), tol=TOL), repeats)
-    again = least_time(lambda: rw.solve(problem, tol=TOL), repeats)
     near = found.x * (1.0 + 1e-6)
-    warm = least_time(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
-    alone = both_compiled(problem, found, repeats)
-    best = siconos_best.best(python, problem, TOL) if python else None
-    ratio = None if best is None else (again if alone[0] is None else alone[0]) / (1e6 * best.seconds)
-    told = "" if best is None else f"{1e6 * best.seconds:9.1f} {ratio:6.2f} {best.solver:26s}"
+    rw.solve(problem, tol=TOL, start=near)
+    fresh = iter([copied(problem) for _ in range(repeats)])
+    cold = usual(lambda: rw.solve(next(fresh), tol=TOL), repeats)
+    again = usual(lambda: rw.solve(problem, tol=TOL), repeats)
+    warm = usual(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
     chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
-    print(
-        f"{name:41.41s} {len(problem.b):5d} {found.status:13s} {found.residuals.worst:8.1e} {cold:9.1f}"
-        f" {again:9.1f} {warm:9.1f} {' '.join('      -' if one is None else f'{one:7.1f}' for one in alone)} "
-        f"{told or ('' if python is None else ' ' * 16 + ' ' * 27)} {chain}",
-        flush=True,
-    )
-    return ratio
+    best: dict[str, dict[str, Any] | None] = {}
+    for peer, (process, formats) in peers.items():
+        told = contact_peers.best(process, formats.forms(problem), problem, TOL)
+        best[peer] = None if told is None else asdict(told)
+    alone = both_compiled(problem, found, repeats)
+    return Row(
+        name, len(problem.b), len(problem.mu), found.status, found.residuals.worst, cold, again, warm,
+        alone[0], alone[1], chain, best,
+    )  # fmt: skip
 
 
-def main() -> None:
+COLUMNS = {"cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
+NAME, SOLVER = 28, 25
+
+
+def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
+    """Lines of the table and what they come to."""
+    head = f"{'problem':{NAME}s} {'size':>4s} residual"
+    head += "".join(f" {name:>{width}s}" for name, width in COLUMNS.items())
+    head += "".join(f"  {peer.capitalize():>9s} ratio {'solver':{SOLVER}s}" for peer in peers)
+    yield (head + ("  chain" if chain else "")).rstrip()
+    for row in rows:
+        told = f"{row.residual:8.0e}" if row.status == "solved" else f"{row.status:>8.8s}"
+        line = f"{_short(row.problem):{NAME}s} {row.size:4d} {told}"
+        line += "".join(f" {_time(getattr(row, name)):>{width}s}" for name, width in COLUMNS.items())
+        line += "".join(_beside(row, peer) for peer in peers)
+        yield (line + (f"  {row.chain}" if chain else "")).rstrip()
+    for names in [[peer] for peer in peers] + ([peers] if len(peers) > 1 else []):
+        for kind, some in (("contacts", True), ("no contacts", False)):
+            asked = [
+                row for row in rows if some == (row.contacts > 0) and any(row.peers[one] for one in names)
+            ]
+            if asked:
+                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(asked, names)}"
+
+
+def _short(name: str) -> str:
+    for suffix in (*SUFFIXES, *SUFFIXES):
+        name = name.removesuffix(suffix)
+    return name[:NAME]
+
+
+def _time(microseconds: float | None) -> str:
+    return "-" if microseconds is None else f"{microseconds:.{1 if microseconds < 1e4 else 0}f}"
+
+
+def _beside(row: Row, peer: str) -> str:
+    found, ratio = row.peers[peer], row.ratio(peer)
+    if found is None:
+        return f"  {'-':>9s} {'':{6 + SOLVER}s}"
+    time = f"({found['natural']:.0e})" if ratio is None else _time(1e6 * found["seconds"])
+    told = "" if ratio is None else f"{ratio:.2f}"
+    return f"  {time:>9s} {told:>5s} {found['solver']:{SOLVER}.{SOLVER}s}"
+
+
+def summary(rows: list[Row], peers: list[str]) -> str:
+    """What the rows come to that were given to some of the peers: ratios to the fastest of these."""
+    known = {}
+    for row in rows:
+        ratios = [ratio for peer in peers if (ratio := row.ratio(peer)) is not None]
+        if ratios:
+            known[row.problem] = max(ratios)
+    line = f"{len(known)} of {len(rows)} to {TOL:g}"
+    if not known:
+        return line
+    worst = max(known, key=lambda name: known[name])
+    mean = np.exp(np.mean(np.log(list(known.values()))))
+    close = sum(ratio <= WITHIN for ratio in known.values())
+    ratios = f"geometric mean {mean:.2f}, {close} within {WITHIN}, worst {known[worst]:.2f} ({worst})"
+    return f"{line}; ratios: {ratios}"
+
+
+class Store:
+    """Rows in a JSON file, or nowhere; another run with the same settings goes on from there.
+
+    Raises
+    ------
+    ValueError
+        where there is a file of another kind or with other settings.
+    """
+
+    def __init__(self, file: Path | None, settings: dict[str, object]) -> None:
+        self.file, self.settings, self.rows = file, settings, {}
+        if file is not None and file.exists():
+            try:
+                told = json.loads(file.read_text())
+                found, rows = told["settings"], [Row(**row) for row in told["rows"]]
+            except (ValueError, KeyError, TypeError):
+                raise ValueError(f"{file}: is not a file of rows that this benchmark saved") from None
+            if found != settings:
+                raise ValueError(f"{file}: has rows of other settings, {found} and not {settings}")
+            self.rows = {row.problem: row for row in rows}
+
+    def keep(self, row: Row) -> None:
+        self.rows[row.problem] = row
+        if self.file is not None:
+            part = self.file.with_name(self.file.name + ".part")
+            told = {"settings": self.settings, "rows": [asdict(row) for row in self.rows.values()]}
+            part.write_text(json.dumps(told, indent=1))
+            os.replace(part, self.file)
+
+
+def running(stack: ExitStack, asked: dict[str, str | None]) -> Running:
+    """Name -> running peer and its formats, of those that are asked for and can be run."""
+    peers: Running = {}
+    for name, given in asked.items():
+        kind = PEERS[name]
+        python = None if given is None else contact_peers.interpreter(kind.needed, given, kind.pythons)
+        if python is None:
+            if given is not None:
+                print(f"--{name}: {given or 'no Python here'} cannot `{kind.needed}`", file=sys.stderr)
+            continue
+        formats = kind(Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        try:
+            peers[name] = stack.enter_context(formats.start(python)), formats
+        except (OSError, subprocess.CalledProcessError) as error:
+            print(f"--{name}: {error}", file=sys.stderr)
+    return peers
+
+
+def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER if FOLDER.is_dir() else None)
     parser.add_argument("--repeats", type=int, default=7)
     parser.add_argument("--only", default="", help="problems whose name has this in it")
-    parser.add_argument(
-        "--siconos", nargs="?", const="", help="a Python that has it; looked for if not given"
-    )
-    parser.add_argument("--save", type=Path, help="write the generated problems here and end")
-    given = parser.parse_args()
-    if given.save is not None:
-        given.save.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--siconos", nargs="?", const="", metavar="PYTHON", help="Debian: python3-siconos")
+    parser.add_argument("--pinocchio", nargs="?", const="", metavar="PYTHON", help="pip install 'pin>=4'")
+    parser.add_argument("--save", type=Path, metavar="FILE", help="keep finished rows, and go on from them")
+    parser.add_argument("--chain", action="store_true", help="print the solvers called, too")
+    parser.add_argument("--write", type=Path, metavar="FOLDER", help="write the generated problems and end")
+    given = parser.parse_args(arguments)
+    if given.folder is not None and not given.folder.is_dir():
+        parser.error(f"{given.folder}: is not a folder")
+    if given.repeats < 1:
+        parser.error(f"--repeats: must be at least 1, not {given.repeats}")
+    if given.write is not None:
+        given.write.mkdir(parents=True, exist_ok=True)
         for name, problem in generated():
-            write_fclib(given.save / f"{name.replace(', ', '_').replace(' ', '_')}.hdf5", problem, title=name)
-        return
-    python = None if given.siconos is None else siconos_best.interpreter(given.siconos or None)
-    if given.siconos is not None and python is None:
-        print("no Python here can import siconos (Debian: apt-get install python3-siconos)")
-    columns = f"{'cold':>9s} {'again':>9s} {'warm':>9s} {'compiled':>15s}"
-    peer = "" if python is None else f"  {'Siconos':>8s}  {'ratio':6s}{'its solver':26s}"
-    print(f"{'problem':41s} {'size':>5s} {'status':13s} {'residual':>8s} {columns} {peer}  chain")
-    ratios = [
-        row(name, problem, given.repeats, python)
-        for name, problem in problems(given.folder)
-        if given.only in name
-    ]
-    known = np.array([ratio for ratio in ratios if ratio is not None])
-    if len(known):
-        mean = np.exp(np.log(known).mean())
-        print(f"{len(known)} ratios: geometric mean {mean:.2f}, worst {known.max():.2f}")
+            write_fclib(
+                given.write / f"{name.replace(', ', '_').replace(' ', '_')}.hdf5", problem, title=name
+            )
+        return 0
+    with ExitStack() as stack:
+        peers = running(stack, {name: getattr(given, name) for name in PEERS})
+        try:
+            store = Store(given.save, {"repeats": given.repeats, "tol": TOL, "peers": list(peers)})
+        except ValueError as error:
+            parser.error(str(error))
+        chosen = [(name, problem) for name, problem in problems(given.folder) if given.only in name]
+        for number, (name, problem) in enumerate(chosen, 1):
+            began = time.perf_counter()
+            if name not in store.rows:
+                store.keep(measured(name, problem, given.repeats, peers))
+            took = time.perf_counter() - began
+            print(f"{number}/{len(chosen)} {name}: {took:.1f} s", file=sys.stderr, flush=True)
+    for line in table([store.rows[name] for name, _ in chosen], list(peers), given.chain):
+        print(line)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

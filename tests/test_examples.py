@@ -114,22 +114,6 @@ def test_figure_1(
     assert 0.15 < parts["feasible:"] < 0.2 and parts["doomed:"] > 0.4
 
 
-def test_solver_benchmark_prints_a_table(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    solvers = script("benchmarks/solvers.py", monkeypatch)
-    monkeypatch.setattr("sys.argv", ["solvers.py", "--only", "stack of 3", "--repeats", "1"])
-    solvers.main()
-    printed = capsys.readouterr().out.splitlines()
-    assert len(printed) >= 3 and all("solved" in line for line in printed if line.startswith("stack"))
-    for boxes, problem in ((10, solvers.stack(10)), (20, solvers.pile(20))):
-        found = rw.solve(problem)
-        assert found.status == "solved" and found.residuals.worst <= 1e-8
-        ground = found.r[: 3 * 4 * (1 if boxes == 10 else 6) : 3]
-        assert ground.sum() == pytest.approx(boxes * solvers.GRAVITY, rel=1e-6)
-        assert abs(found.v).max() <= 1e-6 * solvers.GRAVITY * solvers.STEP
-
-
 def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     race = script("benchmarks/race.py", monkeypatch)
     # Some of them fail on import where every warning is an error.

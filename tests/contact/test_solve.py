@@ -293,6 +293,17 @@ def test_steps_as_models_assemble_them(
     assert solved > 40
 
 
+def test_lcps_of_few_unknowns_are_solved_whatever_their_matrix() -> None:
+    """Any matrix, and an offset for which there is a solution: pivoting alone finds one."""
+    rng = np.random.default_rng(5)
+    for _ in range(300):
+        n = int(rng.integers(2, 11))
+        M, carries = rng.normal(size=(n, n)), rng.random(n) < 0.5
+        z, w = np.where(carries, rng.random(n), 0.0), np.where(carries, 0.0, rng.random(n))
+        found = rw.solve(rw.Problem.lcp(M, w - M @ z), solvers=("pivoting",))
+        assert found.status == "solved" and found.residuals.worst <= 1e-9
+
+
 def has_solution(M: np.ndarray, q: np.ndarray) -> bool:
     """By all 2^n sets of unknowns that may be positive."""
     for chosen in product((False, True), repeat=len(q)):

@@ -8,7 +8,6 @@ from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy.sparse as sp
 
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
@@ -65,7 +64,7 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
     )  # fmt: skip
     found[1] = _imbalance(problem, system, scales, x, y)
     if problem.is_boxes:
-        found[0] = max(found[0], _OWN * in_own_terms(problem, x, y, scales.absolute))
+        found[0] = max(found[0], _OWN * in_own_terms(problem, x, y))
     return Residuals(*found.tolist()), y
 
 
@@ -113,9 +112,11 @@ def violations(
 
 
 class _Scales(NamedTuple):
-    """What the judge keeps of a problem: |A|, the free rows, and units of free unknowns among themselves."""
+    """What the judge keeps of a problem: |A|, its rows where there are limits alone, the free rows, and units
+    of free unknowns among themselves."""
 
     absolute: Matrix
+    rows: tuple[Ints, Ints, Array]
     free: Ints
     unit: Array
 
@@ -130,7 +131,8 @@ def _scales(problem: Problem) -> _Scales:
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
             fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
-        found = _known[problem] = _Scales(absolute, free, unit)
+        rows = compressed(absolute) if problem.is_boxes else (free, free, unit)
+        found = _known[problem] = _Scales(absolute, rows, free, unit)
     return found
 
 
@@ -139,23 +141,45 @@ def absolute(problem: Problem) -> Matrix:
     return _scales(problem).absolute
 
 
-def in_own_terms(problem: Problem, x: Array, y: Array, absolute: Matrix) -> float:
+def in_own_terms(problem: Problem, x: Array, y: Array) -> float:
     """The largest violation by x of a law of a problem of limits alone, whatever the units of its rows and of
     its unknowns: a rate counts by the size of its terms, an unknown by what it does to the rows, over theirs.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
     beside the norm of all.
     """
-    size = absolute @ np.abs(x) + np.abs(problem.b)
-    per_row = 1.0 / np.where(size > 0.0, size, 1.0)
-    each = sp.csr_array(sp.diags_array(per_row) @ sp.csr_array(absolute)).max(axis=0).toarray().ravel()
-    rate = y * per_row
-    with np.errstate(invalid="ignore"):
-        above = np.where(np.isfinite(problem.lower), (x - problem.lower) * each, np.inf)
-        below = np.where(np.isfinite(problem.upper), (problem.upper - x) * each, np.inf)
-    room = np.where(rate > 0.0, above, below)
-    broken = np.maximum(np.minimum(np.abs(rate), np.abs(room)), -np.minimum(above, below))
-    return float(broken.max(initial=0.0))
+    rows = _scales(problem).rows
+    return float(own_violation(*rows, x, y, problem.b, problem.lower, problem.upper, np.zeros((2, len(x)))))
+
+
+@kernel
+def own_violation(
+    row_start: Ints,
+    column: Ints,
+    size: Reals,
+    x: Reals,
+    y: Reals,
+    b: Reals,
+    lower: Reals,
+    upper: Reals,
+    scratch: Reals,
+) -> float:
+    """As `in_own_terms`, with |A| in rows; scratch (2, N) is zero before."""
+    rate, each, worst = scratch[0], scratch[1], 0.0
+    for i in range(len(x)):
+        terms = abs(b[i])
+        for k in range(row_start[i], row_start[i + 1]):
+            terms += size[k] * abs(x[column[k]])
+        per_row = 1.0 / terms if terms > 0.0 else 1.0
+        rate[i] = y[i] * per_row
+        for k in range(row_start[i], row_start[i + 1]):
+            each[column[k]] = max(each[column[k]], size[k] * per_row)
+    for i in range(len(x)):
+        above = (x[i] - lower[i]) * each[i] if lower[i] > -math.inf else math.inf
+        below = (upper[i] - x[i]) * each[i] if upper[i] < math.inf else math.inf
+        room = above if rate[i] > 0.0 else below
+        worst = max(worst, min(abs(rate[i]), abs(room)), -min(above, below))
+    return worst
 
 
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:

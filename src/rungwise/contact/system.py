@@ -24,7 +24,7 @@ from rungwise.contact.units import compressed, expand, fitted, measured, rescale
 from rungwise.kernel import Ints
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
 

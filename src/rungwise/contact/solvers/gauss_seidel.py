@@ -7,7 +7,8 @@ alternate with the steps of `newton`, which finish fast where that is right, whi
 residual. Sources: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47;
 Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
-limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner.
+limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
+nor a few limited rows alone, which pivoting does.
 Promises: the iterate of least residual among those checked; linear convergence where the problem is well
 posed, none where it is badly rank deficient.
 """
@@ -31,12 +32,14 @@ _ROUNDS, _FIRST_SWEEPS, _STEPS = 8, 3, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-3, 1e-15
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
-_PATIENCE = 300
+_PATIENCE, _FEW = 300, 12
 _CHECK = 10
 
 
 def accepts(system: System) -> bool:
     if system.condensed is not None and system.size > SMALL:
+        return False
+    if len(system.mu) == 0 and system.size <= _FEW:
         return False
     return system.is_damped
 

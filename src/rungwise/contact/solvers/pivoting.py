@@ -1,26 +1,33 @@
 """Complementary pivoting for polyhedral problems: LCPs, mixed LCPs, boxes, planar friction.
 
 Algorithm: Lemke's method with lexicographic ratio test, on the linear complementarity problem to which the
-laws unfold (a planar contact has four unknowns: normal, two ways of friction, slip); from several covering
-vectors, since where the matrix is not copositive one ray says little. Sources: Lemke, Management Science 11
-(1965) 681-689; Cottle, Pang, Stone: The Linear Complementarity Problem (1992), chapter 4. Accepts: contacts
-of one or two directions and any limits, up to `LARGEST` unknowns; A need not be symmetric or definite.
-Promises: ends within a stated number of pivots; solves copositive-plus problems that have a solution, and
+laws unfold (a planar contact has four unknowns: normal, two ways of friction, slip). Where it ends on a ray,
+which says little unless the matrix is copositive, every basis of few unknowns is tried, and other covering
+vectors for many. Sources: Lemke, Management Science 11 (1965) 681-689; Cottle, Pang, Stone: The Linear
+Complementarity Problem (1992), chapter 4. Accepts: contacts of one or two directions and any limits, up to
+`LARGEST` unknowns; A need not be symmetric or definite. Promises: ends within a stated number of pivots;
+solves copositive-plus problems that have a solution, those of up to `_ALL` unknowns with an isolated one, and
 often others; a ray is only a hint.
 """
 
 from __future__ import annotations
 
+import math
+from functools import cache
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
 import numpy as np
 
 from rungwise.contact.mixed import Array
+from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "pivoting"
 LARGEST = 400
-_TRIES = 6
+_TRIES, _ALL = 6, 10
 _PIVOT = 1e-12
 _TIE = 1e-12
 
@@ -32,28 +39,33 @@ def accepts(system: System) -> bool:
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The best of the points x (N,) at which pivoting ended, or `start`; and the pivots made."""
-    basis, M, q = _unfold(system)
-    best, least, total = start, natural(system, start), 0
-    for attempt in range(_TRIES):
-        z = np.zeros(len(q))
-        ended, pivots = lemke(M, q, _covering(attempt, len(q)), z)
-        total += pivots
-        if not ended:
-            continue
-        x = basis @ z + _origin(system)
-        found = natural(system, x)
-        if found < least:
-            best, least = x, found
-        if least <= tol:
-            break
-    return best, total
+    unfolded = unfold(system)
+    n = len(unfolded.q)
+    z = np.empty(n)
+    pivots = pivot(unfolded.M, unfolded.q, coverings(n), 0.3 * tol, z, *workspace(n))
+    x = unfolded.back @ z + unfolded.origin
+    return (x if natural(system, x) < natural(system, start) else start), pivots
 
 
-def _covering(attempt: int, size: int) -> Array:
-    """Positive vectors, the first all ones; the others differ by powers of the golden ratio, repeatably."""
-    if attempt == 0:
-        return np.ones(size)
-    return 0.2 + np.modf(np.arange(1, size + 1) * 0.6180339887498949 * attempt)[0]
+class Unfolded(NamedTuple):
+    """x = back z + origin with 0 <= z _|_ M z + q >= 0."""
+
+    back: Array
+    origin: Array
+    M: Array
+    q: Array
+
+
+def workspace(n: int) -> tuple[Array, Array, Ints]:
+    """Scratch for `pivot` with n unknowns."""
+    return np.empty(n), np.empty((n, 2 * n + 2)), np.empty(n, np.int64)
+
+
+@cache
+def coverings(n: int) -> Array:
+    """Positive vectors (tries, n), the first all ones; the others differ by powers of the golden ratio."""
+    each = np.arange(_TRIES)[:, None] * np.arange(1, n + 1)
+    return np.where(each == 0, 1.0, 0.2 + np.modf(each * 0.6180339887498949)[0])
 
 
 def _unfolded_size(system: System) -> int:
@@ -67,8 +79,18 @@ def _origin(system: System) -> Array:
     return np.concatenate([np.zeros(system.rows), np.where(np.isfinite(limits), limits, 0.0)])
 
 
-def _unfold(system: System) -> tuple[Array, Array, Array]:
-    """B, M, q: x = B z + origin, and 0 <= z _|_ M z + q >= 0."""
+_unfolded: WeakKeyDictionary[System, Unfolded] = WeakKeyDictionary()
+
+
+def unfold(system: System) -> Unfolded:
+    """The linear complementarity problem of a system, made once."""
+    made = _unfolded.get(system)
+    if made is None:
+        made = _unfolded[system] = _unfold(system)
+    return made
+
+
+def _unfold(system: System) -> Unfolded:
     s, d, size = system, system.directions, _unfolded_size(system)
     A = s.dense()
     B = np.zeros((s.size, size))
@@ -93,26 +115,93 @@ def _unfold(system: System) -> tuple[Array, Array, Array]:
             B[i, at + 1] = -1.0
             at += 1
         at += 1
-    offset = s.b + A @ _origin(s)
-    return B, B.T @ A @ B + extra, B.T @ offset + bound
+    origin = _origin(s)
+    return Unfolded(B, origin, B.T @ A @ B + extra, B.T @ (s.b + A @ origin) + bound)
 
 
-@allocating_kernel
-def lemke(M: Reals, q: Reals, covering: Reals, z: Reals) -> tuple[bool, int]:
-    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made."""
-    n = len(q)
-    # Rows [w, z, z0, right]: w - M z - covering z0 = q.
-    a = np.zeros((n, 2 * n + 2))
+@kernel
+def pivot(
+    M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, basis: Ints
+) -> int:
+    """Fill `best` (n,) with 0 <= z _|_ M z + q >= 0 as far as that is found, to `tol`; returns the pivots.
+
+    Where Lemke's method ends on a ray, few unknowns are tried in every basis, many from other vectors.
+    """
+    n, total, least = len(q), 0, math.inf
+    for i in range(n):
+        best[i] = 0.0
+    for attempt in range(len(coverings)):
+        ended, pivots = lemke(M, q, coverings[attempt], z, tableau, basis)
+        total += pivots
+        if ended:
+            least = _keep_better(M, q, z, best, least)
+        if least <= tol:
+            return total
+        if n <= _ALL:
+            break
+    for chosen in range(1 << n if n <= _ALL else 0):
+        total += 1
+        _solve_basis(M, q, chosen, z, tableau, basis)
+        least = _keep_better(M, q, z, best, least)
+        if least <= tol:
+            break
+    return total
+
+
+@kernel
+def _keep_better(M: Reals, q: Reals, z: Reals, best: Reals, least: float) -> float:
+    """The norm of min(z, M z + q), if it is less, and z kept; else `least`."""
+    total = 0.0
+    for i in range(len(q)):
+        w = q[i]
+        for j in range(len(q)):
+            w += M[i, j] * z[j]
+        total += min(z[i], w) ** 2
+    if not math.sqrt(total) < least:
+        return least
+    for i in range(len(q)):
+        best[i] = z[i]
+    return math.sqrt(total)
+
+
+@kernel
+def _solve_basis(M: Reals, q: Reals, chosen: int, z: Reals, a: Reals, order: Ints) -> None:
+    """z with M z + q = 0 in the rows whose bit is in `chosen`, and zero elsewhere."""
+    n, size = len(q), 0
+    for i in range(n):
+        z[i] = 0.0
+        if chosen >> i & 1:
+            column = 0
+            for j in range(n):
+                if chosen >> j & 1:
+                    a[size, column] = M[i, j]
+                    column += 1
+            a[size, column] = -q[i]
+            size += 1
+    solve_in_place(a, size, 1, order)
     row = 0
     for i in range(n):
-        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
+        if chosen >> i & 1:
+            z[i] = a[row, size]
+            row += 1
+
+
+@kernel
+def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, basis: Ints) -> tuple[bool, int]:
+    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made.
+
+    a (n, 2 n + 2) and basis (n,) are scratch: rows [w, z, z0, right] of w - M z - covering z0 = q.
+    """
+    n, row = len(q), 0
+    for i in range(n):
+        z[i], basis[i] = 0.0, i
         for j in range(n):
-            a[i, n + j] = -M[i, j]
+            a[i, j], a[i, n + j] = 0.0, -M[i, j]
+        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
         if q[i] / covering[i] < q[row] / covering[row]:
             row = i
     if n == 0 or q[row] >= 0.0:
         return True, 0
-    basis = np.arange(n)
     entering = 2 * n
     for pivots in range(1, 50 + 20 * n):
         _exchange(a, row, entering)
