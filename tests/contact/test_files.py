@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -83,6 +84,41 @@ def test_no_truncated_file_is_a_crash(tmp_path: Path, name: str) -> None:
             read_problem(tmp_path / name)
         except ValueError as error:
             assert "\n" not in str(error)
+
+
+def test_blocks_of_rows_that_contradict_the_sizes_are_refused(tmp_path: Path) -> None:
+    for ends in ("0 1 5", "0 5 1", "0 -1 2", "1 2"):
+        (tmp_path / "x_mlcp.dat").write_text(f"1 1 1 1\n{ends}\n0 1\n0\n2 2\n2 2\n1 -1\n-1 1\n-1 1")
+        with pytest.raises(ValueError, match=r"^file: "):
+            read_problem(tmp_path / "x_mlcp.dat")
+
+
+@pytest.mark.parametrize("name", ["W/m", "W/n"])
+def test_a_size_that_no_memory_holds_is_refused_at_once(tmp_path: Path, name: str) -> None:
+    import h5py
+
+    file = tmp_path / "a.hdf5"
+    rw.write_fclib(file, rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
+    with h5py.File(file, "r+") as opened:
+        opened[f"fclib_local/{name}"][0] = 2**31 - 1
+    with pytest.raises(ValueError, match=r"^W: has shape .*2147483647"):
+        read_problem(file)
+    (tmp_path / "x_lcp.dat").write_text("2\n1\n2000000000 2000000000\n2 1 1\n2 2\n")
+    with pytest.raises(ValueError, match=r"^file: is too short"):
+        read_problem(tmp_path / "x_lcp.dat")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ValueError, match=r"^file: .* is not a regular file$"):
+        read_problem(tmp_path / "pipe")
+
+
+def test_an_unknown_kind_is_refused_whatever_the_file(tmp_path: Path) -> None:
+    rw.write_fclib(tmp_path / "a.hdf5", rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
+    with pytest.raises(ValueError, match=r"^kind: must be one of lcp"):
+        read_problem(tmp_path / "a.hdf5", "magic")
 
 
 def refuses(path: Path, what: str) -> None:
@@ -194,6 +230,17 @@ NAN, INF = float("nan"), float("inf")
         (lambda: rw.solve(3), "problem"),
         (lambda: rw.solve(STEP, tol="small"), "tol"),
         (lambda: rw.solve(STEP, tol=NAN), "tol"),
+        (lambda: rw.solve(STEP, tol=None), "tol"),
+        (lambda: rw.solve(STEP, tol=[1e-9]), "tol"),
+        (lambda: rw.solve(STEP, solvers=3), "solvers"),
+        (lambda: rw.solve(STEP, solvers="newton"), "solvers"),
+        (lambda: rw.solve(STEP, solvers=([],)), "solvers"),
+        (lambda: rw.Problem.local(sp.csr_array(1j * np.eye(3)), [1.0, 2.0, 3.0], [0.5]), "W"),
+        (lambda: rw.Problem.local(1j * np.eye(3), [1.0, 2.0, 3.0], [0.5]), "W"),
+        (lambda: rw.Problem.local(np.eye(3), np.array([1j, 2.0, 3.0]), [0.5]), "q"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [0.5], directions=3.0), "directions"),
+        (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [0.5], directions=np.zeros(2)), "directions"),
+        (lambda: rw.extreme_motions(rw.solutions(STEP), [[True]]), "objects"),
         (lambda: rw.solve(STEP, start=[NAN] * 5), "start"),
         (lambda: rw.solutions("a.hdf5"), "problem"),
         (lambda: rw.solutions(STEP, nodes=1.5), "nodes"),

@@ -189,6 +189,20 @@ def test_units_do_not_matter(directions: int) -> None:
         np.testing.assert_allclose(b.force / f, a.force, rtol=1e-6, atol=1e-8)
 
 
+def test_wrong_arguments_are_named() -> None:
+    p = one_contact(2, (-1.0, 0.0), 0.5)
+    solved = rw.solve(p)
+    for active in (np.nan, -1.0, 1.0, "a", None):
+        with pytest.raises(ValueError, match=r"^active: "):
+            sensitivity(p, solved, active)  # type: ignore[arg-type]
+    s = sensitivity(p, solved)
+    for wrong in ("a", [np.nan] * len(p.c), np.zeros((2, 2)), []):
+        with pytest.raises(ValueError, match=r"^v: "):
+            s.gradient(v=wrong)
+    with pytest.raises(ValueError, match=r"^c: must be numbers"):
+        s.forward(c="a")
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [

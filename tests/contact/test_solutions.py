@@ -453,3 +453,41 @@ def test_a_ball_pushed_without_inertia_in_space() -> None:
     )
     with pytest.raises(ValueError, match="directions must be 2"):
         rw.solutions(rw.Problem.balance(np.eye(6), np.zeros(6), W, np.zeros(3), [0.5]))
+
+
+def massless(seed: int, compliance: float, force: float, speed: float) -> rw.Problem:
+    """Two contacts, a joint with a limit and no inertia, in these units of force and speed."""
+    rng = np.random.default_rng(seed)
+    return rw.Problem.balance(
+        np.zeros((4, 4)), force * rng.normal(size=4), rng.normal(size=(4, 4)), speed * rng.normal(size=4),
+        rng.uniform(0.1, 1.0, 2), directions=2, S=rng.normal(size=(1, 4)), w_s=speed * rng.normal(size=1),
+        R=speed / force * compliance * np.diag([1.0, 1.0, 0.0, 0.0]), F=force * rng.uniform(0.1, 2.0, 1),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("speed", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("compliance", [0.0, 1.0])
+def test_units_do_not_matter_without_inertia(force: float, speed: float, compliance: float) -> None:
+    """Nothing but demands and loads, or one compliant contact, says what is much for rates and forces."""
+    for seed in range(12):
+        one, other = massless(seed, compliance, 1.0, 1.0), massless(seed, compliance, force, speed)
+        known, again = rw.solutions(one), rw.solutions(other)
+        assert known.kind == again.kind and known.kind != "undecided" and check(again)
+        assert len(known.pieces) == len(again.pieces)
+        assert rw.solve(one).status == rw.solve(other).status != "not_converged"
+
+
+def test_what_a_joint_holds_is_held_whatever_rounding_says() -> None:
+    """One coordinate that a joint drives at the rate at which one contact just stays closed: the contact may
+    carry anything beside the joint, nothing jams, and nothing moves otherwise."""
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        inertia, W, joint, v = rng.uniform(0.1, 3.0), rng.normal(size=(2, 1)), rng.normal(), rng.normal()
+        problem = rw.Problem.balance(
+            [[inertia]], [inertia * v - W[0, 0]], W, [-W[0, 0] * v, 0.5 - W[1, 0] * v], [0.0, 0.0],
+            directions=1, S=[[joint]], w_s=[-joint * v],
+        )  # fmt: skip
+        found = rw.solutions(problem)
+        assert found.kind == "force-indeterminate" and check(found)
+        np.testing.assert_allclose(rw.extreme_motions(found)[0], v, rtol=1e-9)

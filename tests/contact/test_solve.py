@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 import rungwise as rw
 from rungwise.contact.farkas import Infeasible, check
+from rungwise.contact.pieces import check as check_solutions
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.system import scaled
@@ -129,6 +130,43 @@ def test_velocities_are_exact_however_small_inertia_is(directions: int, inertia:
     assert found.status == "solved"
     scale = 0.0 if inertia < 1e-5 else 1e-9 * 9.81 / inertia  # beside these rates the residual is measured
     np.testing.assert_allclose(found.v, [0.1, *[0.0] * (len(found.v) - 1)], rtol=0, atol=1e-10 + scale)
+
+
+@pytest.mark.parametrize("wrap", [np.asarray, sp.csr_array])
+@pytest.mark.parametrize("load", [0.0, 2.0, 6.0])
+@pytest.mark.parametrize("inertia", [1e3, 1e-3, 1e-9])
+@pytest.mark.parametrize("noise", [0.0, 1e-18, 1e-15, 1e-13, 1e-11, 1e-9])
+def test_demands_of_rounding_size_change_no_verdict(
+    noise: float, inertia: float, load: float, wrap: Callable[[np.ndarray], object]
+) -> None:
+    """A box of weight 9.81 on two points, mu 0.5: rests at 2, slides at (6 - 4.905) / H."""
+    noise *= 1e3 / inertia
+    W = np.array([[0.0, 1.0, -0.5], [1.0, 0.0, 0.1], [0.0, 1.0, 0.5], [1.0, 0.0, 0.1]])
+    w = noise * np.array([1.0, -0.3, 0.7, 0.2])
+    problem = rw.Problem.balance(
+        wrap(inertia * np.diag([1.0, 1.0, 0.1])), [load, -9.81, 0.0], wrap(W), w, [0.5, 0.5], directions=2
+    )
+    found = rw.solve(problem)
+    speed = max(0.0, load - 0.5 * 9.81) / inertia
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.v[0], speed, atol=2.0 * noise + 1e-9 * 9.81 / inertia)
+    np.testing.assert_allclose(found.r[::2].sum(), 9.81, rtol=1e-5)
+    if noise > 0.0:
+        assert (found.u[::2] >= -1e-6 * max(speed, noise)).all()
+    if load == 6.0:
+        known = rw.solutions(problem)
+        assert known.kind == "unique" and check_solutions(known)
+
+
+def test_walls_that_close_slowly_on_next_to_no_inertia_jam_with_proof() -> None:
+    problem = rw.Problem.balance(
+        1e-12 * np.eye(2), [0.0, -9.81], [[1.0, 0.0], [-1.0, 0.0]], [-0.1, -0.1], [0.0, 0.0], directions=1
+    )
+    found = rw.solve(problem)
+    assert found.status == "jammed" and found.certificate is not None
+    assert check(scaled(problem, found.massless), found.certificate)
+    known = rw.solutions(problem)
+    assert known.kind == "none" and check_solutions(known)
 
 
 def test_units_do_not_matter() -> None:

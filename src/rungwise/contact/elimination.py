@@ -5,6 +5,7 @@ With A_ff regular the free unknowns (velocities, joint forces) follow from the o
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -20,10 +21,6 @@ from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
 _ROUNDING, _ACCURATE = 2.0**-51, 1e-5
-_LIGHT = 1e-9
-"""Demanded rates below this, beside those without forces, are less than any residual tells."""
-_NOTHING = 1e-12
-"""Demanded rates below this, beside loads, are the rounding of closed gaps."""
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -57,28 +54,28 @@ class Condensed(NamedTuple):
 
 class Left(NamedTuple):
     """What is left of a problem: places kept (N,), matrix A and offset b, `recover` from x (N,) to all
-    unknowns, and the parts of A. `light`: nothing is eliminated, because inertia is next to none."""
+    unknowns, and the parts of A. `demanded`: the largest rate demanded over that without forces, infinite if
+    there is none."""
 
     kept: Ints
     A: Matrix
     b: Array
     recover: Callable[[Array], Array]
     condensed: Condensed | None = None
-    light: bool = False
+    demanded: float = math.inf
 
 
-def everything(problem: Problem, light: bool = False) -> Left:
+def everything(problem: Problem) -> Left:
     """The problem as it is, dense where it is small."""
     small = sp.issparse(problem.A) and len(problem.b) <= _SMALL
     A = problem.A.toarray() if small else problem.A
-    return Left(np.arange(len(problem.b)), A, problem.b, lambda x: x, None, light)
+    return Left(np.arange(len(problem.b)), A, problem.b, lambda x: x)
 
 
 def eliminated(problem: Problem) -> Left:
     """What is left: kept places, matrix, offset, the way back to all unknowns, and the matrix's parts.
 
-    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so, or inertia is
-    so small that rates without forces would hide the demanded ones.
+    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
     free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     whole = everything(problem)
@@ -113,20 +110,21 @@ def eliminated(problem: Problem) -> Left:
         return full
 
     left = _without_rounding(front - back @ response, front, back, noise)
-    offset = b[kept] + back @ recover(np.zeros(len(kept)))[gone]
-    if _is_light(problem, offset):
-        return everything(problem, light=True)
-    return Left(kept, left, offset, recover, _condensed(problem, own, across, back, front))
+    still = recover(np.zeros(len(kept)))[gone]
+    offset = b[kept] + back @ still
+    # What should cancel, and does but for rounding, is no demand.
+    offset[np.abs(offset) <= _ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
+    condensed = _condensed(problem, own, across, back, front)
+    return Left(kept, left, offset, recover, condensed, _demanded(problem, offset))
 
 
-def _is_light(problem: Problem, without_forces: Array) -> bool:
-    """Whether the rates without forces are so large that a residual beside them says nothing of demands."""
+def _demanded(problem: Problem, without_forces: Array) -> float:
     rows, velocities = problem.rows, problem.velocities
     if velocities == 0 or not problem.b[rows : rows + velocities].any():
-        return False
-    demands = np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0)
-    nothing = _NOTHING * np.abs(problem.b).max()
-    return bool(nothing < demands < _LIGHT * np.abs(without_forces).max(initial=0.0))
+        return math.inf
+    demands = float(np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0))
+    largest = float(np.abs(without_forces).max(initial=0.0))
+    return demands / largest if 0.0 < demands < largest else math.inf
 
 
 def _condensed(

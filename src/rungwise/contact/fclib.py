@@ -65,6 +65,8 @@ def _array(group: Any, name: str) -> Array:
         return np.asarray(item[()], np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name}: must be numbers") from None
+    except MemoryError:
+        raise ValueError(f"{name}: is larger than memory") from None
 
 
 def _wholes(group: Any, name: str) -> NDArray[np.int64]:
@@ -97,14 +99,13 @@ def _read_step(group: Any) -> ContactProblem:
 def _read_local(group: Any) -> Problem:
     """Equality rows (V, R, s) become free unknowns: W r + V x + q = u, V^T r + R x + s = 0."""
     vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
-    W, q, mu = _read_matrix(group, "W"), _array(vectors, "q"), _array(vectors, "mu")
+    q, mu = vector("q", _array(vectors, "q")), _array(vectors, "mu")
+    W = _read_matrix(group, "W", (len(q), len(q)))
     local = Problem.local(W, q, mu, d)
     if "R" not in group:
         return local
-    V, R, s = _read_matrix(group, "V"), _read_matrix(group, "R"), vector("s", _array(vectors, "s"))
-    for name, value, shape in (("V", V, (len(q), len(s))), ("R", R, (len(s), len(s)))):
-        if value.shape != shape:
-            raise ValueError(f"{name}: has shape {value.shape}; the other fields make it {shape}")
+    s = vector("s", _array(vectors, "s"))
+    V, R = _read_matrix(group, "V", (len(q), len(s))), _read_matrix(group, "R", (len(s), len(s)))
     free = np.full(len(s), np.inf)
     A = sp.block_array([[W, V], [V.T, R]], format="csr")
     return Problem(A, np.concatenate([local.b, s]), mu, d, -free, free)
@@ -112,18 +113,24 @@ def _read_local(group: Any) -> Problem:
 
 def _read_global(group: Any) -> Problem:
     vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
-    M, H = _read_matrix(group, "M"), _read_matrix(group, "H")
+    f, w, mu = (vector(name, _array(vectors, name)) for name in ("f", "w", "mu"))
+    M, H = _read_matrix(group, "M", (len(f), len(f))), _read_matrix(group, "H", (len(f), len(w)))
     joints: dict[str, Any] = {}
     if "G" in group:
-        joints = {"S": _read_matrix(group, "G").T, "w_s": _array(vectors, "b")}
-    f, w, mu = (_array(vectors, name) for name in ("f", "w", "mu"))
+        b = vector("b", _array(vectors, "b"))
+        joints = {"S": _read_matrix(group, "G", (len(f), len(b))).T, "w_s": b}
     return Problem.balance(M, f, H.T, w, mu, directions=d, **joints)
 
 
-def _read_matrix(parent: Any, name: str) -> sp.csr_array:
+def _read_matrix(parent: Any, name: str, shape: tuple[int, int]) -> sp.csr_array:
     group = _group(parent, name)
     try:
         m, n, nz = (_whole(group, part) for part in ("m", "n", "nz"))
+    except ValueError as error:
+        raise ValueError(f"{name}: not a sparse matrix ({error})") from None
+    if (m, n) != shape:
+        raise ValueError(f"{name}: has shape {(m, n)}; the other fields make it {shape}")
+    try:
         p, i, x = _wholes(group, "p"), _wholes(group, "i"), _array(group, "x")
         if nz >= 0:
             made = sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))

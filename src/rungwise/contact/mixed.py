@@ -167,7 +167,9 @@ class Problem:
     @classmethod
     def of_step(cls, step: ContactProblem) -> Problem:
         """The problem of a step, as assembled by a model; unknowns are x = (lambda, v, tau)."""
-        p, d = step, step.R.shape[1]
+        p, d = step, step.R.shape[-1]
+        if p.R.shape != (len(p.mu), d, d):
+            raise ValueError(f"R: has shape {p.R.shape}; mu makes it {(len(p.mu), d, d)}")
         R = sp.block_diag(list(p.R), format="csr") if len(p.R) else None
         return cls.balance(p.H, p.c, p.W, p.w, p.mu, directions=d, R=R, S=p.S, w_s=p.w_s, R_s=p.R_s, F=p.F)
 
@@ -200,7 +202,7 @@ class Problem:
 def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
     """`value` (n,) as contiguous floats; ValueError naming the field when it is not."""
     try:
-        array = np.ascontiguousarray(value, np.float64)
+        array = _real(np.ascontiguousarray(value))
     except (TypeError, ValueError):
         raise ValueError(f"{name}: must be numbers") from None
     if array.ndim != 1:
@@ -210,16 +212,24 @@ def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
     return array
 
 
+def _real(values: NDArray[Any]) -> Array:
+    """The values as floats; TypeError where they are complex, so that no part is lost."""
+    if np.iscomplexobj(values):
+        raise TypeError
+    return values.astype(np.float64, copy=False)
+
+
 def matrix(name: str, value: Matrix) -> Matrix:
     """`value` (m, n) as contiguous floats, canonical CSR if sparse; ValueError naming the field otherwise."""
     try:
         if sp.issparse(value):
-            made = sp.csr_array(value, dtype=np.float64)
+            made = sp.csr_array(value)
+            made = made.astype(_real(made.data).dtype)
             if not made.has_canonical_format:
                 made.sum_duplicates()
             entries = made.data
         else:
-            made = entries = np.ascontiguousarray(value, np.float64)
+            made = entries = _real(np.ascontiguousarray(value))
     except (TypeError, ValueError):
         raise ValueError(f"{name}: must be numbers") from None
     if made.ndim != 2:
@@ -230,7 +240,8 @@ def matrix(name: str, value: Matrix) -> Matrix:
 
 
 def _known(directions: int) -> None:
-    if isinstance(directions, bool) or directions not in (1, 2, 3):
+    whole = isinstance(directions, int | np.integer) and not isinstance(directions, bool)
+    if not whole or directions not in (1, 2, 3):
         raise ValueError(f"directions: must be 1, 2 or 3, not {directions!r}")
 
 

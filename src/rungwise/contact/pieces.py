@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.farkas import (
     CLOSED,
@@ -39,6 +40,7 @@ from rungwise.contact.monotone import demands, is_monotone, widest
 from rungwise.contact.system import System, scaled
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
+_NOTHING = 2.0**-46
 _CONTACT = {OPEN: "open", CLOSED: "slide", STICK: "stick", 4: "forward", 5: "backward"}
 _OTHER = {HULL: "free", LOWER: "lower", INSIDE: "inside", UPPER: "upper"}
 
@@ -78,7 +80,7 @@ class Solutions:
     `excluded` are the modes that hold none, each with multipliers that prove it; with no pieces they are the
     `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with one of them, in
     the scaled system, that proves it (see `monotone`). `undecided` modes are those without proof. `nodes` is
-    the number of modes looked at.
+    the number of modes looked at. `massless` says that the scaled system is that beside demanded rates.
     """
 
     problem: Problem
@@ -90,6 +92,7 @@ class Solutions:
     certificate: Infeasible | None
     undecided: tuple[Mode, ...]
     nodes: int
+    massless: bool = False
 
     def names(self, piece: Piece) -> tuple[str, ...]:
         """The mode in words: one for each contact, then for each other unknown that is not eliminated."""
@@ -189,11 +192,17 @@ def motion_map(problem: Problem, system: System) -> tuple[Array, Array]:
     """L (m, N) and l (m,): the velocities, or where there are none the rates, are L x + l for scaled x."""
     whole = np.column_stack([np.zeros(system.size), np.eye(system.size)])
     x = np.column_stack([system.recover(column * system.force) for column in whole.T])
-    if problem.velocities:
-        motion = x[problem.rows : problem.rows + problem.velocities]
-    else:
-        motion = problem.A @ x + problem.b[:, None]
-    return motion[:, 1:] - motion[:, :1], motion[:, 0]
+    if not problem.velocities:
+        rates = problem.A @ x + problem.b[:, None]
+        return rates[:, 1:] - rates[:, :1], rates[:, 0]
+    own = slice(problem.rows, problem.rows + problem.velocities)
+    motion, offset = x[own, 1:] - x[own, :1], x[own, 0]
+    # What joints hold moves, by rounding: nothing beside what it is, or what would count as a rate.
+    seen = abs(sp.csr_array(problem.A)[system.kept][:, own]).toarray() / system.rate[:, None]
+    largest = seen.max(axis=0, initial=0.0)
+    unit = np.where(largest > 0.0, 1.0 / np.where(largest > 0.0, largest, 1.0), 0.0)
+    unit = np.maximum(unit, np.abs(offset))
+    return np.where(np.abs(motion) > _NOTHING * unit[:, None], motion, 0.0), offset
 
 
 def _in_own_units(motion: Array) -> Array:
@@ -232,7 +241,7 @@ def classify(motion: Array, leaves: Sequence[Piece], undecided: int) -> Kind:
 
 def check(found: Solutions) -> bool:
     """Whether the evidence proves the kind and the dimensions of all pieces, from the problem alone."""
-    problem, system = found.problem, scaled(found.problem)
+    problem, system = found.problem, scaled(found.problem, found.massless)
     leaves = (*found.pieces, *found.covered)
     proved = (mode for mode, _ in (*found.excluded, *found.held))
     modes = (*(piece.mode for piece in leaves), *proved, *found.undecided)

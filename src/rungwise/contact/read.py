@@ -12,7 +12,7 @@ import numpy as np
 from rungwise.contact.fclib import read_fclib
 from rungwise.contact.mixed import Problem, matrix
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.textfile import read_text
+from rungwise.contact.textfile import KINDS, read_text
 
 _DAMAGED = (
     KeyError, ValueError, OSError, EOFError, NotImplementedError, RuntimeError, MemoryError, AttributeError,
@@ -29,7 +29,11 @@ def read_problem(path: str | Path, kind: str | None = None) -> Problem | Contact
     line that says what is wrong.
     """
     path = Path(path)
+    if kind is not None and kind not in KINDS:
+        raise ValueError(f"kind: must be one of {', '.join(KINDS)}, not {kind!r}")
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise ValueError(f"file: {path} is not a regular file")
         with path.open("rb") as file:
             head = file.read(4)
     except OSError as error:

@@ -21,7 +21,7 @@ from rungwise.contact.solvers.newton_dense import alart_curnier, jacobian
 from rungwise.contact.system import System, uneliminated
 
 LARGEST = 400
-_LIGHT = 1e-6
+SMALL = 1e-6
 """Rates below this, beside those without forces, mean that inertia does not matter."""
 _STEPS, _SINGULAR = 3, 1e-14
 
@@ -31,7 +31,7 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
     if problem.velocities == 0 or len(system.kept) == len(problem.b) or len(problem.b) > LARGEST:
         return x
     demanded = np.delete(problem.b, np.s_[problem.rows : problem.rows + problem.velocities])
-    if not demanded.any() or not _error(problem, system, x) > tol:
+    if not demanded.any() or not rate_error(problem, system, x) > tol:
         return x
     whole = uneliminated(problem)
     trial = x / whole.force
@@ -41,16 +41,16 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
             break
         trial = trial - step
     best = trial * whole.force
-    return best if _error(problem, system, best) < _error(problem, system, x) else x
+    return best if rate_error(problem, system, best) < rate_error(problem, system, x) else x
 
 
-def _error(problem: Problem, system: System, x: Array) -> float:
+def rate_error(problem: Problem, system: System, x: Array) -> float:
     """The natural map beside the largest sum of a rate's terms, in units of the rates without forces; zero
     unless these are far larger."""
     kept = system.kept
-    y, terms = problem.A @ x + problem.b, absolute(problem) @ np.abs(x) + np.abs(problem.b)
+    y, terms = problem.A @ x + problem.b, rate_terms(problem, x)
     actual, out = float((terms[kept] / system.rate).max(initial=0.0)), np.empty(len(kept))
-    if not 0.0 < actual < _LIGHT:
+    if not 0.0 < actual < SMALL:
         return 0.0
     return (
         natural_map(
@@ -59,6 +59,11 @@ def _error(problem: Problem, system: System, x: Array) -> float:
         )
         / actual
     )  # fmt: skip
+
+
+def rate_terms(problem: Problem, x: Array) -> Array:
+    """The sums of the sizes of what the rates of x are made of."""
+    return np.asarray(absolute(problem) @ np.abs(x) + np.abs(problem.b))
 
 
 def _step(whole: System, x: Array) -> Array | None:

@@ -60,7 +60,9 @@ class Sensitivity:
         self, problem: ContactProblem, v: ArrayLike, force: ArrayLike, tau: ArrayLike, active: float = ACTIVE
     ) -> None:
         p = self.problem = problem
-        self.v, lam, t = (np.asarray(a, np.float64) for a in (v, force, tau))
+        if not isinstance(active, int | float | np.number) or not 0.0 <= active < 1.0:
+            raise ValueError(f"active: must be from 0 to 1, not {active!r}")
+        self.v, lam, t = (_numbers(*given) for given in (("v", v), ("force", force), ("tau", tau)))
         for name, value, like in (("v", self.v, p.c), ("force", lam, p.w), ("tau", t, p.w_s)):
             if value.shape != like.shape:
                 raise ValueError(f"{name}: has shape {value.shape}; the problem makes it {like.shape}")
@@ -169,11 +171,14 @@ class Sensitivity:
                 f"no gradient: weakly active are contacts {list(self.weak)}, rows {list(self.weak_rows)};"
                 " ask for one-sided derivatives, or with `released` for one piece"
             )
-        given = [np.zeros(len(like)) if g is None else np.asarray(g, np.float64) for g, like in (
-            (v, p.c), (force, p.w), (tau, p.w_s))]  # fmt: skip
+        given = []
+        for name, value, like in (("v", v, p.c), ("force", force, p.w), ("tau", tau, p.w_s)):
+            given.append(np.zeros(len(like)) if value is None else _numbers(name, value))
+            if given[-1].shape != like.shape:
+                raise ValueError(f"{name}: has shape {given[-1].shape}; the problem makes it {like.shape}")
+            if not np.isfinite(given[-1]).all():
+                raise ValueError(f"{name}: must be finite")
         on_v, on_f = given[0], np.concatenate(given[1:])
-        if len(on_v) != n or len(on_f) != len(self.force):
-            raise ValueError("gradient: must have the sizes of v, force and tau")
         keep = np.concatenate([np.arange(n), n + np.flatnonzero(q.free)])
         inverse, null = self._inverse(keep)
         right = np.concatenate([on_v, q.B.T @ on_f])[keep] * self._unit[keep]
@@ -204,7 +209,7 @@ class Sensitivity:
         for name in data:
             if name not in DATA:
                 raise ValueError(f"{name}: is none of {', '.join(DATA)}")
-        given = {name: np.asarray(value, np.float64) for name, value in data.items()}
+        given = {name: _numbers(name, value) for name, value in data.items()}
         count = 1
         for name, value in given.items():
             shape = getattr(self.problem, name).shape
@@ -281,6 +286,13 @@ class Sensitivity:
             if found.status == Status.SOLVED:
                 z[order, j] = found.x
         return z
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        return np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: must be numbers") from None
 
 
 def _units(matrix: Array) -> Array:

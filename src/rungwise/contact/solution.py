@@ -45,6 +45,8 @@ class ContactSolution:
     """x (N,) and rates y = A x + b (N,) of the problem, judged.
 
     `certificate` is there when the status is JAMMED or UNSUPPORTED; x is then the least violation met.
+    `massless`: judged beside what is demanded, for inertia is next to none (see `system`); the certificate
+    is then one of `scaled(problem, massless=True)`.
     """
 
     problem: Problem
@@ -55,6 +57,7 @@ class ContactSolution:
     tol: float
     attempts: tuple[Attempt, ...]
     certificate: Infeasible | None = None
+    massless: bool = False
 
     @property
     def r(self) -> Array:

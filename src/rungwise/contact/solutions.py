@@ -9,6 +9,7 @@ which know no solver, agree.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -30,8 +31,9 @@ from rungwise.contact.pieces import (
     same,
 )
 from rungwise.contact.problem import ContactProblem
+from rungwise.contact.refine import SMALL, rate_terms
 from rungwise.contact.solution import Status
-from rungwise.contact.solve import solve
+from rungwise.contact.solve import demands_little, is_kinematic, solve
 from rungwise.contact.solvers import branching
 from rungwise.contact.system import System, scaled
 
@@ -57,6 +59,23 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
     if not isinstance(nodes, int | np.integer) or nodes < 1:
         raise ValueError(f"nodes: must be at least 1, not {nodes!r}")
     system = scaled(problem)
+    found = _all(assembled, problem, system, nodes)
+    if demands_little(assembled, system) and not any(
+        _moves(problem, system, piece) for piece in found.pieces
+    ):
+        slow = _all(assembled, problem, scaled(problem, massless=True), nodes)
+        proof = slow.certificate
+        if slow.pieces or (proof is not None and is_kinematic(problem, proof)):
+            return replace(slow, massless=True)
+    return found
+
+
+def _moves(problem: Problem, system: System, piece: Piece) -> bool:
+    """Whether rates are seen beside those without forces."""
+    return bool((rate_terms(problem, piece.x)[system.kept] >= SMALL * system.rate).any())
+
+
+def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, nodes: int) -> Solutions:
     motion, _ = motion_map(problem, system)
     waiting, done = [hull(system)], 0
     known = _known(assembled, system, motion)
@@ -159,12 +178,12 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
         raise ValueError(f"found: must be what `solutions` gives, not {type(found).__name__}")
     if found.undecided or not found.pieces:
         raise ValueError(f"found: the solutions are {found.kind}, and have no motion to bound")
-    system = scaled(found.problem)
+    system = scaled(found.problem, found.massless)
     motion, offset = motion_map(found.problem, system)
     if not isinstance(objects, Sequence) or not all(isinstance(one, Sequence) for one in objects):
         raise ValueError("objects: must be a list of the velocities of each object, such as [[0, 1, 2]]")
     for i in (i for coordinates in objects for i in coordinates):
-        if not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
+        if isinstance(i, bool) or not isinstance(i, int | np.integer) or not 0 <= i < len(offset):
             raise ValueError(f"objects: velocity {i!r} is not one of 0 to {len(offset) - 1}")
     shapes = [polyhedron(system, piece.mode) for piece in found.pieces]
     unit = np.abs(motion).max(axis=1, initial=0.0)

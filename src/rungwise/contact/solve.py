@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 
+from rungwise.contact.farkas import Infeasible
 from rungwise.contact.islands import islands
-from rungwise.contact.judge import judged
+from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.refine import refined
+from rungwise.contact.refine import SMALL, rate_error, refined
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -57,7 +59,7 @@ def solve(
     """
     assembled = problem if isinstance(problem, ContactProblem) else None
     problem = Problem.of(problem)
-    if isinstance(tol, str) or not 0.0 < tol < 1.0:
+    if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
     system = scaled(problem)
@@ -66,32 +68,118 @@ def solve(
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
     attempts: list[Attempt] = []
     if assembled is not None and solvers is None and step.accepts(assembled):
-        full = step.solve(assembled, given)
-        (residuals, y), proof = judged(problem, system, full), None
-        attempts.append(Attempt(step.NAME, 1, residuals.worst))
-    if not attempts or attempts[0].residual > tol:
+        answer = _judged(problem, system, step.solve(assembled, given))
+        attempts.append(Attempt(step.NAME, 1, answer.residual))
+    if not attempts or answer.residual > tol:
         x, more = _run(chain, system, given[system.kept] / system.force, tol)
         attempts += more
-        full = system.recover(x * system.force)
-        (residuals, y), proof = judged(problem, system, full), None
-    if residuals.worst > tol:
-        found = branching.search(system, x, _MARGIN * tol)
-        attempts.append(Attempt(branching.NAME, found.nodes, found.residual))
-        full, proof = system.recover(found.x * system.force), found.proof
-        residuals, y = judged(problem, system, full)
-    if residuals.worst > tol and proof is None and problem.is_boxes:
+        answer = _judged(problem, system, system.recover(x * system.force))
+    slow = None
+    if demands_little(problem if assembled is None else assembled, system):
+        answer = _finer(problem, system, answer, tol)
+        if not _tells(problem, system, answer, tol):
+            slow, more = _without_inertia(problem, chain, answer.x, tol)
+            attempts += more
+    if slow is not None and (slow.residual <= tol or slow.proof is not None):
+        answer = slow
+    else:
+        answer, more = _last_resort(problem, system, chain, answer, tol)
+        attempts += more
+        answer = _finer(problem, system, answer, tol)
+        hidden = slow is not None and system.demanded < tol and answer.residual <= tol
+        if slow is not None and hidden and not _tells(problem, system, answer, tol):
+            answer = slow
+    status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
+    if answer.residual <= tol:
+        status, answer = Status.SOLVED, answer._replace(proof=None)
+    return ContactSolution(
+        problem, status, answer.x, answer.y, answer.residuals, tol, tuple(attempts), answer.proof,
+        answer is slow,
+    )  # fmt: skip
+
+
+class _Answer(NamedTuple):
+    """x (N,) and its rates, judged; or the least that was met of what is proved not to be."""
+
+    x: Array
+    y: Array
+    residuals: Residuals
+    proof: Infeasible | None = None
+
+    @property
+    def residual(self) -> float:
+        return self.residuals.worst
+
+
+def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None = None) -> _Answer:
+    residuals, y = judged(problem, system, x)
+    return _Answer(x, y, residuals, proof)
+
+
+def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
+    """The answer with its rates refined, where that is within `tol` too."""
+    if answer.residual > tol:
+        return answer
+    finer = refined(problem, system, answer.x, tol)
+    if finer is answer.x:
+        return answer
+    better = _judged(problem, system, finer)
+    return better if better.residual <= tol else answer
+
+
+def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> bool:
+    """Whether the residual says something of the rates that there are, beside those without forces."""
+    return answer.residual <= tol and rate_error(problem, system, answer.x) <= tol
+
+
+def _without_inertia(
+    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float
+) -> tuple[_Answer, list[Attempt]]:
+    """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
+    system = scaled(problem, massless=True)
+    own, attempts = _run(chain, system, x / system.force, tol)
+    answer = _judged(problem, system, system.recover(own * system.force))
+    if answer.residual > tol:
+        answer, attempt = _branched(problem, system, answer.x, tol)
+        attempts.append(attempt)
+    if answer.proof is not None and not is_kinematic(problem, answer.proof):
+        answer = answer._replace(proof=None)
+    return answer, attempts
+
+
+def demands_little(given: Problem | ContactProblem, system: System) -> bool:
+    """Whether what is demanded is next to nothing beside the rates without forces, and yet no noise."""
+    if isinstance(given, ContactProblem) and np.abs([*given.w, *given.w_s]).max(initial=0.0) <= given.quantum:
+        return False
+    return system.demanded < SMALL
+
+
+def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
+    """Whether a proof of the massless system weighs no balance of forces, and so is one of any inertia."""
+    balance = slice(problem.rows, problem.rows + problem.velocities)
+    return not any(p[balance].any() for p in proof.vectors)
+
+
+def _last_resort(
+    problem: Problem, system: System, chain: tuple[ModuleType, ...], answer: _Answer, tol: float
+) -> tuple[_Answer, list[Attempt]]:
+    """What branching, and other units, make of an answer that is not within `tol`."""
+    attempts: list[Attempt] = []
+    if answer.residual > tol:
+        answer, attempt = _branched(problem, system, answer.x, tol)
+        attempts.append(attempt)
+    if answer.residual > tol and answer.proof is None and problem.is_boxes:
         other, more = _in_other_units(problem, chain, tol)
         attempts += more
-        if (better := judged(problem, system, other))[0].worst < residuals.worst:
-            full, (residuals, y) = other, better
-    if residuals.worst <= tol:
-        finer = refined(problem, system, full, tol)
-        if finer is not full and (better := judged(problem, system, finer))[0].worst <= tol:
-            full, (residuals, y) = finer, better
-    status = Status.NOT_CONVERGED if proof is None else Status(proof.kind)
-    if residuals.worst <= tol:
-        status, proof = Status.SOLVED, None
-    return ContactSolution(problem, status, full, y, residuals, tol, tuple(attempts), proof)
+        if (better := _judged(problem, system, other)).residual < answer.residual:
+            answer = better
+    return answer, attempts
+
+
+def _branched(problem: Problem, system: System, x: Array, tol: float) -> tuple[_Answer, Attempt]:
+    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol)
+    answer = _judged(problem, system, system.recover(found.x * system.force), found.proof)
+    return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 
 def _in_other_units(
@@ -114,8 +202,10 @@ def _in_other_units(
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
     known = {module.NAME: module for module in SOLVERS}
+    if names is not None and not isinstance(names, tuple | list):
+        raise ValueError(f"solvers: must be a tuple of names, not {names!r}")
     for name in names or ():
-        if name not in known:
+        if not isinstance(name, str) or name not in known:
             raise ValueError(f"solvers: {name!r} is none of {', '.join(known)}")
     return SOLVERS if names is None else tuple(known[name] for name in names)
 

@@ -3,8 +3,9 @@
 Each contact is measured in a unit s of its own: s^2 is one over the mean diagonal of its block, so that its
 block has a unit diagonal, all its directions alike, and friction is what it was. Forces and rates are divided
 by |s q|, the norm of the rates without forces: `natural_map` of the scaled system is the residual by which
-answers are judged. Where inertia is next to none, and the rates without forces nearly infinite, demanded
-rates and loads are the measures instead.
+answers are judged. Where these hide what is demanded, because inertia is next to none or demands are, nothing
+but the answer tells which of both it is: one that moves is judged so; for the others there is a second
+system, `massless`, of all unknowns, in which demanded rates and loads are the measures.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.elimination import Condensed, Left, eliminated, everything
-from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
 from rungwise.kernel import Ints
 
@@ -29,7 +30,7 @@ class System:
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
     others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left.
+    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite.
     """
 
     row_start: Ints
@@ -47,6 +48,7 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
+    demanded: float
 
     @property
     def size(self) -> int:
@@ -72,13 +74,20 @@ class System:
 
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
+_massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 
 
-def scaled(problem: Problem) -> System:
-    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers."""
-    made = _prepared.get(problem)
+def scaled(problem: Problem, massless: bool = False) -> System:
+    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
+
+    `massless`: that in all unknowns, measured by demanded rates and loads; only where velocities can be
+    eliminated.
+    """
+    known = _massless if massless else _prepared
+    made = known.get(problem)
     if made is None:
-        made = _prepared[problem] = _scaled(problem, eliminated(problem))
+        left = everything(problem) if massless else eliminated(problem)
+        made = known[problem] = _scaled(problem, left, massless)
     return made
 
 
@@ -87,8 +96,8 @@ def uneliminated(problem: Problem) -> System:
     return _scaled(problem, everything(problem))
 
 
-def _scaled(problem: Problem, left: Left) -> System:
-    kept, A, b, recover, condensed, light = left
+def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
+    kept, A, b, recover, condensed, demanded = left
     rows, d, size = problem.rows, problem.directions, len(b)
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
@@ -97,7 +106,7 @@ def _scaled(problem: Problem, left: Left) -> System:
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    if light:
+    if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(A)):
         _fit_massless(problem, row_start, column, value, s)
     else:
         fitted(row_start, column, value, rows, d, s)
@@ -106,8 +115,13 @@ def _scaled(problem: Problem, left: Left) -> System:
     rescaled(row_start, column, s, value, blocks, diagonal)
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover, condensed and condensed.scaled(s),
+        force, rate, kept, recover, condensed and condensed.scaled(s), demanded,
     )  # fmt: skip
+
+
+def _has_diagonal(A: Matrix) -> bool:
+    """Whether inertia or compliance says what rate is much for a force: nothing else does."""
+    return bool(A.diagonal().any())
 
 
 def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
@@ -116,8 +130,11 @@ def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array,
     row = np.arange(len(s)).repeat(np.diff(row_start))
     inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)
     fitted(row_start, column, np.where(inertia, 0.0, value), problem.rows, problem.directions, s)
-    demands, loads = s * problem.b, s[first:last] * problem.b[first:last]
+    limits = np.concatenate([problem.lower, problem.upper]) / np.tile(s[first:], 2)
+    loads = np.concatenate([s[first:last] * problem.b[first:last], limits[np.isfinite(limits)]])
+    demands = s * problem.b
     demands[first:last] = 0.0
-    ratio = np.linalg.norm(loads) / np.linalg.norm(demands)
-    s *= ratio**0.5
-    s[first:last] /= ratio
+    ratio = np.linalg.norm(loads) / (np.linalg.norm(demands) or 1.0)
+    if ratio > 0.0 and demands.any():
+        s *= ratio**0.5
+        s[first:last] /= ratio

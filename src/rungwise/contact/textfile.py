@@ -30,8 +30,6 @@ def kind_of(path: Path) -> str:
 def read_text(path: Path, kind: str | None = None) -> Problem:
     """The problem in `path`; ValueError when the text is not one."""
     kind = kind_of(path) if kind is None else kind
-    if kind not in KINDS:
-        raise ValueError(f"kind: must be one of {', '.join(KINDS)}, not {kind!r}")
     words = _Words(path.read_text("utf-8", errors="replace"))
     match kind:
         case "lcp":
@@ -59,16 +57,26 @@ def read_text(path: Path, kind: str | None = None) -> Problem:
 
 def _mlcp(words: _Words) -> Problem:
     """Blocks of rows that are equalities (0) or complementarities (1), then the square matrix and offset."""
-    one_matrix, _, equalities, complementarities = words.integers(4)
+    one_matrix, _, equalities, complementarities = words.sizes(4)
     if not one_matrix:
         raise ValueError("M: an MLCP in several matrices is not supported")
     size = equalities + complementarities
-    ends = [words.integers(1)[0]]
+    ends = words.sizes(1)
     while ends[-1] < size:
-        ends += words.integers(1)
+        ends += words.sizes(1)
     law = np.zeros(size, bool)
     for first, last, complementary in zip(ends[:-1], ends[1:], words.integers(len(ends) - 1), strict=True):
         law[first:last] = bool(complementary)
+    if (
+        ends[0] != 0
+        or ends[-1] != size
+        or min(np.diff(ends), default=1) < 1
+        or law.sum() != complementarities
+    ):
+        raise ValueError(
+            f"file: its blocks of rows do not make {equalities} equalities and {complementarities}"
+            " complementarities"
+        )
     M = _matrix(words)
     return Problem.mlcp(M, words.floats(M.shape[0]), law)
 
@@ -107,6 +115,11 @@ class _Words:
         except ValueError:
             raise ValueError("file: words that are not numbers stand where numbers are due") from None
 
+    def hold(self, *sizes: int) -> None:
+        """Refuse sizes of vectors that the file is too short for."""
+        if max(sizes) > len(self.text):
+            raise ValueError(f"file: is too short for a matrix of size {max(sizes)}")
+
     def line(self) -> str:
         end = self.text.find("\n", self.at)
         end = len(self.text) if end < 0 else end
@@ -116,6 +129,7 @@ class _Words:
 
 def _matrix(words: _Words) -> Matrix:
     storage, rows, columns = words.sizes(3)
+    words.hold(rows, columns)
     match storage:
         case 0:
             rows, columns = words.sizes(2)
@@ -157,6 +171,7 @@ def _listing(words: _Words) -> sp.csr_array:
     if head is None:
         raise ValueError("file: the heading of a sparse matrix is not understood")
     form, shape, entries = head[1] or "", (int(head[2]), int(head[3])), int(head[4])
+    words.hold(*shape)
     lines: list[tuple[int, int, float]] = []
     try:
         if form.startswith("triplet"):

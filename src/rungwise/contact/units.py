@@ -121,9 +121,32 @@ def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Real
 
 
 @kernel
+def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
+    """A first s where it is not fixed (negative): from neighbours to theirs; one where nothing is fixed."""
+    for i in range(len(s)):
+        s[i] = min(s[i], 0.0)
+    reached = True
+    while reached:
+        reached = False
+        for i in range(len(s)):
+            largest = 0.0
+            for k in range(row_start[i], row_start[i + 1]):
+                largest = max(largest, abs(value[k] * s[column[k]]))
+            if s[i] == 0.0 and largest > 0.0:
+                s[i], reached = 1.0 / largest, True
+    for i in range(len(s)):
+        if s[i] == 0.0:
+            s[i] = 1.0
+
+
+@kernel
 def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
-    """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one."""
+    """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one.
+
+    There are many such s. That which is found starts from what is fixed, and so follows its units.
+    """
     size = len(s)
+    spread(row_start, column, value, s)
     for _ in range(_ROUNDS):
         for i in range(size):
             largest = 0.0
