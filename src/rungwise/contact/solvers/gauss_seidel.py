@@ -169,45 +169,42 @@ def alternate(
 ) -> int:
     """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
 
-    It begins with Newton steps where x is near a solution.
+    It begins with Newton steps where x is near a solution, and goes back to no forces where that ends on a
+    kink: no start is worse than none.
     """
     d, n, done = blocks.shape[1], len(x), 0
     least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
     near = least < _NEAR
-    for turn in range(_ROUNDS):
-        before = least
-        if turn > 0 or not near:
-            sweeps, accuracy = max(_FIRST_SWEEPS, 1 << turn), _ROUGH if turn == 0 else _EXACT
-            for _ in range(sweeps):
-                _sweep(
-                    row_start,
-                    column,
-                    value,
-                    blocks,
-                    diagonal,
-                    b,
-                    0.0,
-                    mu,
-                    lower,
-                    upper,
-                    accuracy,
-                    x,
-                    vectors[3],
-                )
-            done += sweeps
-        done += descend_dense(
-            row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings, factors,
-            vectors, order,
-        )  # fmt: skip
-        found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
-        if found < least:
-            least = found
+    for afresh in range(2 if near else 1):
+        reached = least
+        if afresh:
+            reached = math.inf
             for i in range(n):
-                best[i] = x[i]
-        if least <= tol:
-            return done
-        if turn > 0 and not least < 0.5 * before:
-            break
+                x[i] = 0.0
+        for turn in range(_ROUNDS):
+            before = reached
+            if turn > 0 or afresh or not near:
+                sweeps, accuracy = max(_FIRST_SWEEPS, 1 << turn), _ROUGH if turn == 0 else _EXACT
+                for _ in range(sweeps):
+                    _sweep(
+                        row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x,
+                        vectors[3],
+                    )  # fmt: skip
+                done += sweeps
+            done += descend_dense(
+                row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
+                factors, vectors, order,
+            )  # fmt: skip
+            found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+            reached = min(reached, found)
+            if found < least:
+                least = found
+                for i in range(n):
+                    best[i] = x[i]
+            if least <= tol:
+                return done
+            if turn > 0 and not reached < 0.5 * before:
+                break
     return done
 
 
