@@ -333,3 +333,24 @@ def test_what_has_no_solution_is_not_solved_in_any_units_of_rows_and_unknowns() 
                 np.minimum(np.abs(w) / terms, np.abs(z) * (np.abs(M) / terms[:, None]).max(axis=0)) < 1e-5
             ).all()
     assert min(seen.values()) > 30
+
+
+@pytest.mark.parametrize("ratio", [1e4, 1e8, 1e10, 1e12, 1e14, 1e16])
+@pytest.mark.parametrize("bodies", [2, 3, 5])
+@pytest.mark.parametrize("directions", [1, 2, 3])
+def test_the_heaviest_body_on_the_lightest_is_never_said_to_jam(
+    directions: int, bodies: int, ratio: float
+) -> None:
+    """Each stands on the one before, and the lowest carries all: there is that solution."""
+    mass, axis = np.logspace(0.0, np.log10(ratio), bodies), np.eye(directions)
+    problem = rw.Problem.balance(
+        np.kron(np.diag(1e3 * mass), axis), np.kron(-9.81 * mass, axis[0]),
+        np.kron(np.eye(bodies) - np.eye(bodies, k=-1), axis), np.zeros(bodies * directions),
+        np.full(bodies, 0.5), directions=directions,
+    )  # fmt: skip
+    found = rw.solve(problem)
+    assert found.status in ("solved", "not_converged")
+    if directions < 3:
+        assert rw.solutions(problem).kind != "none"
+    if found.status == "solved":
+        np.testing.assert_allclose(found.r[0], 9.81 * mass.sum(), rtol=1e-2)

@@ -7,7 +7,8 @@ elsewhere it is 0. So p . y >= 0 for every solution in the mode; and if p . b + 
 mode allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex Analysis, 1970, section 22).
 
 In floating point a remainder `left` multiplies x, and what is proved is that no solution has a scaled norm
-below gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1).
+below gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1),
+beside the forces that loads may make of contacts: a heavy body on a light one presses with many of its units.
 """
 
 from __future__ import annotations
@@ -175,4 +176,4 @@ def excludes(system: System, mode: Mode, p: Array) -> bool:
     gain -= float((own[inside] * bound[inside]).sum())
     gain -= float((_ROUNDING * np.abs(own) + doubt[s.rows :])[inside] @ np.abs(bound[inside]))
     left = max(left, float(np.abs(own[~inside]).max(initial=0.0)))
-    return gain > REACH * s.size * left
+    return gain > REACH * s.load * s.size * left

@@ -30,7 +30,8 @@ class System:
 
     row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
     others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite.
+    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite;
+    load: the largest load over the least unit of a contact's force, or one.
     """
 
     row_start: Ints
@@ -49,6 +50,7 @@ class System:
     recover: Callable[[Array], Array]
     condensed: Condensed | None
     demanded: float
+    load: float
 
     @property
     def size(self) -> int:
@@ -116,7 +118,18 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
     return System(
         row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
         force, rate, kept, recover, condensed and condensed.scaled(s), demanded,
+        _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
     )  # fmt: skip
+
+
+def _load(problem: Problem, unit: Array) -> float:
+    if len(unit) == 0 or problem.velocities == 0:
+        return 1.0
+    own = slice(problem.rows, problem.rows + problem.velocities)
+    lever: Matrix = abs(problem.A[own, : problem.rows]).max(axis=1)
+    lever = lever.toarray().ravel() if sp.issparse(lever) else lever
+    loads = np.abs(problem.b[own])[lever > 0.0] / lever[lever > 0.0]
+    return max(1.0, float(loads.max(initial=0.0) / unit.min()))
 
 
 def _has_diagonal(A: Matrix) -> bool:
