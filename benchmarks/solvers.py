@@ -52,7 +52,7 @@ from typing import Any
 import contact_peers
 import numba
 import numpy as np
-from boxes import generated
+from assemblies import generated
 from peer_process import Peer
 
 import rungwise as rw

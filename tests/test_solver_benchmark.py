@@ -39,7 +39,7 @@ def problem(directions: int) -> rw.Problem:
 
 
 def test_boxes_rest_under_their_weight(module: Any) -> None:
-    boxes = module("boxes")
+    boxes = module("assemblies")
     for count, stacked in ((10, boxes.stack(10)), (20, boxes.pile(20))):
         found = rw.solve(stacked)
         assert found.status == "solved" and found.residuals.worst <= 1e-8
@@ -177,7 +177,7 @@ def test_what_peers_are_given_is_the_same_problem(module: Any, tmp_path: Path, d
 
 def test_mixed_forms_are_given_condensed_and_whole(module: Any, tmp_path: Path) -> None:
     peers = module("contact_peers")
-    given = module("boxes").stack(2, push=1.0)
+    given = module("assemblies").stack(2, push=1.0)
     expected = rw.solve(given)
     whole = {form.name: form for form in peers.Siconos(tmp_path).forms(given)}
     read = read_problem(whole["mixed, own"].task["file"])

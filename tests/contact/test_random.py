@@ -17,7 +17,8 @@ MOST = {
     "pivoting": 6 * (50 + 20 * 60),
     "interior-point": 100,
     "newton": 40,
-    "proximal-point": 80,
+    "homotopy": 600,
+    "proximal-point": 120,
     "branching": 300,
 }
 """Iterations that each solver's file states."""

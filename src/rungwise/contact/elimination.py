@@ -26,7 +26,7 @@ _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
-_FEW, _MOST = 2, 400
+FEW, MOST = 2, 700
 """Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
 
 
@@ -131,13 +131,13 @@ def _condensed(
     problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix
 ) -> Condensed | None:
     """The parts, where they are few and `front` has only the blocks of contacts."""
-    if not _FEW * own.shape[0] <= front.shape[0]:
+    if not FEW * own.shape[0] <= front.shape[0]:
         return None
     rows, d = problem.rows, problem.directions
     entries = sp.coo_array(front)
     row, column = entries.coords
     apart = np.where(np.maximum(row, column) < rows, row // d != column // d, row != column)
-    if apart.any() or own.shape[0] > _MOST:
+    if apart.any() or own.shape[0] > MOST:
         return None
     blocks = np.zeros((front.shape[0], 3))
     blocks[row, np.where(row < rows, column % d, 0)] = entries.data

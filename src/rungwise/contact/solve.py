@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.farkas import Infeasible
+from rungwise.contact.islands import islands
 from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
@@ -17,6 +18,7 @@ from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
     gauss_seidel,
+    homotopy,
     interior_point,
     newton,
     pivoting,
@@ -31,6 +33,7 @@ SOLVERS: tuple[ModuleType, ...] = (
     pivoting,
     interior_point,
     newton,
+    homotopy,
     proximal_point,
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
@@ -215,9 +218,26 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
         if least <= tol:
             break
         if solver.accepts(system):
-            trial, iterations = solver.solve(system, x, _MARGIN * tol)
+            trial, iterations = _apart(solver, system, x, _MARGIN * tol)
             found = natural(system, trial)
             if found < least:
                 x, least = trial, found
             attempts.append(Attempt(solver.NAME, iterations, least))
     return x, attempts
+
+
+def _apart(solver: ModuleType, system: System, x: Array, tol: float) -> tuple[Array, int]:
+    """What a solver makes of the islands that are not solved, one by one, and the most iterations of one."""
+    apart = islands(system)
+    if apart is None or solver is gauss_seidel:  # which does so itself, compiled
+        found: tuple[Array, int] = solver.solve(system, x, tol)
+        return found
+    inside, goals, most = apart.inwards(x), apart.goals(tol), 0
+    for i in range(len(apart)):
+        own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
+        if natural(own, inside[rows]) > goals[i] and solver.accepts(own):
+            trial, iterations = solver.solve(own, inside[rows], goals[i])
+            most = max(most, iterations)
+            if natural(own, trial) < natural(own, inside[rows]):
+                inside[rows] = trial
+    return apart.outwards(inside), most

@@ -8,22 +8,23 @@ so, to fewer digits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
+from rungwise.contact.solvers.factors import Factors, orientation
 from rungwise.kernel import Ints, Reals, kernel
 
 
-def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Callable[[Array], Array] | None:
-    """Solver of (E + L A) x = right (N,); E and L (N, 3) hold the rows of their blocks. None if singular."""
+def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
+    """Factors of E + L A; E and L (N, 3) hold the rows of their blocks. None if singular."""
     size = len(E)
     M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    if not condense(E, L, c.front, rows, d, *back, *across, M, P, G):
+    scratch = np.full(len(G), -1), np.empty(len(G), np.int64), np.empty(len(G))
+    blocks = condense(E, L, c.front, rows, d, *back, *across, M, P, G, *scratch)
+    if blocks == 0:
         return None
     factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
     if fault:
@@ -36,7 +37,7 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Callable[[Arr
         pull(P, v, rows, d, *back, x)
         return x
 
-    return solve
+    return Factors(solve, blocks * orientation(factor.diagonal(), exchanges))
 
 
 @kernel
@@ -55,30 +56,57 @@ def condense(
     M: Reals,
     P: Reals,
     G: Reals,
-) -> bool:
-    """Fill M = (E + L F)^-1 and P = M L in blocks, and take C P B from G; False where a block is singular."""
-    first = 0
+    place: Ints,
+    used: Ints,
+    sums: Reals,
+) -> int:
+    """Fill M = (E + L F)^-1 and P = M L in blocks, take C P B from G; returns the sign of det (E + L F).
+
+    place (n,), negative, used (n,) and sums (n,) are scratch, n the size of G.
+    """
+    first, sign = 0, 1
     while first < len(E):
         width = d if first < rows else 1
-        if not _invert(E, L, front, first, width, M):
-            return False
+        determinant = _invert(E, L, front, first, width, M)
+        if not abs(determinant) > 0.0:
+            return 0
+        if determinant < 0.0:
+            sign = -sign
+        count = _columns(back_column, back_start[first], back_start[first + width], place, used)
         for i in range(first, first + width):
+            for k in range(count):
+                sums[k] = 0.0
             for j in range(width):
                 P[i, j] = 0.0
                 for k in range(width):
                     P[i, j] += M[i, k] * L[first + k, j]
                 if P[i, j] != 0.0:
                     for k in range(back_start[first + j], back_start[first + j + 1]):
-                        weight = P[i, j] * back_value[k]
-                        for l in range(across_start[i], across_start[i + 1]):
-                            G[across_row[l], back_column[k]] -= across_value[l] * weight
+                        sums[place[back_column[k]]] += P[i, j] * back_value[k]
+            for l in range(across_start[i], across_start[i + 1]):
+                row = G[across_row[l]]
+                for k in range(count):
+                    row[used[k]] -= across_value[l] * sums[k]
+        for k in range(count):
+            place[used[k]] = -1
         first += width
-    return True
+    return sign
 
 
 @kernel
-def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) -> bool:
-    """Rows of M = (E + L front)^-1 in one block, by adjugates."""
+def _columns(column: Ints, start: int, end: int, place: Ints, used: Ints) -> int:
+    """List in `used` the columns of these entries, each once, and in `place` where; returns how many."""
+    count = 0
+    for k in range(start, end):
+        if place[column[k]] < 0:
+            place[column[k]], used[count] = count, column[k]
+            count += 1
+    return count
+
+
+@kernel
+def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) -> float:
+    """Rows of M = (E + L front)^-1 in one block, by adjugates; returns the determinant of E + L front."""
     t = M[first : first + width]
     for i in range(width):
         for j in range(width):
@@ -99,12 +127,10 @@ def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) 
         t[1, 0], t[1, 1], t[1, 2] = g * h - e * l, a * l - c * h, c * e - a * g
         t[2, 0], t[2, 1], t[2, 2] = e * k - f * h, b * h - a * k, a * f - b * e
         determinant = a * t[0, 0] + b * t[1, 0] + c * t[2, 0]
-    if not abs(determinant) > 0.0:
-        return False
     for i in range(width):
         for j in range(width):
             t[i, j] /= determinant
-    return True
+    return float(determinant)
 
 
 @kernel

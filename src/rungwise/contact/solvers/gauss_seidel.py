@@ -4,8 +4,9 @@ Algorithm: contacts and limited rows in turn, each solved exactly while the othe
 contact in space sticks, or slides with y_t = -a x_t; the slip a > 0 is the root of |x_t| = mu x_n, found by
 safeguarded Newton steps. Up to `SMALL` unknowns a few sweeps, which find what sticks, slides and opens,
 alternate with the steps of `newton`, which finish fast where that is right, while a round halves the
-residual. Sources: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998) 31-47;
-Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
+residual; larger systems fall apart into their islands first. Sources: Jourdan, Alart, Jean, Comput. Methods
+Appl. Mech. Eng. 155 (1998) 31-47; Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact
+(2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
 limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
 nor a few limited rows alone, which pivoting does.
@@ -19,11 +20,13 @@ import math
 
 import numpy as np
 
+from rungwise.contact.islands import Islands, islands
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
 from rungwise.contact.system import System
+from rungwise.contact.units import expand
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 NAME = "gauss-seidel"
@@ -38,15 +41,19 @@ _CHECK = 10
 
 def accepts(system: System) -> bool:
     if system.condensed is not None and system.size > SMALL:
-        return False
+        apart = islands(system)
+        if apart is None or np.diff(apart.first).max() > SMALL:
+            return False
     if len(system.mu) == 0 and system.size <= _FEW:
         return False
     return system.is_damped
 
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
-    """The best iterate x (N,) from `start`, and the sweeps (and steps) it took."""
+    """The best iterate x (N,) from `start`, and the sweeps (and steps) that took, or an island at most."""
     s, n = system, system.size
+    if n > SMALL and (apart := islands(system)) is not None:
+        return _solve_apart(apart, start, tol)
     x, best = start.copy(), start.copy()
     if 0 < n <= SMALL:
         done = alternate(
@@ -59,6 +66,18 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         np.empty((3, max(s.size, 3))), tol, SWEEPS, _PATIENCE,
     )  # fmt: skip
     return best, sweeps
+
+
+def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
+    a, x = apart, apart.inwards(start)
+    best = x.copy()
+    n = min(int(np.diff(a.first).max()), SMALL)
+    done = each(
+        a.first, a.contacts, a.row_start, a.column, a.value, a.blocks, a.diagonal, a.b, a.mu, a.lower,
+        a.upper, x, best, a.goals(tol), _DAMPINGS, np.empty(2 * n * n),
+        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(n, np.int64),
+    )  # fmt: skip
+    return a.outwards(best), done
 
 
 def smooth(system: System, start: Array, b: Array, shift: float, tol: float, sweeps: int) -> Array:
@@ -75,6 +94,57 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
 def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
     """Dampings and scratch for `alternate` with n unknowns."""
     return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+
+
+@kernel
+def each(
+    first: Ints,
+    contacts: Ints,
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
+    blocks: Reals,
+    diagonal: Reals,
+    b: Reals,
+    mu: Reals,
+    lower: Reals,
+    upper: Reals,
+    x: Reals,
+    best: Reals,
+    tol: Reals,
+    dampings: Reals,
+    square: Reals,
+    vectors: Reals,
+    order: Ints,
+) -> int:
+    """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
+
+    square (2 n^2,), vectors (8 n or more,) and order (n,) are scratch, n the size of the largest island, or
+    `SMALL` at most.
+    """
+    d, most = blocks.shape[1], 0
+    for i in range(len(tol)):
+        low, high, c, e = first[i], first[i + 1], contacts[i], contacts[i + 1]
+        n, f, g = high - low, low - d * c, high - d * e
+        rows, own, free = row_start[low : high + 1], blocks[c:e], diagonal[f:g]
+        if n > SMALL:
+            scratch = vectors[: 3 * max(n, 3)].reshape(3, max(n, 3))
+            done = sweep_until(
+                rows, column, value, own, free, b[low:high], 0.0, mu[c:e], lower[f:g], upper[f:g],
+                x[low:high], best[low:high], scratch, tol[i], SWEEPS, _PATIENCE,
+            )  # fmt: skip
+        else:
+            A = square[: n * n].reshape(n, n)
+            for k in range(n * n):
+                square[k] = 0.0
+            expand(rows, column, value, A)
+            done = alternate(
+                rows, column, value, A, own, free, b[low:high], mu[c:e], lower[f:g], upper[f:g], x[low:high],
+                best[low:high], tol[i], dampings, square[n * n : 2 * n * n].reshape(n, n),
+                vectors[: VECTORS * n].reshape(VECTORS, n), order,
+            )  # fmt: skip
+        most = max(most, done)
+    return most
 
 
 @kernel

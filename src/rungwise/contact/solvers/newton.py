@@ -18,9 +18,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
+from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
-from rungwise.contact.solvers.measure import rates
+from rungwise.contact.solvers.measure import natural, rates
 from rungwise.contact.solvers.newton_dense import (
     HALVINGS,
     LEAST,
@@ -38,6 +39,8 @@ _YIELD = 1e-7
 
 Linear = Callable[[float, Array], Array | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
+_LAST, _LIGHT = 5, (1e-8, 1e-4)
+"""Steps and dampings of those who have come near and want to finish."""
 
 
 def accepts(_system: System) -> bool:
@@ -48,6 +51,12 @@ def accepts(_system: System) -> bool:
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     """The iterate x (N,) from `start` at which |F| is within tol or no longer falls, and the steps taken."""
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
+
+
+def finish(system: System, A: Matrix, start: Array, tol: float) -> tuple[Array, float]:
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it."""
+    x, _ = descend(system, A, start, system.b, 0.0, tol, _LAST, _LIGHT)
+    return x, natural(system, x)
 
 
 def form(system: System) -> Matrix:
@@ -148,15 +157,15 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
     s, d, kept = system, system.directions, 1.0 - rho * shift
     i = np.arange(s.size)
     own = np.where(i < s.rows, i % d, 0)
-    if s.condensed is not None:
-        E, condensed = -kept * derivative, s.condensed
+    if (condensed := rank.parts(s)) is not None:
+        E = -kept * derivative
         E[i, own] += 1.0
 
         def lifted(damping: float, F: Array) -> Array | None:
             yielding = E.copy()
             yielding[i, own] += max(damping, _YIELD)
-            solve = solver(condensed, s.rows, d, yielding, rho * derivative)
-            return None if solve is None else _finite(solve(F))
+            made = solver(condensed, s.rows, d, yielding, rho * derivative)
+            return None if made is None else _finite(made.solve(F))
 
         return lifted
     width = np.where(i < s.rows, d, 1)

@@ -9,6 +9,8 @@ convergence where A is monotone and friction does not couple too strongly, howev
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rungwise.contact.mixed import Array
@@ -17,10 +19,11 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
-_OUTER = 80
-_WINDOW, _STALLED = 20, 0.7
+_OUTER = 120
+_WINDOW, _STALLED = 40, 0.7
 _INNER, _SWEEPS = 25, 20
-_WEIGHT, _EASIER, _HARDER = 1e-2, 0.5, 2.0
+_WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
+"""The first weight, or less where the residual is small: some solutions repel what is heavy."""
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
 
@@ -36,7 +39,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     A, sweeping = newton.form(s), gauss_seidel.accepts(s)
     x = best = start
     found = least = before = natural(s, start)
-    weight = _WEIGHT
+    weight = min(_WEIGHT, _SHARE * math.sqrt(least)) if least > 0.0 else _WEIGHT
     for done in range(_OUTER):
         if least <= tol:
             return best, done

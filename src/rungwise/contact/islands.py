@@ -1,0 +1,165 @@
+"""Parts of a system that have nothing to do with each other, each in a size of its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from rungwise.contact.elimination import Condensed
+from rungwise.contact.mixed import Array
+from rungwise.contact.system import System
+from rungwise.kernel import Ints, Reals, kernel
+
+
+@dataclass(frozen=True)
+class Islands:
+    """The system's rows, gathered island by island, with columns counted within the island.
+
+    place (N,): the rows as the system has them; first (k + 1,), contacts (k + 1,): where islands begin; size
+    (k,): what forces, limits and rates of each are divided by, so that its rates without forces have norm 1.
+    """
+
+    place: Ints
+    first: Ints
+    contacts: Ints
+    size: Array
+    row_start: Ints
+    column: Ints
+    value: Array
+    blocks: Array
+    diagonal: Array
+    b: Array
+    mu: Array
+    lower: Array
+    upper: Array
+    force: Array
+    rate: Array
+    kept: Ints
+    condensed: Condensed | None
+
+    def __len__(self) -> int:
+        return len(self.size)
+
+    def goals(self, tol: float) -> Array:
+        """Tolerances (k,), in the islands' own sizes, that together make `tol`."""
+        return tol / (self.size * math.sqrt(len(self)))
+
+    def inwards(self, x: Array) -> Array:
+        """The system's forces (N,) as the islands count them."""
+        return x[self.place] / self.size.repeat(np.diff(self.first))
+
+    def outwards(self, x: Array) -> Array:
+        """The islands' forces (N,) as the system counts them."""
+        full = np.empty(len(x))
+        full[self.place] = x * self.size.repeat(np.diff(self.first))
+        return full
+
+    def part(self, i: int) -> System:
+        """Island i as a system by itself."""
+        d = self.blocks.shape[1]
+        rows = slice(self.first[i], self.first[i + 1])
+        contacts = slice(self.contacts[i], self.contacts[i + 1])
+        others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
+        start = self.row_start[rows.start : rows.stop + 1]
+        entries, place = slice(start[0], start[-1]), self.place[rows]
+        return System(
+            start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
+            self.diagonal[others], self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
+            self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
+            _condensed(self.condensed, place),
+        )  # fmt: skip
+
+
+_known: WeakKeyDictionary[System, Islands | None] = WeakKeyDictionary()
+
+
+def islands(system: System) -> Islands | None:
+    """The islands of a system, made once; None where there is only one."""
+    if system not in _known:
+        label = np.empty(len(system.mu) + len(system.lower), np.int64)
+        count = labelled(system.row_start, system.column, system.value, system.rows, system.directions, label)
+        _known[system] = _gathered(system, label, count) if count > 1 else None
+    return _known[system]
+
+
+def _gathered(system: System, label: Ints, count: int) -> Islands:
+    s, d, rows = system, system.directions, system.rows
+    own = np.concatenate([label[: len(s.mu)].repeat(d), label[len(s.mu) :]])
+    place = np.argsort(own, kind="stable")
+    first, contacts = _starts(own, count), _starts(label[: len(s.mu)], count)
+    position = np.empty(s.size, np.int64)
+    position[place] = np.arange(s.size) - first[own[place]]
+    length = np.diff(s.row_start)[place]
+    row_start = np.concatenate([[0], np.cumsum(length)])
+    taken = np.arange(row_start[-1]) + (s.row_start[place] - row_start[:-1]).repeat(length)
+    size = np.sqrt(np.add.reduceat(s.b[place] ** 2, first[:-1]))
+    size[size == 0.0] = 1.0
+    pairs, single = place[place < rows][::d] // d, place[place >= rows] - rows
+    per = size[own[place]]
+    limits = per[place >= rows]
+    return Islands(
+        place, first, contacts, size, row_start, position[s.column[taken]], s.value[taken],
+        s.blocks[pairs], s.diagonal[single], s.b[place] / per, s.mu[pairs], s.lower[single] / limits,
+        s.upper[single] / limits, s.force[place] * per, s.rate[place] * per, s.kept[place], s.condensed,
+    )  # fmt: skip
+
+
+def _starts(label: Ints, count: int) -> Ints:
+    return np.concatenate([[0], np.cumsum(np.bincount(label, minlength=count))]).astype(np.int64)
+
+
+@kernel
+def labelled(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, label: Ints) -> int:
+    """Give each contact, and each other unknown, the number of its island; returns how many there are."""
+    contacts = rows // d
+    for k in range(len(label)):
+        label[k] = k
+    for i in range(len(row_start) - 1):
+        mine = i // d if i < rows else contacts + i - rows
+        for k in range(row_start[i], row_start[i + 1]):
+            if value[k] == 0.0:
+                continue
+            j = column[k]
+            a, b = mine, j // d if j < rows else contacts + j - rows
+            while label[a] != a:
+                label[a] = label[label[a]]
+                a = label[a]
+            while label[b] != b:
+                label[b] = label[label[b]]
+                b = label[b]
+            label[max(a, b)] = min(a, b)
+    count = 0
+    for k in range(len(label)):
+        if label[k] == k:
+            label[k] = count
+            count += 1
+        else:
+            label[k] = label[label[k]]
+    return count
+
+
+def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
+    """The parts of these rows; None where their velocities are coupled with others."""
+    if whole is None:
+        return None
+    back_start, back_column, back = _rows(whole.back_start, whole.back_column, whole.back_value, place)
+    start, row, value = _rows(whole.across_start, whole.across_row, whole.across_value, place)
+    used = np.zeros(len(whole.own), bool)
+    used[back_column] = used[row] = True
+    if whole.own[used][:, ~used].any() or whole.own[~used][:, used].any():
+        return None
+    number = np.cumsum(used) - 1
+    own = np.ascontiguousarray(whole.own[used][:, used])
+    return Condensed(
+        own, whole.front[place], back_start, number[back_column], back, start, number[row], value
+    )
+
+
+def _rows(start: Ints, column: Ints, value: Array, place: Ints) -> tuple[Ints, Ints, Array]:
+    length = np.diff(start)[place]
+    begin = np.concatenate([[0], np.cumsum(length)])
+    taken = np.arange(begin[-1]) + (start[place] - begin[:-1]).repeat(length)
+    return begin, column[taken], value[taken]

@@ -1,0 +1,222 @@
+"""Forces z and rates w in friction cones: coordinates, scaling, and the linear systems of paths inside.
+
+In these coordinates the friction cone is Lorentz's, its own dual; w_n is the normal rate plus mu times the
+slip. An upper limit is one more unknown, the force that holds it. Source: Vandenberghe, The CVXOPT
+linear and quadratic cone program solvers (2010).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact import rank
+from rungwise.contact.elimination import Condensed
+from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.solvers.condensed import solver as condensed_solver
+from rungwise.contact.solvers.factors import Factors, factors
+from rungwise.contact.system import System
+from rungwise.kernel import Ints, Reals, kernel
+
+_DENSE = 200
+
+
+class Cones(NamedTuple):
+    """w = A (z + offset) + b, x = (z + offset) / D; cone i has dim[i] rows from first[i]; others are free, or
+    dead (zero).
+
+    The first `size` are the unknowns of the system, of which `rows` are of contacts with d directions.
+    """
+
+    A: Matrix
+    b: Array
+    D: Array
+    offset: Array
+    first: Ints
+    dim: Ints
+    dead: Ints
+    size: int
+    rows: int
+    d: int
+    condensed: Condensed | None
+
+    def unknowns(self, z: Array) -> Array:
+        """x (size,) of the system."""
+        return ((z + self.offset) / self.D)[: self.size]
+
+
+def cones_of(system: System) -> Cones:
+    s, d = system, system.directions
+    slides, size = s.mu > 0.0, s.size + int(np.isfinite(s.upper).sum())
+    D = np.ones(size)
+    D[: s.rows : d][slides] = s.mu[slides]
+    limited = np.flatnonzero(np.isfinite(s.lower))
+    offset = np.zeros(size)
+    offset[s.rows + limited] = s.lower[limited]
+    tangents = np.arange(s.rows).reshape(-1, d)[~slides, 1:]
+    first = np.concatenate([np.arange(0, s.rows, d), s.rows + limited, np.arange(s.size, size)])
+    dim = np.concatenate([np.where(slides, d, 1), np.ones(len(limited) + size - s.size, np.int64)])
+    parts = None if size > s.size else rank.parts(s)
+    if parts is not None:
+        parts = parts.scaled(1.0 / D)
+    return Cones(*_with_limits(s, D), D, offset, first, dim, tangents.ravel(), s.size, s.rows, d, parts)
+
+
+def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
+    """A and b in the cones' coordinates; for each upper limit a row upper - x >= 0, whose force resists x."""
+    capped = np.flatnonzero(np.isfinite(system.upper))
+    A, b = system.matrix(), system.b
+    if len(capped):
+        shape = (system.size, len(capped))
+        hold = sp.csr_array(
+            (np.ones(len(capped)), (system.rows + capped, np.arange(len(capped)))), shape=shape
+        )
+        A = sp.block_array([[A, hold], [-hold.T, None]], format="csr")
+        b = np.concatenate([b, system.upper[capped]])
+    scale = sp.diags_array(1.0 / D)
+    A = sp.csr_array(scale @ A @ scale)
+    return (A.toarray() if len(b) <= _DENSE else A), b / D
+
+
+def centre(cones: Cones) -> Array:
+    """The unit of the cones over the root of their number."""
+    unit = np.zeros(len(cones.b))
+    unit[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
+    return unit
+
+
+def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
+    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by those of the identity."""
+    A = cones.A
+    if cones.condensed is not None:
+        rows, d = cones.rows, cones.d
+        E, L, i = np.zeros((len(scaling), 3)), np.zeros((len(scaling), 3)), np.arange(len(scaling))
+        lean_rows(scaling, turn, cones.first, cones.dim, E)
+        own = np.where(i < rows, i % d, 0)
+        L[i, own] = 1.0
+        E[cones.dead], L[cones.dead], E[cones.dead, own[cones.dead]] = 0.0, 0.0, 1.0
+        return condensed_solver(cones.condensed, rows, d, E, L)
+    if not sp.issparse(A):
+        J = A.copy()
+        add_scaling(J, scaling, turn, cones.first, cones.dim)
+        J[cones.dead] = 0.0
+        J[cones.dead, cones.dead] = 1.0
+        return factors(J)
+    blocks = np.zeros((len(scaling), 3))
+    lean_rows(scaling, turn, cones.first, cones.dim, blocks)
+    width = np.repeat(cones.dim, cones.dim)
+    start = np.repeat(cones.first, cones.dim)
+    row = start + np.arange(len(start)) - np.repeat(np.cumsum(cones.dim) - cones.dim, cones.dim)
+    used = np.arange(3) < width[:, None]
+    column = (start[:, None] + np.arange(3))[used]
+    shape = (len(scaling), len(scaling))
+    J = A + sp.csr_array((blocks[row][used], (np.repeat(row, width), column)), shape=shape)
+    if len(cones.dead):
+        alive = np.ones(len(scaling))
+        alive[cones.dead] = 0.0
+        J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
+    return factors(J)
+
+
+@kernel
+def nesterov_todd(
+    z: Reals, w: Reals, first: Ints, dim: Ints, scaling: Reals, inverse: Reals, turn: Reals, fault: Reals
+) -> None:
+    """Fill the scaling S with S z = w, the inverse of z, the direction of slip; add the slip to the fault."""
+    for c in range(len(first)):
+        i, d = first[c], dim[c]
+        if d == 1:
+            scaling[i, 0], inverse[i] = w[i] / z[i], 1.0 / z[i]
+            continue
+        slip = math.sqrt(w[i + 1] ** 2 + (w[i + 2] ** 2 if d > 2 else 0.0))
+        pull = math.sqrt(z[i + 1] ** 2 + (z[i + 2] ** 2 if d > 2 else 0.0))
+        size_z = math.sqrt(max((z[i] - pull) * (z[i] + pull), 1e-300))
+        size_w = math.sqrt(max((w[i] - slip) * (w[i] + slip), 1e-300))
+        dot = 0.0
+        for j in range(d):
+            dot += z[i + j] * w[i + j]
+        per = 1.0 / (2.0 * math.sqrt(0.5 * (1.0 + dot / (size_z * size_w))))
+        for j in range(d):
+            sign = 1.0 if j == 0 else -1.0
+            inverse[i + j] = sign * z[i + j] / (size_z * size_z)
+            turn[i + j] = w[i + j] / slip if j > 0 and slip > 0.0 else 0.0
+            mine = per * (w[i + j] / size_w + sign * z[i + j] / size_z)
+            for l in range(d):
+                other = per * (w[i + l] / size_w + (1.0 if l == 0 else -1.0) * z[i + l] / size_z)
+                scaling[i + j, l] = size_w / size_z * 2.0 * mine * other
+            scaling[i + j, j] -= sign * size_w / size_z
+        fault[i] += slip
+
+
+@kernel
+def toward(w: Reals, inverse: Reals, first: Ints, dim: Ints, target: float, aim: Reals) -> None:
+    """aim = target z^-1 - w, what dw + S dz is to be."""
+    for c in range(len(first)):
+        for i in range(first[c], first[c] + dim[c]):
+            aim[i] = target * inverse[i] - w[i]
+
+
+@kernel
+def lean(right: Reals, aim: Reals, turn: Reals, first: Ints, dim: Ints) -> None:
+    """The slip that `aim` brings with it, taken from the normal rows."""
+    for c in range(len(first)):
+        for i in range(first[c] + 1, first[c] + dim[c]):
+            right[first[c]] -= turn[i] * aim[i]
+
+
+@kernel
+def lean_rows(scaling: Reals, turn: Reals, first: Ints, dim: Ints, out: Reals) -> None:
+    """out = (I - e turn^T) S, block by block."""
+    for c in range(len(first)):
+        i = first[c]
+        for l in range(dim[c]):
+            for j in range(dim[c]):
+                out[i + j, l] = scaling[i + j, l]
+            for j in range(1, dim[c]):
+                out[i, l] -= turn[i + j] * scaling[i + j, l]
+
+
+@kernel
+def add_scaling(J: Reals, scaling: Reals, turn: Reals, first: Ints, dim: Ints) -> None:
+    """Add (I - e turn^T) S to J."""
+    for c in range(len(first)):
+        i = first[c]
+        for l in range(dim[c]):
+            for j in range(dim[c]):
+                J[i + j, i + l] += scaling[i + j, l]
+            for j in range(1, dim[c]):
+                J[i, i + l] -= turn[i + j] * scaling[i + j, l]
+
+
+@kernel
+def apply_scaling(scaling: Reals, dz: Reals, first: Ints, dim: Ints, out: Reals) -> None:
+    """out -= S dz."""
+    for c in range(len(first)):
+        for j in range(dim[c]):
+            for l in range(dim[c]):
+                out[first[c] + j] -= scaling[first[c] + j, l] * dz[first[c] + l]
+
+
+@kernel
+def longest(z: Reals, dz: Reals, first: Ints, dim: Ints) -> float:
+    """The greatest step for which z + step dz is in all cones."""
+    least = math.inf
+    for c in range(len(first)):
+        i = first[c]
+        if dz[i] < 0.0:
+            least = min(least, -z[i] / dz[i])
+        a, half, left = dz[i] * dz[i], z[i] * dz[i], z[i] * z[i]
+        for j in range(i + 1, i + dim[c]):
+            a -= dz[j] * dz[j]
+            half -= z[j] * dz[j]
+            left -= z[j] * z[j]
+        left = max(left, 0.0)
+        inside = half * half - a * left
+        if dim[c] > 1 and inside >= 0.0 and (a < 0.0 or half < 0.0):
+            below = math.sqrt(inside) - half
+            if below > 0.0:
+                least = min(least, left / below)
+    return least

@@ -1,0 +1,60 @@
+"""Factors of a matrix: how to solve with it, and the sign of its determinant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.sparse.linalg import splu
+
+from rungwise.contact.mixed import Array, Matrix
+from rungwise.kernel import Ints, kernel
+
+
+class Factors(NamedTuple):
+    """solve(right) (N,) -> (N,); sign: 1 or -1, of the determinant."""
+
+    solve: Callable[[Array], Array]
+    sign: int
+
+
+def factors(J: Matrix) -> Factors | None:
+    """Factors of J (N, N), dense or sparse; None if singular."""
+    if not sp.issparse(J):
+        factor, exchanges, fault = dgetrf(J)
+        if fault:
+            return None
+        sign = orientation(factor.diagonal(), exchanges)
+        return Factors(lambda right: np.asarray(dgetrs(factor, exchanges, right)[0]), sign)
+    try:
+        made = splu(sp.csc_array(J), permc_spec="MMD_AT_PLUS_A")
+    except RuntimeError:
+        return None
+    sign = parity(made.perm_r.astype(np.int64)) * parity(made.perm_c.astype(np.int64))
+    return Factors(made.solve, sign * _signs(made.U.diagonal()))
+
+
+def orientation(diagonal: Array, exchanges: NDArray[np.integer]) -> int:
+    """Sign of a determinant from the diagonal of U and the rows exchanged one after another."""
+    moved = np.count_nonzero(exchanges != np.arange(len(exchanges)))
+    return _signs(diagonal) * (-1 if moved % 2 else 1)
+
+
+def _signs(diagonal: Array) -> int:
+    return -1 if np.count_nonzero(diagonal < 0.0) % 2 else 1
+
+
+@kernel
+def parity(order: Ints) -> int:
+    """Sign of a permutation, which becomes the identity."""
+    sign = 1
+    for i in range(len(order)):
+        while order[i] != i:
+            j = order[i]
+            order[i], order[j] = order[j], j
+            sign = -sign
+    return sign

@@ -1,0 +1,250 @@
+"""A path to the exact law from a problem with one answer, followed through its turning points.
+
+Algorithm: forces z and rates w in cones (see `cones`), products z w = t times a multiple of the unit, slips
+counted (1 - t) times, and a fault that is t times that of the start. At t = 1 friction does not couple, the
+problem is monotone and the start is its one answer; at t = 0 are solutions. Where friction couples strongly
+the path turns back on its way, and methods that only ever lower t end there. It is followed by arc length,
+in the cones' own metric: each step corrects and predicts with one factorisation, forwards being where t falls
+while the determinant is positive, and rises while it is negative, so that no path leads back to its start. A
+step that does not stay near the path is taken again, shorter. When the residual has fallen tenfold, `newton`
+tries to finish. Sources: Allgower and Georg, Introduction to Numerical Continuation Methods (2003), chapters
+2 to 6; Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42. Accepts: contacts. Promises: where A is monotone
+and the path bounded, an end that only rounding keeps from being a solution.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.contact.mixed import Array
+from rungwise.contact.solvers import newton
+from rungwise.contact.solvers.cones import (
+    Cones,
+    apply_scaling,
+    centre,
+    cones_of,
+    factorise,
+    lean,
+    longest,
+    nesterov_todd,
+    toward,
+)
+from rungwise.contact.solvers.measure import natural
+from rungwise.contact.system import System
+from rungwise.kernel import Ints, Reals, kernel
+
+NAME = "homotopy"
+_STEPS = 600
+_FINISH = 1e-2
+_FAR, _NEAR = 0.7, 0.3
+"""Corrections, in the metric of the cone that needs most: beyond one a step is taken again; within the other
+the next may be twice as long."""
+_AGAIN, _SHORTER = 4, 0.3
+_TRIES, _LESS = 12, 0.6
+_WIDTH = 0.05
+"""The least product of a cone over that of the path, and one over the largest."""
+_LONGEST = 2.0
+_STUCK = 1e-3
+"""A correction that must be so much shorter leads nowhere."""
+_END, _LOST = math.log(1e-14), 1.0
+"""Values of log t: below one there is only rounding, and nothing leads above the other."""
+
+
+class Point(NamedTuple):
+    """Forces, rates (N,) and log t, or a step of these."""
+
+    z: Array
+    w: Array
+    t: float
+
+    def __add__(self, step: Point) -> Point:  # type: ignore[override]
+        return Point(self.z + step.z, self.w + step.w, self.t + step.t)
+
+    def times(self, factor: float) -> Point:
+        return Point(factor * self.z, factor * self.w, factor * self.t)
+
+
+class Path(NamedTuple):
+    """A (z + offset) + b - w + (1 - t) slip(w) = t fault,  z w = t product."""
+
+    cones: Cones
+    fault: Array
+    product: float
+
+
+class Local(NamedTuple):
+    """At a point: the way back to the path, straight across; the unit tangent forwards; the metric."""
+
+    correction: Point
+    tangent: Point
+    scaling: Array
+    size: float
+    """Of the correction, in the metric of the cone that needs most."""
+
+
+def accepts(system: System) -> bool:
+    return len(system.mu) > 0
+
+
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
+def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+    """The best x (N,) met, or `start`; and the steps. The path begins where it must, not at `start`."""
+    whole, cones = newton.form(system), cones_of(system)
+    best, least, finish = start, natural(system, start), _FINISH
+    unit = centre(cones)
+    here = Point(unit, unit, 0.0)
+    path = Path(
+        cones,
+        cones.A @ (here.z + cones.offset) + cones.b - here.w,
+        float(here.z @ here.w) / len(cones.first),
+    )
+    length, again = math.sqrt(len(cones.first)), 0
+    before: tuple[Point, Local] | None = None
+    for done in range(_STEPS):
+        x = cones.unknowns(here.z)
+        found = natural(system, x)
+        if found < least:
+            best, least = x, found
+        if found < finish:
+            finish = 0.1 * found
+            trial, reached = newton.finish(system, whole, x, tol)
+            if reached < least:
+                best, least = trial, reached
+        if least <= tol or not _END < here.t < _LOST:
+            return best, done
+        local = _local(path, here)
+        if local is None:
+            return best, done
+        if before is not None and again < _AGAIN and not _kept(path, before[1], here, local):
+            again, length = again + 1, _SHORTER * length
+            here = before[0] + before[1].correction + before[1].tangent.times(length)
+            continue
+        if again < _AGAIN:
+            length *= 2.0 if local.size < _NEAR else 1.0 if again == 0 else 0.7
+        length, again = min(length, _LONGEST * math.sqrt(len(cones.first))), 0
+        onwards = _onwards(path, here, local, length)
+        if onwards is None:
+            before, length = None, 1.0
+            fraction = min(1.0, 0.9 * _room(cones, here, local.correction))
+            if fraction < _STUCK:
+                return best, done
+            here += local.correction.times(fraction)
+        else:
+            before = here, local
+            here, length = onwards
+    return best, _STEPS
+
+
+def _local(path: Path, here: Point) -> Local | None:
+    """Correction and tangent from one factorisation; None where that is singular or overflows."""
+    cones, size, t = path.cones, len(here.z), math.exp(here.t)
+    first, dim, dead = cones.first, cones.dim, cones.dead
+    scaling, inverse, turn, slip = np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size)
+    nesterov_todd(here.z, here.w, first, dim, scaling, inverse, turn, slip)
+    turn *= 1.0 - t
+    linear = factorise(cones, scaling, turn)
+    if linear is None:
+        return None
+
+    def step(aim: Array, fault: Array) -> tuple[Array, Array]:
+        """dz, dw with S dz + dw = aim (which becomes dw) that take the fault away."""
+        right = aim - fault
+        lean(right, aim, turn, first, dim)
+        right[dead] = 0.0
+        dz = linear.solve(right)
+        apply_scaling(scaling, dz, first, dim, aim)
+        # Where products are small digits are lost: a second solve brings them back.
+        left = aim - fault - cones.A @ dz
+        lean(left, aim, turn, first, dim)
+        left[dead] = 0.0
+        more = linear.solve(left)
+        apply_scaling(scaling, more, first, dim, aim)
+        return dz + more, aim
+
+    aim = np.zeros(size)
+    toward(here.w, inverse, first, dim, t * path.product, aim)
+    fault = cones.A @ (here.z + cones.offset) + cones.b - here.w + (1.0 - t) * slip - t * path.fault
+    z, w = step(aim, fault)
+    tangent = Point(*step(t * path.product * inverse, -t * (path.fault + slip)), 1.0)
+    unit = t * path.product
+    length = math.sqrt(max(inner(scaling, tangent.z, tangent.z, first, dim), 0.0) / unit + 1.0)
+    tangent = tangent.times(-linear.sign / length)
+    along = inner(scaling, z, tangent.z, first, dim) / unit
+    correction = Point(z - along * tangent.z, w - along * tangent.w, -along * tangent.t)
+    if not math.isfinite(float(correction.z @ correction.w)):
+        return None
+    return Local(correction, tangent, scaling, math.sqrt(greatest(scaling, correction.z, first, dim) / unit))
+
+
+def _kept(path: Path, before: Local, here: Point, local: Local) -> bool:
+    """Whether the step since `before` stayed near the path and did not turn round on it."""
+    if not local.size <= _FAR:
+        return False
+    unit, cones = math.exp(here.t) * path.product, path.cones
+    along = inner(local.scaling, before.tangent.z, local.tangent.z, cones.first, cones.dim) / unit
+    return along + before.tangent.t * local.tangent.t > 0.0
+
+
+def _onwards(path: Path, here: Point, local: Local, length: float) -> tuple[Point, float] | None:
+    """Corrected, and moved by at most `length` along the tangent to where the cones' products are alike; and
+    by how much."""
+    cones = path.cones
+    for _ in range(_TRIES):
+        there = here + local.correction + local.tangent.times(length)
+        unit = math.exp(min(there.t, 1.0)) * path.product
+        if alike(there.z, there.w, cones.first, cones.dim, _WIDTH * unit, unit / _WIDTH):
+            return there, length
+        length *= _LESS
+    return None
+
+
+def _room(cones: Cones, here: Point, step: Point) -> float:
+    """How much of a step stays inside the cones."""
+    return min(
+        longest(here.z, step.z, cones.first, cones.dim), longest(here.w, step.w, cones.first, cones.dim)
+    )
+
+
+@kernel
+def inner(scaling: Reals, a: Reals, b: Reals, first: Ints, dim: Ints) -> float:
+    """a . S b."""
+    total = 0.0
+    for c in range(len(first)):
+        for i in range(first[c], first[c] + dim[c]):
+            for l in range(dim[c]):
+                total += a[i] * scaling[i, l] * b[first[c] + l]
+    return total
+
+
+@kernel
+def greatest(scaling: Reals, a: Reals, first: Ints, dim: Ints) -> float:
+    """The greatest a . S a of a cone."""
+    most = 0.0
+    for c in range(len(first)):
+        total = 0.0
+        for i in range(first[c], first[c] + dim[c]):
+            for l in range(dim[c]):
+                total += a[i] * scaling[i, l] * a[first[c] + l]
+        most = max(most, total)
+    return most
+
+
+@kernel
+def alike(z: Reals, w: Reals, first: Ints, dim: Ints, least: float, most: float) -> bool:
+    """Whether z and w are inside their cones, with all eigenvalues of their products between the two."""
+    for c in range(len(first)):
+        i = first[c]
+        inside_z, inside_w, dot = z[i] * z[i], w[i] * w[i], z[i] * w[i]
+        for j in range(i + 1, i + dim[c]):
+            inside_z -= z[j] * z[j]
+            inside_w -= w[j] * w[j]
+            dot += z[j] * w[j]
+        if not (z[i] > 0.0 and w[i] > 0.0 and inside_z > 0.0 and inside_w > 0.0):
+            return False
+        apart = math.sqrt(max(dot * dot - inside_z * inside_w, 0.0)) if dim[c] > 1 else 0.0
+        if not (dot - apart > least and dot + apart < most):
+            return False
+    return True
