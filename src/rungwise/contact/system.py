@@ -10,6 +10,7 @@ system, `massless`, of all unknowns, in which demanded rates and loads are the m
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -49,8 +50,8 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
-    demanded: float
-    load: float
+    demanded: float = math.inf
+    load: float = 1.0
 
     @property
     def size(self) -> int:
