@@ -69,7 +69,7 @@ class Islands:
             start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
             self.diagonal[others], self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
             self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
-            _condensed(self.condensed, place), math.inf,
+            _condensed(self.condensed, place),
         )  # fmt: skip
 
 
