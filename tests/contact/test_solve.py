@@ -354,3 +354,17 @@ def test_the_heaviest_body_on_the_lightest_is_never_said_to_jam(
         assert rw.solutions(problem).kind != "none"
     if found.status == "solved":
         np.testing.assert_allclose(found.r[0], 9.81 * mass.sum(), rtol=1e-2)
+
+
+def test_many_velocities_without_inertia_are_unsupported_without_a_word(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """More velocities than contact rows: nothing balances the loads, and matrices are singular by pattern."""
+    rng = np.random.default_rng(0)
+    W, load = rng.normal(size=(120, 150)), rng.normal(size=150)
+    found = rw.solve(
+        rw.Problem.balance(np.zeros((150, 150)), load, W, rng.normal(size=120), np.full(40, 0.5))
+    )
+    assert found.status == "unsupported" and found.certificate is not None
+    assert check(scaled(found.problem), found.certificate)
+    assert capfd.readouterr() == ("", "")

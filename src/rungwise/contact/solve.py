@@ -74,27 +74,26 @@ def solve(
         x, more = _run(chain, system, given[system.kept] / system.force, tol)
         attempts += more
         answer = _judged(problem, system, system.recover(x * system.force))
-    slow = None
+    massless = None
     if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
         if not _tells(problem, system, answer, tol):
-            slow, more = _without_inertia(problem, chain, answer.x, tol)
+            massless, more = _without_inertia(problem, chain, answer.x, tol)
             attempts += more
-    if slow is not None and (slow.residual <= tol or slow.proof is not None):
-        answer = slow
+    if massless is not None and (massless.residual <= tol or massless.proof is not None):
+        answer = massless
     else:
         answer, more = _last_resort(problem, system, chain, answer, tol)
         attempts += more
         answer = _finer(problem, system, answer, tol)
-        hidden = slow is not None and system.demanded < tol and answer.residual <= tol
-        if slow is not None and hidden and not _tells(problem, system, answer, tol):
-            answer = slow
+        if massless is not None and system.demanded < tol and answer.residual <= tol:
+            answer = answer if _tells(problem, system, answer, tol) else massless
     status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
     if answer.residual <= tol:
         status, answer = Status.SOLVED, answer._replace(proof=None)
     return ContactSolution(
         problem, status, answer.x, answer.y, answer.residuals, tol, tuple(attempts), answer.proof,
-        answer is slow,
+        answer is massless,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.sparse.csgraph import structural_rank
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
@@ -30,6 +31,8 @@ def factors(J: Matrix) -> Factors | None:
             return None
         sign = orientation(factor.diagonal(), exchanges)
         return Factors(lambda right: np.asarray(dgetrs(factor, exchanges, right)[0]), sign)
+    if not J.diagonal().all() and structural_rank(sp.csr_array(J)) < J.shape[0]:
+        return None  # SuperLU would find it out, and print complaints
     try:
         made = splu(sp.csc_array(J), permc_spec="MMD_AT_PLUS_A")
     except RuntimeError:
