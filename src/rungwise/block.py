@@ -39,6 +39,10 @@ class Block:
         words: list[int] = []
         typed: list[tuple[str, types.Type, int]] = []
         for name, value in fields.items():
+            if not isinstance(value, Block) and not (
+                isinstance(value, np.ndarray) and value.flags.c_contiguous
+            ):
+                raise TypeError(f"{type(self).__name__}.{name}: must be a C-contiguous array")
             typed.append((name, _type_of(value), len(words)))
             words += _header(value)
             object.__setattr__(self, name, value)
@@ -69,8 +73,6 @@ def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
     """An array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
     if isinstance(value, Block):
         return [value._address]  # type: ignore[attr-defined]
-    if not value.flags.c_contiguous:
-        raise TypeError("a block holds C-contiguous arrays only")
     address = value.__array_interface__["data"][0]
     return [0, 0, value.size, value.itemsize, address, *value.shape, *value.strides]
 

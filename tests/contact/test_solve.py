@@ -237,6 +237,13 @@ def test_wrong_fields_are_named(field: str, change: dict[str, object]) -> None:
         rw.Problem.local(**{**fields, **change})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("given", [[[1.0]], np.eye(4)[::2, ::2]])
+def test_a_step_holds_contiguous_arrays(given: object) -> None:
+    arrays = {name: np.zeros(1) for name in ContactProblem.__annotations__}
+    with pytest.raises(TypeError, match="^ContactProblem.H: must be a C-contiguous array"):
+        ContactProblem(**{**arrays, "H": given})  # type: ignore[arg-type]
+
+
 def held(**rows: object) -> rw.Problem:
     """One velocity, no contact, and these limited rows."""
     return rw.Problem.balance(np.eye(1), [0.0], np.zeros((0, 1)), [], [], **rows)  # type: ignore[arg-type]
