@@ -240,7 +240,7 @@ def test_wrong_fields_are_named(field: str, change: dict[str, object]) -> None:
 @pytest.mark.parametrize("given", [[[1.0]], np.eye(4)[::2, ::2]])
 def test_a_step_holds_contiguous_arrays(given: object) -> None:
     arrays = {name: np.zeros(1) for name in ContactProblem.__annotations__}
-    with pytest.raises(TypeError, match="^ContactProblem.H: must be a C-contiguous array"):
+    with pytest.raises(TypeError, match=r"^ContactProblem\.H: must be a C-contiguous array"):
         ContactProblem(**{**arrays, "H": given})  # type: ignore[arg-type]
 
 
