@@ -9,7 +9,7 @@ Appl. Mech. Eng. 155 (1998) 31-47; Bonnefon and Daviet, Quartic formulation of C
 (2011), for the equation in a.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
 limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
-nor a few limited rows alone, which pivoting does.
+nor a few planar contacts or limited rows, which pivoting does.
 Promises: the iterate of least residual among those checked; linear convergence where the problem is well
 posed, none where it is badly rank deficient.
 """
@@ -31,7 +31,7 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
-_ROUNDS, _FIRST_SWEEPS, _STEPS = 8, 3, 6
+_ROUNDS, _STEPS = 8, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-3, 1e-15
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
@@ -44,7 +44,7 @@ def accepts(system: System) -> bool:
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > SMALL:
             return False
-    if len(system.mu) == 0 and system.size <= _FEW:
+    if (len(system.mu) == 0 or system.directions == 2) and 4 * len(system.mu) + len(system.lower) <= _FEW:
         return False
     return system.is_damped
 
@@ -169,12 +169,12 @@ def alternate(
 ) -> int:
     """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
 
-    It begins with Newton steps where x is near a solution, and goes back to no forces where that ends on a
-    kink: no start is worse than none.
+    It begins with Newton steps where x is near a solution in space (in the plane sweeps cost less), and goes
+    back to no forces where that ends on a kink: no start is worse than none.
     """
     d, n, done = blocks.shape[1], len(x), 0
     least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
-    near = least < _NEAR
+    near = d == 3 and least < _NEAR
     for afresh in range(2 if near else 1):
         reached = least
         if afresh:
@@ -182,19 +182,20 @@ def alternate(
             for i in range(n):
                 x[i] = 0.0
         for turn in range(_ROUNDS):
-            before = reached
-            if turn > 0 or afresh or not near:
-                sweeps, accuracy = max(_FIRST_SWEEPS, 1 << turn), _ROUGH if turn == 0 else _EXACT
-                for _ in range(sweeps):
+            before, warm = reached, turn == 0 and near and not afresh
+            if not warm:
+                accuracy = _ROUGH if turn == 1 else _EXACT
+                for _ in range(1 << turn):
                     _sweep(
                         row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x,
                         vectors[3],
                     )  # fmt: skip
-                done += sweeps
-            done += descend_dense(
-                row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
-                factors, vectors, order,
-            )  # fmt: skip
+                done += 1 << turn
+            if warm or turn > 0:
+                done += descend_dense(
+                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
+                    factors, vectors, order,
+                )  # fmt: skip
             found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
             reached = min(reached, found)
             if found < least:
@@ -203,7 +204,7 @@ def alternate(
                     best[i] = x[i]
             if least <= tol:
                 return done
-            if turn > 0 and not reached < 0.5 * before:
+            if turn > 1 and not reached < 0.5 * before:
                 break
     return done
 
