@@ -39,6 +39,8 @@ SOLVERS: tuple[ModuleType, ...] = (
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
 TOLERANCE = 1e-9
 _MARGIN, _ROUNDS = 0.3, 5
+_WORTH = 60
+"""Unknowns from which on it takes less time to solve islands one by one."""
 
 
 def solve(
@@ -227,8 +229,8 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
 
 def _apart(solver: ModuleType, system: System, x: Array, tol: float) -> tuple[Array, int]:
     """What a solver makes of the islands that are not solved, one by one, and the most iterations of one."""
-    apart = islands(system)
-    if apart is None or solver is gauss_seidel:  # which does so itself, compiled
+    apart = islands(system) if system.size > _WORTH and solver is not gauss_seidel else None
+    if apart is None:  # or the solver does so itself, compiled
         found: tuple[Array, int] = solver.solve(system, x, tol)
         return found
     inside, goals, most = apart.inwards(x), apart.goals(tol), 0
