@@ -122,7 +122,7 @@ def _demanded(problem: Problem, without_forces: Array) -> float:
     rows, velocities = problem.rows, problem.velocities
     if velocities == 0 or not problem.b[rows : rows + velocities].any():
         return math.inf
-    demands = float(np.abs(np.delete(problem.b, np.s_[rows : rows + velocities])).max(initial=0.0))
+    demands = float(np.abs(problem.demands).max(initial=0.0))
     largest = float(np.abs(without_forces).max(initial=0.0))
     return demands / largest if 0.0 < demands < largest else math.inf
 

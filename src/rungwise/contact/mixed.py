@@ -91,6 +91,11 @@ class Problem:
         return len(self.mu) == 0 and len(self.lower) > 0 and not free.any()
 
     @property
+    def demands(self) -> Array:
+        """b (N - n,) of all rows but the balances of velocities: the rates that are demanded."""
+        return np.delete(self.b, np.s_[self.rows : self.rows + self.velocities])
+
+    @property
     def rows(self) -> int:
         """Contact rows k d; they come first."""
         return self.directions * len(self.mu)

@@ -30,8 +30,7 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
     """x (N,), or a better one where its rates are wrong by more than `tol` of those that there are."""
     if problem.velocities == 0 or len(system.kept) == len(problem.b) or len(problem.b) > LARGEST:
         return x
-    demanded = np.delete(problem.b, np.s_[problem.rows : problem.rows + problem.velocities])
-    if not demanded.any() or not rate_error(problem, system, x) > tol:
+    if not problem.demands.any() or not rate_error(problem, system, x) > tol:
         return x
     whole = uneliminated(problem)
     trial = x / whole.force

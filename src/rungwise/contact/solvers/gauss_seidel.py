@@ -119,7 +119,7 @@ def each(
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
-    square (2 n^2,), vectors (8 n or more,) and order (n,) are scratch, n the size of the largest island, or
+    square (2 n^2,), vectors (11 n or more,) and order (n,) are scratch, n the size of the largest island, or
     `SMALL` at most.
     """
     d, most = blocks.shape[1], 0
