@@ -27,17 +27,19 @@ _SMALL = 200
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
 FEW, MOST = 2, 700
-"""Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
+"""Eliminated unknowns that are worth to be remembered, dense: one for so many others, and no more than that;
+sparse ones where there are as many others, and more than that."""
 
 
 class Condensed(NamedTuple):
-    """A = F - B own^-1 C as it was before elimination: own (g, g); front (N, 3), the rows of F's blocks.
+    """A = F - B own^-1 C as it was before elimination: own (g, g), sparse where it is large; front (N, 3),
+    the rows of F's blocks.
 
     back_start (N + 1,), back_column, back_value: the rows of B; across_start (N + 1,), across_row,
     across_value: the columns of C.
     """
 
-    own: Array
+    own: Matrix
     front: Array
     back_start: Ints
     back_column: Ints
@@ -130,20 +132,22 @@ def _demanded(problem: Problem, without_forces: Array) -> float:
 def _condensed(
     problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix
 ) -> Condensed | None:
-    """The parts, where they are few and `front` has only the blocks of contacts."""
-    if not FEW * own.shape[0] <= front.shape[0]:
+    """The parts, where they are few, or many but sparse, and `front` has only the blocks of contacts."""
+    few = own.shape[0] <= min(MOST, front.shape[0] // FEW)
+    if not few and not (sp.issparse(own) and front.shape[0] >= max(MOST, own.shape[0])):
         return None
     rows, d = problem.rows, problem.directions
     entries = sp.coo_array(front)
     row, column = entries.coords
     apart = np.where(np.maximum(row, column) < rows, row // d != column // d, row != column)
-    if apart.any() or own.shape[0] > MOST:
+    if apart.any():
         return None
     blocks = np.zeros((front.shape[0], 3))
     blocks[row, np.where(row < rows, column % d, 0)] = entries.data
     start, place, value = compressed(across.T.tocsr() if sp.issparse(across) else across.T)
-    dense = own.toarray() if sp.issparse(own) else own
-    return Condensed(dense, blocks, *compressed(back), start, place, value)
+    return Condensed(
+        own.toarray() if few and sp.issparse(own) else own, blocks, *compressed(back), start, place, value
+    )
 
 
 def _eliminate_dense(own: Array) -> Solve | None:

@@ -26,7 +26,8 @@ from rungwise.contact.solvers import (
     step,
 )
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import System, scaled
+from rungwise.contact.solvers.work import Work
+from rungwise.contact.system import System, scaled, uneliminated
 
 SOLVERS: tuple[ModuleType, ...] = (
     gauss_seidel,
@@ -36,9 +37,9 @@ SOLVERS: tuple[ModuleType, ...] = (
     homotopy,
     proximal_point,
 )
-"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
+"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
-_MARGIN, _ROUNDS = 0.3, 5
+_MARGIN, _ROUNDS, _FINEST = 0.3, 5, 1e-16
 _WORTH = 60
 """Unknowns from which on it takes less time to solve islands one by one."""
 
@@ -55,7 +56,7 @@ def solve(
     The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
-    given as assembled, is first solved as a run would.
+    given as assembled, is first solved as a run would. However hard it is, no more is done than `Work` allows.
 
     Raises ValueError naming what is wrong with the arguments.
     """
@@ -69,23 +70,24 @@ def solve(
     if given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
     attempts: list[Attempt] = []
+    work = Work()
     if assembled is not None and solvers is None and step.accepts(assembled):
         answer = _judged(problem, system, step.solve(assembled, given))
         attempts.append(Attempt(step.NAME, 1, answer.residual))
     if not attempts or answer.residual > tol:
-        x, more = _run(chain, system, given[system.kept] / system.force, tol)
+        x, more = _run(chain, system, given[system.kept] / system.force, tol, work)
         attempts += more
         answer = _judged(problem, system, system.recover(x * system.force))
     massless = None
     if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
         if not _tells(problem, system, answer, tol):
-            massless, more = _without_inertia(problem, chain, answer.x, tol)
+            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
             attempts += more
     if massless is not None and (massless.residual <= tol or massless.proof is not None):
         answer = massless
     else:
-        answer, more = _last_resort(problem, system, chain, answer, tol)
+        answer, more = _last_resort(problem, system, chain, answer, tol, work)
         attempts += more
         answer = _finer(problem, system, answer, tol)
         if massless is not None and system.demanded < tol and answer.residual <= tol:
@@ -134,14 +136,14 @@ def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> boo
 
 
 def _without_inertia(
-    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float
+    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
     """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
     system = scaled(problem, massless=True)
-    own, attempts = _run(chain, system, x / system.force, tol)
+    own, attempts = _run(chain, system, x / system.force, tol, work)
     answer = _judged(problem, system, system.recover(own * system.force))
     if answer.residual > tol:
-        answer, attempt = _branched(problem, system, answer.x, tol)
+        answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
     if answer.proof is not None and not is_kinematic(problem, answer.proof):
         answer = answer._replace(proof=None)
@@ -162,29 +164,54 @@ def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
 
 
 def _last_resort(
-    problem: Problem, system: System, chain: tuple[ModuleType, ...], answer: _Answer, tol: float
+    problem: Problem,
+    system: System,
+    chain: tuple[ModuleType, ...],
+    answer: _Answer,
+    tol: float,
+    work: Work,
 ) -> tuple[_Answer, list[Attempt]]:
-    """What branching, and other units, make of an answer that is not within `tol`."""
+    """What branching, all unknowns, and other units make of an answer that is not within `tol`."""
     attempts: list[Attempt] = []
     if answer.residual > tol:
-        answer, attempt = _branched(problem, system, answer.x, tol)
+        answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
-    if answer.residual > tol and answer.proof is None and problem.is_boxes:
-        other, more = _in_other_units(problem, chain, tol)
+    open_end = answer.residual > tol and answer.proof is None and not work.is_low
+    if open_end and len(system.kept) < len(problem.b):
+        whole, more = _in_all_unknowns(problem, system, chain, answer.x, tol, work)
+        attempts += more
+        if whole.residual < answer.residual:
+            answer = whole
+    if answer.residual > tol and answer.proof is None and problem.is_boxes and not work.is_low:
+        other, more = _in_other_units(problem, chain, tol, work)
         attempts += more
         if (better := _judged(problem, system, other)).residual < answer.residual:
             answer = better
     return answer, attempts
 
 
-def _branched(problem: Problem, system: System, x: Array, tol: float) -> tuple[_Answer, Attempt]:
-    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol)
+def _in_all_unknowns(
+    problem: Problem, system: System, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
+) -> tuple[_Answer, list[Attempt]]:
+    """What the chain comes to where nothing is eliminated: beside a light body, the rates of a heavy one are
+    lost in the sums of the condensed form."""
+    whole = uneliminated(problem)
+    own, attempts = _run(chain, whole, x / whole.force, tol, work)
+    answer = _judged(problem, system, whole.recover(own * whole.force))
+    if answer.residual > tol and natural(whole, own) <= tol:
+        own, _ = newton.finish(whole, newton.form(whole), own, _FINEST, work)
+        answer = _judged(problem, system, whole.recover(own * whole.force))
+    return answer, attempts
+
+
+def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
+    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
     answer = _judged(problem, system, system.recover(found.x * system.force), found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 
 def _in_other_units(
-    problem: Problem, chain: tuple[ModuleType, ...], tol: float
+    problem: Problem, chain: tuple[ModuleType, ...], tol: float, work: Work
 ) -> tuple[Array, list[Attempt]]:
     """What the chain comes to with units for rows and for unknowns, each of its own."""
     A, per_row, unit = sp.csr_array(problem.A), np.ones(len(problem.b)), np.ones(len(problem.b))
@@ -197,7 +224,7 @@ def _in_other_units(
     made = sp.diags_array(per_row) @ A @ sp.diags_array(unit)
     again = Problem.boxes(made, per_row * problem.b, problem.lower / unit, problem.upper / unit)
     system = scaled(again)
-    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol)
+    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol, work)
     return unit * system.recover(x * system.force), attempts
 
 
@@ -211,7 +238,9 @@ def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
     return SOLVERS if names is None else tuple(known[name] for name in names)
 
 
-def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) -> tuple[Array, list[Attempt]]:
+def _run(
+    chain: tuple[ModuleType, ...], system: System, x: Array, tol: float, work: Work
+) -> tuple[Array, list[Attempt]]:
     """The best x that the chain came to, and who did what."""
     attempts: list[Attempt] = []
     least = natural(system, x)
@@ -219,7 +248,10 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
         if least <= tol:
             break
         if solver.accepts(system):
-            trial, iterations = _apart(solver, system, x, _MARGIN * tol)
+            own = work.part()
+            allowed = own.left
+            trial, iterations = _apart(solver, system, x, _MARGIN * tol, own)
+            work.spend(allowed - own.left)
             found = natural(system, trial)
             if found < least:
                 x, least = trial, found
@@ -227,17 +259,17 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
     return x, attempts
 
 
-def _apart(solver: ModuleType, system: System, x: Array, tol: float) -> tuple[Array, int]:
+def _apart(solver: ModuleType, system: System, x: Array, tol: float, work: Work) -> tuple[Array, int]:
     """What a solver makes of the islands that are not solved, one by one, and the most iterations of one."""
     apart = islands(system) if system.size > _WORTH and solver is not gauss_seidel else None
     if apart is None:  # or the solver does so itself, compiled
-        found: tuple[Array, int] = solver.solve(system, x, tol)
+        found: tuple[Array, int] = solver.solve(system, x, tol, work)
         return found
     inside, goals, most = apart.inwards(x), apart.goals(tol), 0
     for i in range(len(apart)):
         own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
         if natural(own, inside[rows]) > goals[i] and solver.accepts(own):
-            trial, iterations = solver.solve(own, inside[rows], goals[i])
+            trial, iterations = solver.solve(own, inside[rows], goals[i], work)
             most = max(most, iterations)
             if natural(own, trial) < natural(own, inside[rows]):
                 inside[rows] = trial

@@ -62,6 +62,11 @@ class System:
         return self.directions * len(self.mu)
 
     @cached_property
+    def has_free(self) -> bool:
+        """Whether there are unknowns without limits, which were not eliminated."""
+        return bool((np.isneginf(self.lower) & np.isposinf(self.upper)).any())
+
+    @cached_property
     def is_damped(self) -> bool:
         """Whether the normal rate of each contact, and the rate of each other unknown, grow with it."""
         return bool((self.blocks[:, 0, 0] > 0.0).all() and (self.diagonal > 0.0).all())

@@ -13,32 +13,42 @@ from scipy.sparse.csgraph import structural_rank
 from scipy.sparse.linalg import splu
 
 from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.solvers.work import DENSE
 from rungwise.kernel import Ints, kernel
+
+FULL = 0.1
+"""Share of entries that are not zero from which on a matrix is taken as dense."""
 
 
 class Factors(NamedTuple):
-    """solve(right) (N,) -> (N,); sign: 1 or -1, of the determinant."""
+    """solve(right) (N,) -> (N,); sign: 1 or -1, of the determinant; entries, as `Work` counts them."""
 
     solve: Callable[[Array], Array]
     sign: int
+    entries: float
 
 
-def factors(J: Matrix) -> Factors | None:
-    """Factors of J (N, N), dense or sparse; None if singular."""
-    if not sp.issparse(J):
-        factor, exchanges, fault = dgetrf(J)
+def factors(J: Matrix, order: str = "MMD_AT_PLUS_A") -> Factors | None:
+    """Factors of J (N, N), dense or sparse, its columns in SuperLU's `order`; None if singular."""
+    if not sp.issparse(J) or J.nnz > FULL * J.shape[0] ** 2:
+        factor, exchanges, fault = dgetrf(J.toarray() if sp.issparse(J) else J)
         if fault:
             return None
-        sign = orientation(factor.diagonal(), exchanges)
-        return Factors(lambda right: np.asarray(dgetrs(factor, exchanges, right)[0]), sign)
+        sign, entries = orientation(factor.diagonal(), exchanges), dense_entries(len(factor))
+        return Factors(lambda right: np.asarray(dgetrs(factor, exchanges, right)[0]), sign, entries)
     if not J.diagonal().all() and structural_rank(sp.csr_array(J)) < J.shape[0]:
         return None  # SuperLU would find it out, and print complaints
     try:
-        made = splu(sp.csc_array(J), permc_spec="MMD_AT_PLUS_A")
+        made = splu(sp.csc_array(J), permc_spec=order)
     except RuntimeError:
         return None
     sign = parity(made.perm_r.astype(np.int64)) * parity(made.perm_c.astype(np.int64))
-    return Factors(made.solve, sign * _signs(made.U.diagonal()))
+    return Factors(made.solve, sign * _signs(made.U.diagonal()), made.nnz)
+
+
+def dense_entries(size: int) -> float:
+    """Entries of dense factors (size, size), fewer for they take less time each."""
+    return float(size**2 * DENSE ** (2 / 3))
 
 
 def orientation(diagonal: Array, exchanges: NDArray[np.integer]) -> int:

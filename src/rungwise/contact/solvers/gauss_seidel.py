@@ -20,11 +20,13 @@ import math
 
 import numpy as np
 
+from rungwise.contact.elimination import MOST
 from rungwise.contact.islands import Islands, islands
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 from rungwise.contact.units import expand
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
@@ -40,7 +42,7 @@ _CHECK = 10
 
 
 def accepts(system: System) -> bool:
-    if system.condensed is not None and system.size > SMALL:
+    if system.condensed is not None and system.condensed.own.shape[0] <= MOST and system.size > SMALL:
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > SMALL:
             return False
@@ -49,11 +51,13 @@ def accepts(system: System) -> bool:
     return system.is_damped
 
 
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,) from `start`, and the sweeps (and steps) that took, or an island at most."""
     s, n = system, system.size
     if n > SMALL and (apart := islands(system)) is not None:
-        return _solve_apart(apart, start, tol)
+        best, sweeps = _solve_apart(apart, start, tol)
+        work.spend(sweeps * len(s.value))
+        return best, sweeps
     x, best = start.copy(), start.copy()
     if 0 < n <= SMALL:
         done = alternate(
@@ -65,6 +69,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         s.row_start, s.column, s.value, s.blocks, s.diagonal, s.b, 0.0, s.mu, s.lower, s.upper, x, best,
         np.empty((3, max(s.size, 3))), tol, SWEEPS, _PATIENCE,
     )  # fmt: skip
+    work.spend(sweeps * len(s.value))
     return best, sweeps
 
 

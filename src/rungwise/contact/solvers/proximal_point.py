@@ -16,6 +16,7 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers import gauss_seidel, newton
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
@@ -33,7 +34,7 @@ def accepts(_system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,), and how many subproblems were tried."""
     s = system
     A, sweeping = newton.form(s), gauss_seidel.accepts(s)
@@ -41,7 +42,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     found = least = before = natural(s, start)
     weight = min(_WEIGHT, _SHARE * math.sqrt(least)) if least > 0.0 else _WEIGHT
     for done in range(_OUTER):
-        if least <= tol:
+        if least <= tol or work.is_spent:
             return best, done
         if done % _WINDOW == 0:
             if done and least > _STALLED * before:
@@ -49,8 +50,11 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             before = least
         offset = s.b - weight * x
         goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
-        trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS) if sweeping else x
-        trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER)
+        trial = x
+        if sweeping:
+            trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS)
+            work.spend(_SWEEPS * len(s.value))
+        trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER, work)
         left, reached = natural(s, trial, offset, weight), natural(s, trial)
         if reached < least:
             best, least = trial, reached
