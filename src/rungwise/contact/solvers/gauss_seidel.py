@@ -188,14 +188,13 @@ def alternate(
         for turn in range(_ROUNDS):
             before, warm = reached, turn == 0 and near and not afresh
             if not warm:
-                sweeps = 1 << max(0, turn - 1)
                 accuracy = _ROUGH if turn < 2 and coupled else _EXACT
-                for _ in range(sweeps):
+                for _ in range(1 << turn):
                     _sweep(
                         row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x,
                         vectors[3],
                     )  # fmt: skip
-                done += sweeps
+                done += 1 << turn
             if warm or turn > 0:
                 done += descend_dense(
                     row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
