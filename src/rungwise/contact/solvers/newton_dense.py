@@ -8,7 +8,7 @@ from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
-HALVINGS, WINDOW = 7, 12
+HALVINGS, WINDOW, _CHORDS = 7, 12, 3
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 11
@@ -73,11 +73,11 @@ def descend_dense(
                 break
         if not newer < math.inf:
             return done
-        # Once more with the same factors, where that is likely to be enough.
-        chord, size = newer * newer <= tol * size and newer > tol, newer
+        ratio, size = newer / size, newer
         for i in range(n):
             x[i], F[i] = trial[i], ahead[i]
-        if chord:
+        # Again with the same factors, if these steps are likely to be enough.
+        for _ in range(_CHORDS if size * ratio**_CHORDS <= tol < size else 0):
             for i in range(n):
                 step[i] = F[i]
             substitute(factors, n, order, step)
@@ -85,10 +85,15 @@ def descend_dense(
                 trial[i] = x[i] - step[i]
             rates(row_start, column, value, b, shift, trial, y)
             newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, slope)
-            if newer <= tol:
-                for i in range(n):
-                    x[i] = trial[i]
-                return done + 1
+            if not newer < size:
+                rates(row_start, column, value, b, shift, x, y)
+                alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
+                break
+            size = newer
+            for i in range(n):
+                x[i], F[i] = trial[i], ahead[i]
+            if size <= tol:
+                break
     return steps
 
 
