@@ -148,11 +148,11 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
 
 @numba.njit
 def repeat_pivoting(
-    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, basis: Ints, times: int
+    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, place: Ints, times: int
 ) -> None:
     """Solve so many times."""
     for _ in range(times):
-        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, basis)
+        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, place)
 
 
 def compiled_pivoting(system: System, repeats: int) -> float | None:
@@ -162,7 +162,7 @@ def compiled_pivoting(system: System, repeats: int) -> float | None:
     times, found = max(1, 40_000 // n**2), np.empty(n)
     arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
     repeat_pivoting(*arguments, 1)
-    if natural(system, unfolded.back @ found + unfolded.origin) > TOL:
+    if natural(system, unfolded.folded(found)) > TOL:
         return None
     return usual(lambda: repeat_pivoting(*arguments, times), repeats) / times
 

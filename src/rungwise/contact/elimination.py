@@ -79,13 +79,14 @@ def eliminated(problem: Problem) -> Left:
 
     The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
-    free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
     whole = everything(problem)
+    if not problem.free.any():
+        return whole
     places, A, b = whole[:3]
-    fixed = np.concatenate([np.zeros(problem.rows, bool), free])
+    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.free])
     kept, gone = places[~fixed], places[fixed]
     sparse = sp.issparse(A)
-    if len(gone) == 0 or (sparse and len(kept) * len(gone) > _LARGEST):
+    if sparse and len(kept) * len(gone) > _LARGEST:
         return whole
     rows, above = A[gone], A[kept]
     own, across, back, front = rows[:, gone], rows[:, kept], above[:, gone], above[:, kept]

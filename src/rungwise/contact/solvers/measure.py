@@ -9,7 +9,7 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel, summing_kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, summing_kernel
 
 _ROUNDING = 2.0**-53
 
@@ -30,7 +30,7 @@ def natural_parts(system: System, x: Array) -> Array:
     return np.where(np.isfinite(out[1]), out[1], np.inf)
 
 
-@kernel
+@inner_kernel
 def distance(
     row_start: Ints,
     column: Ints,
@@ -45,16 +45,16 @@ def distance(
     out: Reals,
 ) -> float:
     """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, or infinity."""
-    rates(row_start, column, value, b, shift, x, out[0])
-    natural_map(x, out[0], mu, d, lower, upper, out[1])
-    total = 0.0
+    y, error, total = out[0], out[1], 0.0
+    rates(row_start, column, value, b, shift, x, y)
+    natural_map(x, y, mu, d, lower, upper, error)
     for i in range(len(x)):
-        out[1, i] = abs(out[1, i]) + _ROUNDING * abs(x[i])
-        total += out[1, i] * out[1, i]
+        error[i] = abs(error[i]) + _ROUNDING * abs(x[i])
+        total += error[i] * error[i]
     return math.sqrt(total) if total < math.inf else math.inf
 
 
-@kernel
+@inner_kernel
 def rates(row_start: Ints, column: Ints, value: Reals, b: Reals, shift: float, x: Reals, y: Reals) -> None:
     """y = (A + shift) x + b."""
     for i in range(len(b)):
