@@ -26,8 +26,8 @@ _known: WeakKeyDictionary[System, Condensed | None] = WeakKeyDictionary()
 
 
 def parts(system: System) -> Condensed | None:
-    """A's parts: those of elimination, or those found here, once; None where there are none, or where free unknowns are
-    left, whose laws have no blocks of their own."""
+    """A's parts: those of elimination, or those found here, once; None where there are none, or where free
+    unknowns are left, whose laws have no blocks of their own."""
     if system.condensed is not None or not _SMALL < system.size <= _LARGE or system.has_free:
         return system.condensed
     if system not in _known:

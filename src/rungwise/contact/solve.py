@@ -40,6 +40,10 @@ SOLVERS: tuple[ModuleType, ...] = (
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
 _MARGIN, _ROUNDS, _FINEST = 0.3, 5, 1e-16
+_ASIDE = 0.3
+"""Share of the work that is left for the form with all unknowns, whose factors have many more entries."""
+_NEAR = 1e-3
+"""Residual from which on patience is worth its time."""
 _WORTH = 60
 """Unknowns from which on it takes less time to solve islands one by one."""
 
@@ -56,7 +60,8 @@ def solve(
     The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
-    given as assembled, is first solved as a run would. However hard it is, no more is done than `Work` allows.
+    given as assembled, is first solved as a run would.
+    However hard a problem is, no more is done than `Work` allows: some twenty seconds.
 
     Raises ValueError naming what is wrong with the arguments.
     """
@@ -182,6 +187,11 @@ def _last_resort(
         attempts += more
         if whole.residual < answer.residual:
             answer = whole
+    if open_end and tol < answer.residual < _NEAR:
+        patient, attempt = _patiently(problem, system, answer.x, tol, work)
+        attempts.append(attempt)
+        if patient.residual < answer.residual:
+            answer = patient
     if answer.residual > tol and answer.proof is None and problem.is_boxes and not work.is_low:
         other, more = _in_other_units(problem, chain, tol, work)
         attempts += more
@@ -196,12 +206,19 @@ def _in_all_unknowns(
     """What the chain comes to where nothing is eliminated: beside a light body, the rates of a heavy one are
     lost in the sums of the condensed form."""
     whole = uneliminated(problem)
-    own, attempts = _run(chain, whole, x / whole.force, tol, work)
+    own, attempts = _run(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
+    work.spend(_ASIDE * work.left - part.left)
     answer = _judged(problem, system, whole.recover(own * whole.force))
     if answer.residual > tol and natural(whole, own) <= tol:
         own, _ = newton.finish(whole, newton.form(whole), own, _FINEST, work)
         answer = _judged(problem, system, whole.recover(own * whole.force))
     return answer, attempts
+
+
+def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
+    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    attempt = Attempt(proximal_point.NAME, done, natural(system, own))
+    return _judged(problem, system, system.recover(own * system.force)), attempt
 
 
 def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
