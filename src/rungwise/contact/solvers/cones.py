@@ -17,7 +17,7 @@ from rungwise.contact import rank
 from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver as condensed_solver
-from rungwise.contact.solvers.factors import Factors, factors
+from rungwise.contact.solvers.factors import Factors, diagonal_factors, factors
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -42,6 +42,7 @@ class Cones(NamedTuple):
     rows: int
     d: int
     condensed: Condensed | None
+    has_free: bool
 
     def unknowns(self, z: Array) -> Array:
         """x (size,) of the system."""
@@ -62,7 +63,9 @@ def cones_of(system: System) -> Cones:
     parts = None if size > s.size else rank.parts(s)
     if parts is not None:
         parts = parts.scaled(1.0 / D)
-    return Cones(*_with_limits(s, D), D, offset, first, dim, tangents.ravel(), s.size, s.rows, d, parts)
+    return Cones(
+        *_with_limits(s, D), D, offset, first, dim, tangents.ravel(), s.size, s.rows, d, parts, s.has_free
+    )
 
 
 def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
@@ -118,6 +121,8 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
         alive = np.ones(len(scaling))
         alive[cones.dead] = 0.0
         J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
+    if cones.has_free and (J.diagonal() > 0.0).all():
+        return diagonal_factors(J)
     return factors(J)
 
 

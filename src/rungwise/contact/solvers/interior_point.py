@@ -33,7 +33,7 @@ from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "interior-point"
-_STEPS, _DEAR = 100, 40
+_STEPS, _DEAR = 100, 60
 """Iterations, and those that may be made where they are more work than is allowed."""
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
