@@ -41,6 +41,23 @@ def test_one_contact_in_space(solver: str, mu: float, force: list[float], rate: 
     np.testing.assert_allclose(found.u, rate, atol=1e-8)
 
 
+def test_one_contact_takes_one_sweep() -> None:
+    rng = np.random.default_rng(5)
+    for case in range(300):
+        rows, turn = rng.normal(size=(3, 3)), 0.1 * rng.normal(size=(3, 3))
+        block = rows @ rows.T + 0.1 * np.eye(3) + (case % 2) * (turn - turn.T)
+        rate = rng.normal(size=3) - [3.0, 0.0, 0.0]
+        problem = rw.Problem.local(block, rate, [10.0 ** rng.uniform(-6.0, 0.5)])
+        found = rw.solve(problem, solvers=("gauss-seidel",))
+        assert found.status == "solved" and found.attempts[0].iterations == 1, case
+
+
+def test_unknowns_that_do_not_depend_on_each_other_take_no_pivot() -> None:
+    found = rw.solve(rw.Problem.lcp(np.diag([2.0, 1.0, 4.0]), [-1.0, 3.0, -2.0]))
+    np.testing.assert_allclose(found.x, [0.5, 0.0, 0.5])
+    assert found.chain == ("pivoting",) and found.attempts[0].iterations == 0
+
+
 def test_a_contact_that_opens_carries_nothing() -> None:
     found = rw.solve(rw.Problem.local(ONE, [1.0, -0.4, 0.3], [0.7]))
     assert found.status == "solved"
