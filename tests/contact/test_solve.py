@@ -339,6 +339,17 @@ def has_solution(M: np.ndarray, q: np.ndarray) -> bool:
     return False
 
 
+@pytest.mark.parametrize("seed", [1248, 1554, 3037, 5184, 8946])
+def test_unknowns_that_only_rounding_keeps_from_zero_do_not_count(seed: int) -> None:
+    """In a row whose terms are all zero but for rounding, rates are as large as terms."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(6, 15))
+    rows = np.round(rng.normal(size=(n, n // 2 if seed == 3037 else n)))
+    M = rows @ rows.T if seed == 3037 else rows
+    found = rw.solve(rw.Problem.lcp(M, np.round(rng.normal(size=n))))
+    assert found.status == "solved"
+
+
 def test_what_has_no_solution_is_not_solved_in_any_units_of_rows_and_unknowns() -> None:
     rng, seen = np.random.default_rng(4), {True: 0, False: 0}
     for _ in range(150):
