@@ -102,6 +102,14 @@ def test_mixed_form_equals_its_local_form() -> None:
         np.testing.assert_allclose(H @ mixed.v, c + W.T @ mixed.r, atol=1e-10)
 
 
+@pytest.mark.parametrize("form", [np.asarray, sp.csr_array])
+def test_forms_of_the_matrices_do_not_matter(form: Callable[[np.ndarray], object]) -> None:
+    """A box of 2 kg on a compliant contact: rate -1 + r / 2 + 0.5 r = 0."""
+    H, W, R = form(np.diag([2.0, 2.0])), form(np.eye(2)), form(0.5 * np.eye(2))
+    found = rw.solve(rw.Problem.balance(H, [-2.0, 0.0], W, [0.0, 0.0], [0.5], directions=2, R=R))
+    np.testing.assert_allclose(found.r, [1.0, 0.0], atol=1e-8)
+
+
 def test_a_joint_holds_and_a_drive_slips_at_its_limit() -> None:
     problem = rw.Problem.balance(
         np.eye(2), [3.0, -4.0], np.zeros((0, 2)), [], [], S=np.eye(2), w_s=[0.0, 0.0], F=[np.inf, 1.5]
