@@ -10,7 +10,7 @@ import numpy as np
 
 from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
-from rungwise.contact.system import System
+from rungwise.contact.system import Form, System
 from rungwise.kernel import Ints, Reals, kernel
 
 
@@ -65,9 +65,12 @@ class Islands:
         others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
         start = self.row_start[rows.start : rows.stop + 1]
         entries, place = slice(start[0], start[-1]), self.place[rows]
-        return System(
+        form = Form(
             start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
-            self.diagonal[others], self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
+            self.diagonal[others],
+        )  # fmt: skip
+        return System(
+            lambda: form, self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
             self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
             _condensed(self.condensed, place),
         )  # fmt: skip
@@ -79,10 +82,21 @@ _known: WeakKeyDictionary[System, Islands | None] = WeakKeyDictionary()
 def islands(system: System) -> Islands | None:
     """The islands of a system, made once; None where there is only one."""
     if system not in _known:
-        label = np.empty(len(system.mu) + len(system.lower), np.int64)
-        count = labelled(system.row_start, system.column, system.value, system.rows, system.directions, label)
+        label, count = _labels(system)
         _known[system] = _gathered(system, label, count) if count > 1 else None
     return _known[system]
+
+
+def _labels(system: System) -> tuple[Ints, int]:
+    """The number of the island of each contact, and of each other unknown, and how many there are."""
+    s, p = system, system.product
+    label = np.arange(len(s.mu) + len(s.lower) + (p.velocities if p else 0))
+    if p is None:
+        join(s.row_start, s.column, s.value, s.rows, s.directions, 0, label)
+    else:
+        join(p.back_start, p.back_column, p.back_value, s.rows, s.directions, s.size, label)
+        join(p.response_start, p.response_row, p.response_value, s.rows, s.directions, s.size, label)
+    return label, number(label, len(s.mu) + len(s.lower))
 
 
 def _gathered(system: System, label: Ints, count: int) -> Islands:
@@ -112,17 +126,16 @@ def _starts(label: Ints, count: int) -> Ints:
 
 
 @kernel
-def labelled(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, label: Ints) -> int:
-    """Give each contact, and each other unknown, the number of its island; returns how many there are."""
+def join(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, offset: int, label: Ints) -> None:
+    """Let all that a row has an entry for be one: labels lead from each contact, and each other column, to
+    the first of its kind. Columns are counted from `offset`."""
     contacts = rows // d
-    for k in range(len(label)):
-        label[k] = k
     for i in range(len(row_start) - 1):
         mine = i // d if i < rows else contacts + i - rows
         for k in range(row_start[i], row_start[i + 1]):
             if value[k] == 0.0:
                 continue
-            j = column[k]
+            j = column[k] + offset
             a, b = mine, j // d if j < rows else contacts + j - rows
             while label[a] != a:
                 label[a] = label[label[a]]
@@ -131,8 +144,13 @@ def labelled(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, lab
                 label[b] = label[label[b]]
                 b = label[b]
             label[max(a, b)] = min(a, b)
+
+
+@kernel
+def number(label: Ints, size: int) -> int:
+    """Replace the labels of the first so many by the numbers of their islands; returns how many there are."""
     count = 0
-    for k in range(len(label)):
+    for k in range(size):
         if label[k] == k:
             label[k] = count
             count += 1

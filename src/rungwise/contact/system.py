@@ -14,32 +14,40 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.elimination import Condensed, Left, eliminated, everything
-from rungwise.contact.mixed import Array, Matrix, Problem
+from rungwise.contact.elimination import Condensed, Left, Product, eliminated, everything
+from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
-from rungwise.kernel import Ints
+from rungwise.kernel import Ints, Reals, kernel
 
 
-@dataclass(frozen=True, eq=False)
-class System:
-    """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
-
-    row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
-    others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite;
-    load: the largest load over the least unit of a contact's force, or one.
-    """
+class Form(NamedTuple):
+    """The scaled matrix A: row_start (N + 1,), column, value, its rows in CSR; blocks (k, d, d), its diagonal
+    blocks; diagonal (m,), that of the others."""
 
     row_start: Ints
     column: Ints
     value: Array
     blocks: Array
     diagonal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
+
+    form: makes A, when it is first asked for; kept (N,): places of the unknowns in the problem; condensed: A's
+    parts, where far fewer unknowns were eliminated than are left; product: how to multiply by A, where that is
+    faster than by its rows; demanded: the largest rate demanded over that without forces, or infinite; load:
+    the largest load over the least unit of a contact's force, or one.
+    """
+
+    form: Callable[[], Form]
     b: Array
     mu: Array
     directions: int
@@ -50,8 +58,33 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
+    product: Product | None = None
     demanded: float = math.inf
     load: float = 1.0
+
+    @cached_property
+    def _form(self) -> Form:
+        return self.form()
+
+    @cached_property
+    def row_start(self) -> Ints:
+        return self._form.row_start
+
+    @cached_property
+    def column(self) -> Ints:
+        return self._form.column
+
+    @cached_property
+    def value(self) -> Array:
+        return self._form.value
+
+    @cached_property
+    def blocks(self) -> Array:
+        return self._form.blocks
+
+    @cached_property
+    def diagonal(self) -> Array:
+        return self._form.diagonal
 
     @property
     def size(self) -> int:
@@ -64,6 +97,9 @@ class System:
     @cached_property
     def is_damped(self) -> bool:
         """Whether the normal rate of each contact, and the rate of each other unknown, grow with it."""
+        if self.product is not None:
+            own = self.product.diagonal
+            return bool((own[: self.rows : self.directions] > 0.0).all() and (own[self.rows :] > 0.0).all())
         return bool((self.blocks[:, 0, 0] > 0.0).all() and (self.diagonal > 0.0).all())
 
     def dense(self) -> Array:
@@ -100,25 +136,35 @@ def uneliminated(problem: Problem) -> System:
 
 
 def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
-    kept, A, b, recover, condensed, demanded = left
-    rows, d, size = problem.rows, problem.directions, len(b)
+    kept, b, size = left.kept, left.b, len(left.b)
+    rows, d = problem.rows, problem.directions
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
         lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
-    row_start, column, value = compressed(A)
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(A)):
-        _fit_massless(problem, row_start, column, value, s)
+    if left.product is not None:
+        fitted(np.arange(size + 1), np.arange(size), left.product.diagonal, rows, d, s)
+        made = None
     else:
-        fitted(row_start, column, value, rows, d, s)
+        made = compressed(left.matrix())
+        if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(*made)):
+            _fit_massless(problem, *made, s)
+        else:
+            fitted(*made, rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
-    rescaled(row_start, column, s, value, blocks, diagonal)
+
+    def form() -> Form:
+        row_start, column, value = made or compressed(left.matrix())
+        blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
+        rescaled(row_start, column, s, value, blocks, diagonal)
+        return Form(row_start, column, value, blocks, diagonal)
+
     return System(
-        row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover, condensed and condensed.scaled(s), demanded,
+        form, offset, problem.mu.copy(), d, lowest, highest, force, rate, kept, left.recover,
+        left.condensed and left.condensed.scaled(s, rows, d),
+        left.product and left.product.scaled(s, rows, d), left.demanded,
         _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
     )  # fmt: skip
 
@@ -127,15 +173,26 @@ def _load(problem: Problem, unit: Array) -> float:
     if len(unit) == 0 or problem.velocities == 0:
         return 1.0
     own = slice(problem.rows, problem.rows + problem.velocities)
-    lever: Matrix = abs(problem.A[own, : problem.rows]).max(axis=1)
-    lever = lever.toarray().ravel() if sp.issparse(lever) else lever
+    row_start, _, value = compressed(problem.A[own, : problem.rows])
+    lever = np.empty(problem.velocities)
+    largest(row_start, value, lever)
     loads = np.abs(problem.b[own])[lever > 0.0] / lever[lever > 0.0]
     return max(1.0, float(loads.max(initial=0.0) / unit.min()))
 
 
-def _has_diagonal(A: Matrix) -> bool:
+@kernel
+def largest(row_start: Ints, value: Reals, out: Reals) -> None:
+    """The largest size of each row's entries, or zero."""
+    for i in range(len(out)):
+        out[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            out[i] = max(out[i], abs(value[k]))
+
+
+def _has_diagonal(row_start: Ints, column: Ints, value: Array) -> bool:
     """Whether inertia or compliance says what rate is much for a force: nothing else does."""
-    return bool(A.diagonal().any())
+    own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
+    return bool(value[own].any())
 
 
 def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import splu
 from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
-from rungwise.contact.solvers.measure import natural, rates
+from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.newton_dense import (
     HALVINGS,
     LEAST,
@@ -39,8 +39,9 @@ _YIELD = 1e-7
 
 Linear = Callable[[float, Array], Array | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
-_LAST, _LIGHT = 5, (1e-8, 1e-4)
-"""Steps and dampings of those who have come near and want to finish."""
+LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
+"""Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
+the residual so much."""
 
 
 def accepts(_system: System) -> bool:
@@ -53,20 +54,32 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
 
 
-def finish(system: System, A: Matrix, start: Array, tol: float) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it."""
-    x, _ = descend(system, A, start, system.b, 0.0, tol, _LAST, _LIGHT)
-    return x, natural(system, x)
+def finish(
+    system: System, A: Matrix | None, start: Array, tol: float, steps: int = LAST
+) -> tuple[Array, float]:
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More steps follow
+    while they lead fast to a solution."""
+    x, least = start, natural(system, start)
+    for _ in range(_ROUNDS):
+        before = least
+        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, _LIGHT)
+        least = natural(system, x)
+        if not tol < least < _FALL * before:
+            break
+        steps = LAST
+    return x, least
 
 
-def form(system: System) -> Matrix:
-    """A as the steps want it: dense when small."""
+def form(system: System) -> Matrix | None:
+    """A as the steps want it: dense when small; none where it is a product."""
+    if system.product is not None:
+        return None
     return system.dense() if system.size <= _DENSE else system.matrix()
 
 
 def descend(
     system: System,
-    A: Matrix,
+    A: Matrix | None,
     start: Array,
     b: Array,
     shift: float,
@@ -75,7 +88,7 @@ def descend(
     dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
     """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
-    if not sp.issparse(A):
+    if isinstance(A, np.ndarray):
         return _descend_small(system, A, start, b, shift, tol, steps, dampings)
     s, x = system, start
     y, F = np.empty(s.size), np.empty(s.size)
@@ -83,7 +96,7 @@ def descend(
     rho = 1.0 / (1.0 + shift)
 
     def merit(x: Array) -> float:
-        rates(s.row_start, s.column, s.value, b, shift, x, y)
+        all_rates(s, x, b, shift, y)
         return alart_curnier(x, y, s.mu, s.directions, s.lower, s.upper, rho, F, derivative)
 
     size = earlier = merit(x)
@@ -104,7 +117,7 @@ def descend(
 
 def _descend_small(
     system: System,
-    A: Matrix,
+    A: Array,
     start: Array,
     b: Array,
     shift: float,
@@ -149,7 +162,7 @@ def _step(
     return None
 
 
-def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Linear:
+def _linear(system: System, A: Matrix | None, derivative: Array, rho: float, shift: float) -> Linear:
     """(I + damping - D + rho D (A + shift))^-1 F, D the derivative of the projections, in blocks.
 
     Where contacts stick, a damped step is the Newton step of a problem in which they yield a little.
