@@ -8,10 +8,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.elimination import Condensed
+from rungwise.contact.components import join, number
 from rungwise.contact.mixed import Array
+from rungwise.contact.product import Condensed
 from rungwise.contact.system import Form, System
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints
 
 
 @dataclass(frozen=True)
@@ -89,14 +90,14 @@ def islands(system: System) -> Islands | None:
 
 def _labels(system: System) -> tuple[Ints, int]:
     """The number of the island of each contact, and of each other unknown, and how many there are."""
-    s, p = system, system.product
-    label = np.arange(len(s.mu) + len(s.lower) + (p.velocities if p else 0))
+    s, p, size = system, system.product, len(system.mu) + len(system.lower)
+    label = np.arange(size + (p.velocities if p else 0))
     if p is None:
         join(s.row_start, s.column, s.value, s.rows, s.directions, 0, label)
     else:
         join(p.back_start, p.back_column, p.back_value, s.rows, s.directions, s.size, label)
         join(p.response_start, p.response_row, p.response_value, s.rows, s.directions, s.size, label)
-    return label, number(label, len(s.mu) + len(s.lower))
+    return label[:size], number(label, size)
 
 
 def _gathered(system: System, label: Ints, count: int) -> Islands:
@@ -123,40 +124,6 @@ def _gathered(system: System, label: Ints, count: int) -> Islands:
 
 def _starts(label: Ints, count: int) -> Ints:
     return np.concatenate([[0], np.cumsum(np.bincount(label, minlength=count))]).astype(np.int64)
-
-
-@kernel
-def join(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, offset: int, label: Ints) -> None:
-    """Let all that a row has an entry for be one: labels lead from each contact, and each other column, to
-    the first of its kind. Columns are counted from `offset`."""
-    contacts = rows // d
-    for i in range(len(row_start) - 1):
-        mine = i // d if i < rows else contacts + i - rows
-        for k in range(row_start[i], row_start[i + 1]):
-            if value[k] == 0.0:
-                continue
-            j = column[k] + offset
-            a, b = mine, j // d if j < rows else contacts + j - rows
-            while label[a] != a:
-                label[a] = label[label[a]]
-                a = label[a]
-            while label[b] != b:
-                label[b] = label[label[b]]
-                b = label[b]
-            label[max(a, b)] = min(a, b)
-
-
-@kernel
-def number(label: Ints, size: int) -> int:
-    """Replace the labels of the first so many by the numbers of their islands; returns how many there are."""
-    count = 0
-    for k in range(size):
-        if label[k] == k:
-            label[k] = count
-            count += 1
-        else:
-            label[k] = label[label[k]]
-    return count
 
 
 def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:

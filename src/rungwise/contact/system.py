@@ -20,8 +20,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.elimination import Condensed, Left, Product, eliminated, everything
+from rungwise.contact.elimination import Left, eliminated, everything
 from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.product import Condensed, Product
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -41,10 +42,10 @@ class Form(NamedTuple):
 class System:
     """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
 
-    form: makes A, when it is first asked for; kept (N,): places of the unknowns in the problem; condensed: A's
-    parts, where far fewer unknowns were eliminated than are left; product: how to multiply by A, where that is
-    faster than by its rows; demanded: the largest rate demanded over that without forces, or infinite; load:
-    the largest load over the least unit of a contact's force, or one.
+    form: makes A, when it is first asked for; kept (N,): places of the unknowns in the problem; condensed,
+    product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
+    to multiply by it; demanded: the largest rate demanded over that without forces, or infinite; load: the
+    largest load over the least unit of a contact's force, or one.
     """
 
     form: Callable[[], Form]

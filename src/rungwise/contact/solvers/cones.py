@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact import rank
-from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.product import Condensed
 from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.factors import Factors, factors
 from rungwise.contact.solvers.measure import all_rates
@@ -95,6 +95,8 @@ def cones_of(system: System) -> Cones:
 def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
     """A and b in the cones' coordinates; for each upper limit a row upper - x >= 0, whose force resists x."""
     capped = np.flatnonzero(np.isfinite(system.upper))
+    if len(capped) == 0 and system.size <= _DENSE:
+        return system.dense() / D[:, None] / D, system.b / D
     A, b = system.matrix(), system.b
     if len(capped):
         shape = (system.size, len(capped))
@@ -122,7 +124,7 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
         E = cones.idle.copy()
         lean_rows(scaling, turn, cones.first, cones.dim, E)
         return condensed_solver(cones.condensed, cones.rows, cones.d, E, cones.weight)
-    if not sp.issparse(A):
+    if isinstance(A, np.ndarray):
         J = A.copy()
         add_scaling(J, scaling, turn, cones.first, cones.dim)
         J[cones.dead] = 0.0
