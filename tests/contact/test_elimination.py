@@ -126,10 +126,12 @@ def test_islands_of_a_product_are_those_of_the_matrix() -> None:
 def test_the_inverse_of_small_blocks() -> None:
     rng = np.random.default_rng(5)
     widths = [1, 3, 2, 6, 1, 12]
-    A = sp.block_diag([rng.normal(size=(w, w)) for w in widths], format="csr")
     order = rng.permutation(sum(widths))
-    A = sp.csr_array(A[order][:, order])
-    A[0, int(np.flatnonzero(A[[0]].toarray()[0] == 0.0)[0])] = 0.0  # no entry joins nothing
+    A = sp.block_diag([rng.normal(size=(w, w)) for w in widths], format="csr")[order][:, order].tocoo()
+    i, j = np.argwhere(A.toarray() == 0.0)[0]  # an entry that is zero joins nothing
+    entries = np.append(A.data, 0.0), (np.append(A.coords[0], i), np.append(A.coords[1], j))
+    A = sp.csr_array(entries, shape=A.shape)
+    assert np.count_nonzero(A.data) < A.nnz
     found = inverse(compressed(A))
     assert found is not None
     made = sp.csr_array((found[2], found[1], found[0]), shape=A.shape).toarray()
