@@ -148,11 +148,11 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
 
 @numba.njit
 def repeat_pivoting(
-    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, basis: Ints, times: int
+    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, place: Ints, times: int
 ) -> None:
     """Solve so many times."""
     for _ in range(times):
-        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, basis)
+        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, place)
 
 
 def compiled_pivoting(system: System, repeats: int) -> float | None:

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, inner_kernel, kernel
+from rungwise.kernel import Reals, inner_kernel
 
 
-@kernel
+@inner_kernel
 def natural_map(x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
     """Fill `out` with the map at x (k d + m,) and rates y; returns its Euclidean norm."""
     total, rows = 0.0, d * len(mu)

@@ -32,7 +32,8 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
 _ROUNDS, _STEPS = 8, 6
-_NEAR, _ROUGH, _EXACT = 1e-2, 1e-3, 1e-15
+_NEAR, _ROUGH, _EXACT = 1e-2, 1e-2, 1e-8
+"""Residual that is near; error of friction from which one step more, which squares it, is enough."""
 _DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE, _FEW = 300, 12
@@ -147,7 +148,7 @@ def each(
     return most
 
 
-@kernel
+@inner_kernel
 def alternate(
     row_start: Ints,
     column: Ints,
@@ -173,8 +174,11 @@ def alternate(
     back to no forces where that ends on a kink: no start is worse than none.
     """
     d, n, done = blocks.shape[1], len(x), 0
-    least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
-    near = d == 3 and least < _NEAR
+    coupled = row_start[n] > row_start[0] + d * n
+    least, near = math.inf, False
+    if d == 3:
+        least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+        near = least < _NEAR
     for afresh in range(2 if near else 1):
         reached = least
         if afresh:
@@ -184,7 +188,7 @@ def alternate(
         for turn in range(_ROUNDS):
             before, warm = reached, turn == 0 and near and not afresh
             if not warm:
-                accuracy = _ROUGH if turn == 1 else _EXACT
+                accuracy = _ROUGH if turn < 2 and coupled else _EXACT
                 for _ in range(1 << turn):
                     _sweep(
                         row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x,
@@ -255,7 +259,7 @@ def sweep_until(
     return patience
 
 
-@kernel
+@inner_kernel
 def _sweep(
     row_start: Ints,
     column: Ints,
@@ -328,16 +332,18 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, accuracy: fl
     a21, a22 = block[2, 1] - block[2, 0] * p, block[2, 2] + shift - block[2, 0] * q
     free = -b[0] * inverse
     g1, g2 = b[1] + block[1, 0] * free, b[2] + block[2, 0] * free
-    low, high, slip = 0.0, math.inf, 0.0
+    # Times the determinant, the tangential force is linear in the slip, the normal force quadratic.
+    u1, u2 = a12 * g2 - a22 * g1, a21 * g1 - a11 * g2
+    e, f, coupling = a11 * a22 - a12 * a21, a11 + a22, 1e-14 * abs(a12 * a21)
+    c0, c1 = free * e - p * u1 - q * u2, free * f + p * g1 + q * g2
     guess = _slip(a11, a12, a21, a22, g1, g2, x)
-    t1, t2, n = 0.0, 0.0, free
+    low, high, slip, last = 0.0, math.inf, 0.0, False
     for step in range(60):
-        m11, m22 = a11 + slip, a22 + slip
-        determinant = m11 * m22 - a12 * a21
-        if determinant > 1e-14 * (abs(m11 * m22) + abs(a12 * a21)):
-            per = 1.0 / determinant
-            t1, t2 = (a12 * g2 - m22 * g1) * per, (a21 * g1 - m11 * g2) * per
-            n = free - p * t1 - q * t2
+        newer = low
+        determinant = e + slip * (f + slip)
+        if determinant > coupling + 1e-14 * abs((a11 + slip) * (a22 + slip)):
+            t1, t2 = u1 - slip * g1, u2 - slip * g2
+            n = c0 + slip * (c1 + slip * free)
             square = t1 * t1 + t2 * t2
             length = math.sqrt(square)
             excess = length - mu * n
@@ -347,20 +353,25 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, accuracy: fl
                 low = slip
             else:
                 high = slip
-            if abs(excess) <= accuracy * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16):
-                break
             # Newton on mu n / |t| - 1, which is nearly linear in the slip a.
-            d1, d2 = (a12 * t2 - m22 * t1) * per, (a21 * t1 - m11 * t2) * per
-            rate = -mu * ((p * d1 + q * d2) * square + n * (t1 * d1 + t2 * d2))
+            rate = mu * ((c1 + 2.0 * slip * free) * square + n * (t1 * g1 + t2 * g2))
             newer = slip + excess * square / rate if rate != 0.0 else low
-            if step == 0 and guess > 0.0:
+            last = abs(excess) <= accuracy * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16)
+            if step == 0 and guess > 0.0 and not last:
                 newer = guess
         else:
-            low, newer = slip, slip
+            low = slip
         if not low < newer < high:
+            if last:
+                break
             newer = 0.5 * (low + high) if high < math.inf else 2.0 * low + 0.5 * (abs(a11) + abs(a22))
         slip = newer
-    x[0], x[1], x[2] = n, t1, t2
+        if last:
+            break
+    determinant = e + slip * (f + slip)
+    per = 1.0 / determinant if determinant > 0.0 else 0.0
+    t1, t2 = (u1 - slip * g1) * per, (u2 - slip * g2) * per
+    x[0], x[1], x[2] = free - p * t1 - q * t2, t1, t2
 
 
 @inner_kernel

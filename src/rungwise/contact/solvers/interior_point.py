@@ -37,7 +37,7 @@ _STEPS = 100
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
-_EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.3
+_EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.1
 _SHORT = 0.1
 """A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
 _STALLED, _WINDOW = 0.7, 8

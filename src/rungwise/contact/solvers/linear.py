@@ -145,15 +145,19 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
         value = x[row]
         x[row] = x[k]
         x[k] = value
-    # Column by column: entries do not wait for each other, as the terms of a sum would.
-    for j in range(size):
-        value = x[j]
-        for i in range(j + 1, size):
-            x[i] -= a[i, j] * value
-    for j in range(size - 1, -1, -1):
-        value = x[j] = x[j] * a[j, j]
-        for i in range(j):
-            x[i] -= a[i, j] * value
+    # By pairs of columns: entries do not wait for each other, as the terms of a sum would.
+    for j in range(0, size - 1, 2):
+        first = x[j]
+        second = x[j + 1] = x[j + 1] - a[j + 1, j] * first
+        for i in range(j + 2, size):
+            x[i] -= a[i, j] * first + a[i, j + 1] * second
+    for j in range(size - 1, 0, -2):
+        second = x[j] = x[j] * a[j, j]
+        first = x[j - 1] = (x[j - 1] - a[j - 1, j] * second) * a[j - 1, j - 1]
+        for i in range(j - 1):
+            x[i] -= a[i, j - 1] * first + a[i, j] * second
+    if size % 2 == 1:
+        x[0] *= a[0, 0]
 
 
 @summing_kernel

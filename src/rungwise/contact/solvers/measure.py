@@ -9,25 +9,24 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel, summing_kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 
 _ROUNDING = 2.0**-53
 
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
     """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
-    return _natural(system, x, b, shift, np.empty((2, system.size)))
+    return _natural(system, x, system.b if b is None else b, shift, np.empty((2, system.size)))
 
 
 def natural_parts(system: System, x: Array) -> Array:
     """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
     out = np.empty((2, system.size))
-    _natural(system, x, None, 0.0, out)
+    _natural(system, x, system.b, 0.0, out)
     return np.where(np.isfinite(out[1]), out[1], np.inf)
 
 
-def _natural(system: System, x: Array, b: Array | None, shift: float, out: Array) -> float:
-    s, b = system, system.b if b is None else b
+def _natural(s: System, x: Array, b: Array, shift: float, out: Array) -> float:
     if s.product is None:
         return float(
             distance(s.row_start, s.column, s.value, b, shift, x, s.mu, s.directions, s.lower, s.upper, out)
@@ -45,7 +44,7 @@ def all_rates(system: System, x: Array, b: Array, shift: float, y: Array) -> Non
         rates_by_parts(*p[:-2], b, shift, x, s.rows, s.directions, np.empty(p.velocities), y)
 
 
-@kernel
+@inner_kernel
 def distance(
     row_start: Ints,
     column: Ints,
@@ -64,7 +63,7 @@ def distance(
     return distance_at(out[0], x, mu, d, lower, upper, out[1])
 
 
-@kernel
+@inner_kernel
 def distance_at(y: Reals, x: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
     """As `distance`, the rates being y; `out` (N,) gets the sizes."""
     natural_map(x, y, mu, d, lower, upper, out)
@@ -75,7 +74,7 @@ def distance_at(y: Reals, x: Reals, mu: Reals, d: int, lower: Reals, upper: Real
     return math.sqrt(total) if total < math.inf else math.inf
 
 
-@kernel
+@inner_kernel
 def rates(row_start: Ints, column: Ints, value: Reals, b: Reals, shift: float, x: Reals, y: Reals) -> None:
     """y = (A + shift) x + b."""
     for i in range(len(b)):

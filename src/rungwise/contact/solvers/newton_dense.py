@@ -8,7 +8,7 @@ from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
-HALVINGS, WINDOW = 7, 12
+HALVINGS, WINDOW, CHORDS = 7, 12, 3
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 11
@@ -73,9 +73,27 @@ def descend_dense(
                 break
         if not newer < math.inf:
             return done
-        size = newer
+        ratio, size = newer / size, newer
         for i in range(n):
             x[i], F[i] = trial[i], ahead[i]
+        # Again with the same factors, if these steps are likely to be enough.
+        for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
+            for i in range(n):
+                step[i] = F[i]
+            substitute(factors, n, order, step)
+            for i in range(n):
+                trial[i] = x[i] - step[i]
+            rates(row_start, column, value, b, shift, trial, y)
+            newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, slope)
+            if not newer < size:
+                rates(row_start, column, value, b, shift, x, y)
+                alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
+                break
+            size = newer
+            for i in range(n):
+                x[i], F[i] = trial[i], ahead[i]
+            if size <= tol:
+                break
     return steps
 
 
@@ -122,22 +140,32 @@ def _contact(
     derivative[n, 1] = derivative[n, 2] = 0.0
 
 
-@kernel
+@inner_kernel
 def jacobian(
     A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, damping: float, J: Reals
 ) -> None:
     """J = (1 + damping) I - kept D + rho D A."""
+    for n in range(0, rows if d == 3 else 0, 3):
+        _spatial_rows(A[n], A[n + 1], A[n + 2], derivative[n : n + 3], rho, J[n], J[n + 1], J[n + 2])
+    for i in range(rows if d == 3 else 0, len(A)):
+        first, second = i // d * d if i < rows else i, rho * derivative[i, 1] if i < rows and d == 2 else 0.0
+        own, normal, other = rho * derivative[i, 0], A[first], A[first + d - 1 if i < rows else first]
+        row = J[i]
+        for c in range(len(row)):
+            row[c] = own * normal[c] + second * other[c]
     for i in range(len(A)):
         first, width = (i // d * d, d) if i < rows else (i, 1)
-        own = rho * derivative[i, 0]
-        if width == 3:
-            second, third = rho * derivative[i, 1], rho * derivative[i, 2]
-            for c in range(len(A)):
-                J[i, c] = own * A[first, c] + second * A[first + 1, c] + third * A[first + 2, c]
-        else:
-            second = rho * derivative[i, width - 1] if width == 2 else 0.0
-            for c in range(len(A)):
-                J[i, c] = own * A[first, c] + second * A[first + width - 1, c]
         for j in range(width):
             J[i, first + j] -= kept * derivative[i, j]
         J[i, i] += 1.0 + damping
+
+
+@inner_kernel
+def _spatial_rows(
+    normal: Reals, along: Reals, across: Reals, D: Reals, rho: float, J_n: Reals, J_s: Reals, J_t: Reals
+) -> None:
+    n, s0, s1, s2 = rho * D[0, 0], rho * D[1, 0], rho * D[1, 1], rho * D[1, 2]
+    t0, t1, t2 = rho * D[2, 0], rho * D[2, 1], rho * D[2, 2]
+    for c in range(len(normal)):
+        x, y, z = normal[c], along[c], across[c]
+        J_n[c], J_s[c], J_t[c] = n * x, s0 * x + s1 * y + s2 * z, t0 * x + t1 * y + t2 * z

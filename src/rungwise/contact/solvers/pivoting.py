@@ -58,7 +58,7 @@ class Unfolded(NamedTuple):
 
 def workspace(n: int) -> tuple[Array, Array, Ints]:
     """Scratch for `pivot` with n unknowns."""
-    return np.empty(n), np.empty((n, 2 * n + 2)), np.empty(n, np.int64)
+    return np.empty(n), np.empty((n, n + 2)), np.empty(4 * n + 2, np.int64)
 
 
 @cache
@@ -121,17 +121,22 @@ def _unfold(system: System) -> Unfolded:
 
 @kernel
 def pivot(
-    M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, basis: Ints
+    M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, place: Ints
 ) -> int:
     """Fill `best` (n,) with 0 <= z _|_ M z + q >= 0 as far as that is found, to `tol`; returns the pivots.
 
-    Where Lemke's method ends on a ray, few unknowns are tried in every basis, many from other vectors.
+    A sweep is enough where unknowns do not depend on each other. Where Lemke's method ends on a ray, few
+    unknowns are tried in every basis, many from other vectors.
     """
-    n, total, least = len(q), 0, math.inf
+    n, total = len(q), 0
     for i in range(n):
         best[i] = 0.0
+    _sweep(M, q, z)
+    least = _keep_better(M, q, z, best, math.inf)
+    if least <= tol:
+        return total
     for attempt in range(len(coverings)):
-        ended, pivots = lemke(M, q, coverings[attempt], z, tableau, basis)
+        ended, pivots = lemke(M, q, coverings[attempt], z, tableau, place)
         total += pivots
         if ended:
             least = _keep_better(M, q, z, best, least)
@@ -141,11 +146,21 @@ def pivot(
             break
     for chosen in range(1 << n if n <= _ALL else 0):
         total += 1
-        _solve_basis(M, q, chosen, z, tableau, basis)
+        _solve_basis(M, q, chosen, z, tableau, place)
         least = _keep_better(M, q, z, best, least)
         if least <= tol:
             break
     return total
+
+
+@kernel
+def _sweep(M: Reals, q: Reals, z: Reals) -> None:
+    """Each unknown that its own row determines, by those before it; the others are zero."""
+    for i in range(len(q)):
+        w = q[i]
+        for j in range(i):
+            w += M[i, j] * z[j]
+        z[i] = -w / M[i, i] if w < 0.0 < M[i, i] else 0.0
 
 
 @kernel
@@ -187,32 +202,36 @@ def _solve_basis(M: Reals, q: Reals, chosen: int, z: Reals, a: Reals, order: Int
 
 
 @kernel
-def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, basis: Ints) -> tuple[bool, int]:
+def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints) -> tuple[bool, int]:
     """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made.
 
-    a (n, 2 n + 2) and basis (n,) are scratch: rows [w, z, z0, right] of w - M z - covering z0 = q.
+    Unknowns are w (0 .. n - 1), z (n .. 2 n - 1) and z0 (2 n) of w - M z - covering z0 = q. Scratch:
+    a (n, n + 2), for each basic one the coefficients of those that are zero, and its value; place (4 n + 2,),
+    of each unknown (its column, or -1 - its row where it is basic), then the unknown of each row and column.
     """
     n, row = len(q), 0
+    basic, idle = place[2 * n + 1 : 3 * n + 1], place[3 * n + 1 : 4 * n + 2]
     for i in range(n):
-        z[i], basis[i] = 0.0, i
+        z[i], basic[i], idle[i], place[i], place[n + i] = 0.0, i, n + i, -1 - i, i
         for j in range(n):
-            a[i, j], a[i, n + j] = 0.0, -M[i, j]
-        a[i, i], a[i, 2 * n], a[i, 2 * n + 1] = 1.0, -covering[i], q[i]
+            a[i, j] = -M[i, j]
+        a[i, n], a[i, n + 1] = -covering[i], q[i]
         if q[i] / covering[i] < q[row] / covering[row]:
             row = i
     if n == 0 or q[row] >= 0.0:
         return True, 0
-    entering = 2 * n
+    idle[n], place[2 * n], column = 2 * n, n, n
     for pivots in range(1, 50 + 20 * n):
-        _exchange(a, row, entering)
-        leaving, basis[row] = basis[row], entering
+        _exchange(a, row, column)
+        leaving, entering = basic[row], idle[column]
+        basic[row], idle[column], place[leaving], place[entering] = entering, leaving, column, -1 - row
         if leaving == 2 * n:
             for i in range(n):
-                if basis[i] >= n:
-                    z[basis[i] - n] = a[i, 2 * n + 1]
+                if basic[i] >= n:
+                    z[basic[i] - n] = a[i, n + 1]
             return True, pivots
-        entering = leaving + n if leaving < n else leaving - n
-        row = _leaving_row(a, entering, basis)
+        column = place[leaving + n if leaving < n else leaving - n]
+        row = _leaving_row(a, column, basic, place)
         if row < 0:
             return False, pivots
     return False, 50 + 20 * n
@@ -220,44 +239,46 @@ def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, basis: Ints) 
 
 @kernel
 def _exchange(a: Reals, row: int, column: int) -> None:
-    width = a.shape[1]
-    inverse = 1.0 / a[row, column]
-    for j in range(width):
-        a[row, j] *= inverse
-    a[row, column] = 1.0
+    """The unknowns of this row and column change places."""
+    own, inverse = a[row], 1.0 / a[row, column]
+    own[column] = 1.0
+    for j in range(len(own)):
+        own[j] *= inverse
     for i in range(len(a)):
         factor = a[i, column]
         if i != row and factor != 0.0:
-            for j in range(width):
-                a[i, j] -= factor * a[row, j]
             a[i, column] = 0.0
+            for j in range(len(own)):
+                a[i, j] -= factor * own[j]
 
 
 @kernel
-def _leaving_row(a: Reals, entering: int, basis: Ints) -> int:
+def _leaving_row(a: Reals, column: int, basic: Ints, place: Ints) -> int:
     """Least ratio; among ties the artificial unknown, else the lexicographic least. -1 on a ray."""
-    n, last = len(a), a.shape[1] - 1
+    n = len(a)
     least = np.inf
     for i in range(n):
-        if a[i, entering] > _PIVOT:
-            least = min(least, max(a[i, last], 0.0) / a[i, entering])
+        if a[i, column] > _PIVOT:
+            least = min(least, max(a[i, n + 1], 0.0) / a[i, column])
     if least == np.inf:
         return -1
     best, slack = -1, _TIE * (1.0 + abs(least))
     for i in range(n):
-        if a[i, entering] > _PIVOT and max(a[i, last], 0.0) / a[i, entering] <= least + slack:
-            if basis[i] == 2 * n:
+        if a[i, column] > _PIVOT and max(a[i, n + 1], 0.0) / a[i, column] <= least + slack:
+            if basic[i] == 2 * n:
                 return i
-            if best < 0 or _precedes(a, i, best, entering):
+            if best < 0 or _precedes(a, i, best, column, place):
                 best = i
     return best
 
 
 @kernel
-def _precedes(a: Reals, i: int, other: int, entering: int) -> bool:
+def _precedes(a: Reals, i: int, other: int, column: int, place: Ints) -> bool:
     """Whether row i of the basis' inverse, over its pivot, is lexicographically less than the other's."""
     for j in range(len(a)):
-        mine, its = a[i, j] / a[i, entering], a[other, j] / a[other, entering]
+        at = place[j]
+        mine = (a[i, at] if at >= 0 else 1.0 if at == -1 - i else 0.0) / a[i, column]
+        its = (a[other, at] if at >= 0 else 1.0 if at == -1 - other else 0.0) / a[other, column]
         if abs(mine - its) > _TIE * (1.0 + abs(its)):
             return mine < its
     return False
