@@ -67,7 +67,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         if found < least:
             best, least = x, found
         if found < finish:
-            trial, reached = newton.finish(system, whole, x, tol, newton.LAST if found < _FINISH else 1)
+            trial, reached = newton.finish(system, whole, x, tol, early=found >= _FINISH)
             finish = min(_NEARER * found, _FINISH)
             if reached < least:
                 best, least = trial, reached

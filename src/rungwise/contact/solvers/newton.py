@@ -41,7 +41,7 @@ _YIELD = 1e-7
 Solve = Callable[[Array], Array]
 Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
-LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
+_LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
 """Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
 the residual so much."""
 
@@ -57,18 +57,20 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
 
 
 def finish(
-    system: System, A: Matrix | None, start: Array, tol: float, steps: int = LAST
+    system: System, A: Matrix | None, start: Array, tol: float, early: bool = False
 ) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More steps follow
-    while they lead fast to a solution."""
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while they
+    lead fast to a solution; `early` there is but one at first.
+    """
     x, least = start, natural(system, start)
+    steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
     for _ in range(_ROUNDS):
         before = least
-        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, _LIGHT)
+        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, dampings)
         least = natural(system, x)
         if not tol < least < _FALL * before:
             break
-        steps = LAST
+        steps, dampings = _LAST, _LIGHT
     return x, least
 
 
