@@ -59,8 +59,8 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
 def finish(
     system: System, A: Matrix | None, start: Array, tol: float, early: bool = False
 ) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while they
-    lead fast to a solution; `early` there is but one at first.
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while
+    they lead fast to a solution; `early` there is but one at first.
     """
     x, least = start, natural(system, start)
     steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
