@@ -162,7 +162,7 @@ def compiled_pivoting(system: System, repeats: int) -> float | None:
     times, found = max(1, 40_000 // n**2), np.empty(n)
     arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
     repeat_pivoting(*arguments, 1)
-    if natural(system, unfolded.back @ found + unfolded.origin) > TOL:
+    if natural(system, unfolded.folded(found)) > TOL:
         return None
     return usual(lambda: repeat_pivoting(*arguments, times), repeats) / times
 

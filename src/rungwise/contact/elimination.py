@@ -60,12 +60,12 @@ def eliminated(problem: Problem) -> Left:
 
     The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
-    free = np.isneginf(problem.lower) & np.isposinf(problem.upper)
+    if not problem.free.any():
+        return everything(problem)
     A, b = _whole(problem), problem.b
-    fixed = np.concatenate([np.zeros(problem.rows, bool), free])
+    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.free])
     kept, gone = np.flatnonzero(~fixed), np.flatnonzero(fixed)
-    sparse = sp.issparse(A)
-    if len(gone) == 0 or (sparse and len(kept) * len(gone) > _LARGEST):
+    if sp.issparse(A) and len(kept) * len(gone) > _LARGEST:
         return everything(problem)
     own, across, back, front = (part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept))
     drives = columns(across)

@@ -127,7 +127,7 @@ _known: WeakKeyDictionary[Problem, _Scales] = WeakKeyDictionary()
 def _scales(problem: Problem) -> _Scales:
     found = _known.get(problem)
     if found is None:
-        free = np.flatnonzero(np.isneginf(problem.lower) & np.isposinf(problem.upper)) + problem.rows
+        free = problem.free.nonzero()[0] + problem.rows
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
             fitted(*compressed(part(absolute, free, free)), 0, 1, unit)

@@ -85,10 +85,15 @@ class Problem:
             object.__setattr__(self, name, own)
 
     @cached_property
+    def free(self) -> NDArray[np.bool_]:
+        """Which of the others (m,) have no limits."""
+        without: NDArray[np.bool_] = (self.lower == -np.inf) & (self.upper == np.inf)
+        return without
+
+    @property
     def is_boxes(self) -> bool:
         """Whether it has no contacts and no free unknowns: an LCP, a relay, limits alone."""
-        free = np.isneginf(self.lower) & np.isposinf(self.upper)
-        return len(self.mu) == 0 and len(self.lower) > 0 and not free.any()
+        return len(self.mu) == 0 and len(self.lower) > 0 and not self.free.any()
 
     @property
     def demands(self) -> Array:

@@ -43,17 +43,25 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     n = len(unfolded.q)
     z = np.empty(n)
     pivots = pivot(unfolded.M, unfolded.q, coverings(n), 0.3 * tol, z, *workspace(n))
-    x = unfolded.back @ z + unfolded.origin
+    x = unfolded.folded(z)
     return (x if natural(system, x) < natural(system, start) else start), pivots
 
 
 class Unfolded(NamedTuple):
-    """x = back z + origin with 0 <= z _|_ M z + q >= 0."""
+    """0 <= z _|_ M z + q >= 0; x is `origin` and sign_j z_j in row_j of each j, or nothing if that is < 0."""
 
-    back: Array
+    row: Ints
+    sign: Array
     origin: Array
     M: Array
     q: Array
+
+    def folded(self, z: Array) -> Array:
+        """x (N,)."""
+        x = self.origin.copy()
+        own = self.row >= 0
+        np.add.at(x, self.row[own], (self.sign * z)[own])
+        return x
 
 
 def workspace(n: int) -> tuple[Array, Array, Ints]:
@@ -69,14 +77,16 @@ def coverings(n: int) -> Array:
 
 
 def _unfolded_size(system: System) -> int:
-    two_sided = np.isfinite(system.lower) == np.isfinite(system.upper)
-    return {1: 1, 2: 4, 3: 0}[system.directions] * len(system.mu) + len(system.lower) + int(two_sided.sum())
+    return int(unfolded_size(len(system.mu), system.directions, system.lower, system.upper))
 
 
-def _origin(system: System) -> Array:
-    """x at z = 0."""
-    limits = np.where(np.isfinite(system.lower), system.lower, system.upper)
-    return np.concatenate([np.zeros(system.rows), np.where(np.isfinite(limits), limits, 0.0)])
+@kernel
+def unfolded_size(contacts: int, d: int, lower: Reals, upper: Reals) -> int:
+    """A planar contact makes four unknowns; two limits make two, and no limit too."""
+    size = contacts * (4 if d == 2 else 1)
+    for j in range(len(lower)):
+        size += 2 if (lower[j] > -math.inf) == (upper[j] < math.inf) else 1
+    return size
 
 
 _unfolded: WeakKeyDictionary[System, Unfolded] = WeakKeyDictionary()
@@ -86,37 +96,58 @@ def unfold(system: System) -> Unfolded:
     """The linear complementarity problem of a system, made once."""
     made = _unfolded.get(system)
     if made is None:
-        made = _unfolded[system] = _unfold(system)
+        s, n = system, _unfolded_size(system)
+        made = Unfolded(np.empty(n, np.int64), np.ones(n), np.zeros(s.size), np.zeros((n, n)), np.zeros(n))
+        unfold_into(s.dense(), s.b, s.mu, s.directions, s.lower, s.upper, *made)
+        _unfolded[system] = made
     return made
 
 
-def _unfold(system: System) -> Unfolded:
-    s, d, size = system, system.directions, _unfolded_size(system)
-    A = s.dense()
-    B = np.zeros((s.size, size))
-    extra, bound = np.zeros((size, size)), np.zeros(size)
+@kernel
+def unfold_into(
+    A: Reals,
+    b: Reals,
+    mu: Reals,
+    d: int,
+    lower: Reals,
+    upper: Reals,
+    row: Ints,
+    sign: Reals,
+    origin: Reals,
+    M: Reals,
+    q: Reals,
+) -> None:
+    """Fill the fields of `Unfolded`; sign is one before, origin, M and q are zero."""
     at = 0
-    for k in range(len(s.mu)):
-        B[k * d, at] = 1.0
+    for k in range(len(mu)):
+        row[at] = k * d
         if d == 2:
             slip = at + 3
-            for i, sign in ((at + 1, 1.0), (at + 2, -1.0)):
-                B[2 * k + 1, i] = sign
-                extra[i, slip], extra[slip, i] = 1.0, -1.0
-            extra[slip, at] = s.mu[k]
+            row[at + 1], row[at + 2], row[slip], sign[at + 2] = 2 * k + 1, 2 * k + 1, -1, -1.0
+            for i in (at + 1, at + 2):
+                M[i, slip], M[slip, i] = 1.0, -1.0
+            M[slip, at] = mu[k]
         at += 4 if d == 2 else 1
-    for j, (low, high) in enumerate(zip(s.lower, s.upper, strict=True)):
-        i = s.rows + j
-        B[i, at] = 1.0 if np.isfinite(low) or not np.isfinite(high) else -1.0
-        if np.isfinite(low) and np.isfinite(high):
-            extra[at, at + 1], extra[at + 1, at], bound[at + 1] = 1.0, -1.0, high - low
-            at += 1
-        elif not np.isfinite(low) and not np.isfinite(high):
-            B[i, at + 1] = -1.0
-            at += 1
-        at += 1
-    origin = _origin(s)
-    return Unfolded(B, origin, B.T @ A @ B + extra, B.T @ (s.b + A @ origin) + bound)
+    for j in range(len(lower)):
+        i, below, above = d * len(mu) + j, lower[j] > -math.inf, upper[j] < math.inf
+        row[at] = i
+        sign[at] = 1.0 if below or not above else -1.0
+        origin[i] = lower[j] if below else upper[j] if above else 0.0
+        if below and above:
+            M[at, at + 1], M[at + 1, at], q[at + 1], row[at + 1] = 1.0, -1.0, upper[j] - lower[j], -1
+        elif not below and not above:
+            row[at + 1], sign[at + 1] = i, -1.0
+        at += 2 if below == above else 1
+    for i in range(len(q)):
+        if row[i] < 0:
+            continue
+        rate = b[row[i]]
+        for j in range(len(origin)):
+            rate += A[row[i], j] * origin[j]
+        q[i] += sign[i] * rate
+        for j in range(len(q)):
+            if row[j] >= 0:
+                M[i, j] += sign[i] * sign[j] * A[row[i], row[j]]
 
 
 @kernel
