@@ -186,6 +186,67 @@ def nesterov_todd(
 
 
 @kernel
+def beyond(
+    z: Reals, w: Reals, dz: Reals, dw: Reals, first: Ints, dim: Ints, scratch: Reals, out: Reals
+) -> None:
+    """What the products of z + dz and w + dw have beyond what is linear, in the terms of `toward`; scratch is
+    (4, 3)."""
+    v, a, b, c = scratch[0], scratch[1], scratch[2], scratch[3]
+    for k in range(len(first)):
+        i, d = first[k], dim[k]
+        if d == 1:
+            out[i] = dz[i] * dw[i] / z[i]
+            continue
+        # W dz, dw / W and W z = w / W, W being the root of the scaling.
+        root = _half(z, w, i, d, v)
+        _turned(v, 1.0, root, dz[i : i + d], a)
+        _turned(v, -1.0, 1.0 / root, dw[i : i + d], b)
+        _turned(v, 1.0, root, z[i : i + d], c)
+        product, along, inside = a[0] * b[0], 0.0, c[0] * c[0]
+        for j in range(1, d):
+            product += a[j] * b[j]
+            a[j] = a[0] * b[j] + b[0] * a[j]
+            along += c[j] * a[j]
+            inside -= c[j] * c[j]
+        b[0] = (c[0] * product - along) / inside
+        for j in range(1, d):
+            b[j] = (a[j] - b[0] * c[j]) / c[0]
+        _turned(v, 1.0, root, b[:d], out[i : i + d])
+
+
+@inner_kernel
+def _half(z: Reals, w: Reals, i: int, d: int, v: Reals) -> float:
+    """v and r of the root r (2 v v^T - J) of the scaling, J the reflection that keeps the first entry."""
+    slip, pull, dot = 0.0, 0.0, 0.0
+    for j in range(i, i + d):
+        dot += z[j] * w[j]
+        slip += w[j] * w[j] if j > i else 0.0
+        pull += z[j] * z[j] if j > i else 0.0
+    slip, pull = math.sqrt(slip), math.sqrt(pull)
+    size_z = math.sqrt(max((z[i] - pull) * (z[i] + pull), 1e-300))
+    size_w = math.sqrt(max((w[i] - slip) * (w[i] + slip), 1e-300))
+    per = 1.0 / (2.0 * math.sqrt(0.5 * (1.0 + dot / (size_z * size_w))))
+    for j in range(d):
+        v[j] = per * (w[i + j] / size_w + (1.0 if j == 0 else -1.0) * z[i + j] / size_z)
+    v[0] += 1.0
+    per = 1.0 / math.sqrt(2.0 * v[0])
+    for j in range(d):
+        v[j] *= per
+    return math.sqrt(size_w / size_z)
+
+
+@inner_kernel
+def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
+    """out = factor (2 v v^T - J) x, the sign that of all but the first entry of v."""
+    dot = v[0] * x[0]
+    for j in range(1, len(x)):
+        dot += sign * v[j] * x[j]
+    out[0] = factor * (2.0 * v[0] * dot - x[0])
+    for j in range(1, len(x)):
+        out[j] = factor * (2.0 * sign * v[j] * dot + x[j])
+
+
+@kernel
 def toward(w: Reals, inverse: Reals, first: Ints, dim: Ints, target: float, aim: Reals) -> None:
     """aim = target z^-1 - w, what dw + S dz is to be."""
     for c in range(len(first)):
