@@ -68,17 +68,15 @@ def eliminated(problem: Problem) -> Left:
     if sp.issparse(A) and len(kept) * len(gone) > _LARGEST:
         return everything(problem)
     own, across, back, front = (part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept))
-    drives = columns(across)
-    response = _respond(own, across, drives)
+    response = _respond(own, across)
     if response is None:
         return everything(problem)
     solve, matrices, found = response
 
     def velocities(x: Array) -> Array:
-        push, v = across @ x + b[gone], np.zeros(len(gone))
-        for _ in range(2):
-            v -= solve(own @ v + push)
-        return v
+        push = across @ x + b[gone]
+        v = -solve(push)
+        return np.asarray(v - solve(own @ v + push))
 
     def recover(x: Array) -> Array:
         full = np.empty(len(b))
@@ -92,7 +90,7 @@ def eliminated(problem: Problem) -> Left:
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
     offset[np.abs(offset) <= ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
-    parts = condensed(problem, own, drives, back, front)
+    parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
     return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, offset))
 
@@ -106,10 +104,10 @@ class Response(NamedTuple):
     columns: tuple[Sparse, Array] | None = None
 
 
-def _respond(own: Matrix, across: Matrix, drives: Sparse) -> Response | None:
+def _respond(own: Matrix, across: Matrix) -> Response | None:
     """How the eliminated unknowns respond to the others; None where A_gg is singular or nearly so."""
     if sp.issparse(own) and (inverted := inverse(compressed(own))) is not None:
-        (start, row, value), change = responses(compressed(own), inverted, drives)
+        (start, row, value), change = responses(compressed(own), inverted, columns(across))
         if not _largest(change) <= _ACCURATE * _largest(value):
             return None
         solver = sp.csr_array(inverted[::-1], shape=own.shape)

@@ -80,7 +80,7 @@ def _scaled_blocks(blocks: Array, s: Array, rows: int, d: int) -> Array:
     return np.asarray(blocks * s[:, None] * np.append(s, [0.0, 0.0])[first[:, None] + np.arange(3)])
 
 
-def condensed(problem: Problem, own: Matrix, drives: Sparse, back: Matrix, front: Matrix) -> Condensed | None:
+def condensed(problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix) -> Condensed | None:
     """The parts, where they are few and `front` has only the blocks of contacts."""
     if not FEW * own.shape[0] <= front.shape[0] or own.shape[0] > MOST:
         return None
@@ -88,7 +88,7 @@ def condensed(problem: Problem, own: Matrix, drives: Sparse, back: Matrix, front
     if not gather_blocks(*compressed(front), problem.rows, problem.directions, blocks):
         return None
     dense = own.toarray() if sp.issparse(own) else own
-    return Condensed(dense, blocks, *compressed(back), *drives)
+    return Condensed(dense, blocks, *compressed(back), *columns(across))
 
 
 @kernel

@@ -12,15 +12,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.elimination import Left, eliminated, everything
+from rungwise.contact.inverse import Sparse
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.product import Condensed, Product
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
@@ -42,7 +43,7 @@ class Form(NamedTuple):
 class System:
     """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
 
-    form: makes A, when it is first asked for; kept (N,): places of the unknowns in the problem; condensed,
+    form: makes A, in the parts of `Form`; kept (N,): places of the unknowns in the problem; condensed,
     product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
     to multiply by it; demanded: the largest rate demanded over that without forces, or infinite; load: the
     largest load over the least unit of a contact's force, or one.
@@ -63,29 +64,18 @@ class System:
     demanded: float = math.inf
     load: float = 1.0
 
-    @cached_property
-    def _form(self) -> Form:
-        return self.form()
+    row_start: Ints = field(init=False)
+    column: Ints = field(init=False)
+    value: Array = field(init=False)
+    blocks: Array = field(init=False)
+    diagonal: Array = field(init=False)
 
-    @cached_property
-    def row_start(self) -> Ints:
-        return self._form.row_start
+    def __post_init__(self) -> None:
+        self._fill()
 
-    @cached_property
-    def column(self) -> Ints:
-        return self._form.column
-
-    @cached_property
-    def value(self) -> Array:
-        return self._form.value
-
-    @cached_property
-    def blocks(self) -> Array:
-        return self._form.blocks
-
-    @cached_property
-    def diagonal(self) -> Array:
-        return self._form.diagonal
+    def _fill(self) -> None:
+        for name, part in zip(Form._fields, self.form(), strict=True):
+            object.__setattr__(self, name, part)
 
     @property
     def size(self) -> int:
@@ -111,6 +101,19 @@ class System:
 
     def matrix(self) -> sp.csr_array:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
+
+
+class Postponed(System):
+    """A system whose A is made when something asks for it: a product seldom needs it."""
+
+    def __post_init__(self) -> None:
+        pass
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in Form._fields:
+            raise AttributeError(name)
+        self._fill()
+        return getattr(self, name)
 
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
@@ -144,30 +147,39 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
         lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     lowest, highest = lower.copy(), upper.copy()
+    kind, entries = System, _entries(left)
     if left.product is not None:
+        kind = Postponed
         fitted(np.arange(size + 1), np.arange(size), left.product.diagonal, rows, d, s)
-        made = None
+    elif massless or (
+        problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries())
+    ):
+        _fit_massless(problem, *entries(), s)
     else:
-        made = compressed(left.matrix())
-        if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(*made)):
-            _fit_massless(problem, *made, s)
-        else:
-            fitted(*made, rows, d, s)
+        fitted(*entries(), rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
-
-    def form() -> Form:
-        row_start, column, value = made or compressed(left.matrix())
-        blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
-        rescaled(row_start, column, s, value, blocks, diagonal)
-        return Form(row_start, column, value, blocks, diagonal)
-
-    return System(
-        form, offset, problem.mu.copy(), d, lowest, highest, force, rate, kept, left.recover,
-        left.condensed and left.condensed.scaled(s, rows, d),
+    return kind(
+        partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
+        left.recover, left.condensed and left.condensed.scaled(s, rows, d),
         left.product and left.product.scaled(s, rows, d), left.demanded,
         _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
     )  # fmt: skip
+
+
+def _entries(left: Left) -> Callable[[], Sparse]:
+    """What gives A's rows, unscaled: those of a product when they are asked for."""
+    if left.product is not None:
+        return lambda: compressed(left.matrix())
+    made = compressed(left.matrix())
+    return lambda: made
+
+
+def _form(entries: Callable[[], Sparse], s: Array, rows: int, d: int) -> Form:
+    row_start, column, value = entries()
+    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(s) - rows)
+    rescaled(row_start, column, s, value, blocks, diagonal)
+    return Form(row_start, column, value, blocks, diagonal)
 
 
 def _load(problem: Problem, unit: Array) -> float:
@@ -190,8 +202,9 @@ def largest(row_start: Ints, value: Reals, out: Reals) -> None:
             out[i] = max(out[i], abs(value[k]))
 
 
-def _has_diagonal(row_start: Ints, column: Ints, value: Array) -> bool:
+def _has_diagonal(entries: Sparse) -> bool:
     """Whether inertia or compliance says what rate is much for a force: nothing else does."""
+    row_start, column, value = entries
     own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
     return bool(value[own].any())
 

@@ -32,7 +32,7 @@ def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
 def part(A: Matrix, rows: Ints, columns: Ints) -> Matrix:
     """A in these rows and columns, both in order."""
     if not sp.issparse(A):
-        return A[np.ix_(rows, columns)]
+        return A[rows[:, None], columns]
     number = np.full(A.shape[1], -1)
     number[columns] = np.arange(len(columns))
     start, column, value = np.empty(len(rows) + 1, np.int32), np.empty(A.nnz, np.int32), np.empty(A.nnz)

@@ -16,23 +16,22 @@ _ROUNDING = 2.0**-53
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
     """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
-    return _natural(system, x, system.b if b is None else b, shift, np.empty((2, system.size)))
-
-
-def natural_parts(system: System, x: Array) -> Array:
-    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
-    out = np.empty((2, system.size))
-    _natural(system, x, system.b, 0.0, out)
-    return np.where(np.isfinite(out[1]), out[1], np.inf)
-
-
-def _natural(s: System, x: Array, b: Array, shift: float, out: Array) -> float:
+    s, out = system, np.empty((2, system.size))
+    b = s.b if b is None else b
     if s.product is None:
         return float(
             distance(s.row_start, s.column, s.value, b, shift, x, s.mu, s.directions, s.lower, s.upper, out)
         )
     all_rates(s, x, b, shift, out[0])
     return float(distance_at(out[0], x, s.mu, s.directions, s.lower, s.upper, out[1]))
+
+
+def natural_parts(system: System, x: Array) -> Array:
+    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
+    s, y, out = system, np.empty(system.size), np.empty(system.size)
+    all_rates(s, x, s.b, 0.0, y)
+    distance_at(y, x, s.mu, s.directions, s.lower, s.upper, out)
+    return np.where(np.isfinite(out), out, np.inf)
 
 
 def all_rates(system: System, x: Array, b: Array, shift: float, y: Array) -> None:
