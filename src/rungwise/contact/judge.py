@@ -12,7 +12,7 @@ import numpy as np
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.contact.units import compressed, fitted
+from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, kernel
 
 _OWN = 1e-3
@@ -130,7 +130,7 @@ def _scales(problem: Problem) -> _Scales:
         free = problem.free.nonzero()[0] + problem.rows
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
-            fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
+            fitted(*compressed(part(absolute, free, free)), 0, 1, unit)
         rows = compressed(absolute) if problem.is_boxes else (free, free, unit)
         found = _known[problem] = _Scales(absolute, rows, free, unit)
     return found

@@ -21,8 +21,9 @@ from scipy.sparse.linalg import splu
 from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
-from rungwise.contact.solvers.measure import natural, rates
+from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.newton_dense import (
+    CHORDS,
     HALVINGS,
     LEAST,
     VECTORS,
@@ -37,10 +38,12 @@ _STEPS = 40
 _DENSE = 200
 _YIELD = 1e-7
 
-Linear = Callable[[float, Array], Array | None]
+Solve = Callable[[Array], Array]
+Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
-_LAST, _LIGHT = 5, (1e-8, 1e-4)
-"""Steps and dampings of those who have come near and want to finish."""
+_LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
+"""Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
+the residual so much."""
 
 
 def accepts(_system: System) -> bool:
@@ -53,20 +56,34 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
 
 
-def finish(system: System, A: Matrix, start: Array, tol: float) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it."""
-    x, _ = descend(system, A, start, system.b, 0.0, tol, _LAST, _LIGHT)
-    return x, natural(system, x)
+def finish(
+    system: System, A: Matrix | None, start: Array, tol: float, early: bool = False
+) -> tuple[Array, float]:
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while
+    they lead fast to a solution; `early` there is but one at first.
+    """
+    x, least = start, natural(system, start)
+    steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
+    for _ in range(_ROUNDS):
+        before = least
+        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, dampings)
+        least = natural(system, x)
+        if not tol < least < _FALL * before:
+            break
+        steps, dampings = _LAST, _LIGHT
+    return x, least
 
 
-def form(system: System) -> Matrix:
-    """A as the steps want it: dense when small."""
+def form(system: System) -> Matrix | None:
+    """A as the steps want it: dense when small; none where it is a product."""
+    if system.product is not None:
+        return None
     return system.dense() if system.size <= _DENSE else system.matrix()
 
 
 def descend(
     system: System,
-    A: Matrix,
+    A: Matrix | None,
     start: Array,
     b: Array,
     shift: float,
@@ -75,7 +92,7 @@ def descend(
     dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
     """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
-    if not sp.issparse(A):
+    if isinstance(A, np.ndarray):
         return _descend_small(system, A, start, b, shift, tol, steps, dampings)
     s, x = system, start
     y, F = np.empty(s.size), np.empty(s.size)
@@ -83,7 +100,7 @@ def descend(
     rho = 1.0 / (1.0 + shift)
 
     def merit(x: Array) -> float:
-        rates(s.row_start, s.column, s.value, b, shift, x, y)
+        all_rates(s, x, b, shift, y)
         return alart_curnier(x, y, s.mu, s.directions, s.lower, s.upper, rho, F, derivative)
 
     size = earlier = merit(x)
@@ -98,13 +115,24 @@ def descend(
         found = _step(linear, F.copy(), x, size, merit, dampings)
         if found is None:
             return x, done
-        x, size = found
+        moved, newer, solve = found
+        ratio, x, size = newer / size, moved, newer
+        # Again with the same factors, if these steps are likely to be enough.
+        for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
+            moved = x - solve(F)
+            newer = merit(moved)
+            if not newer < size:
+                merit(x)
+                break
+            x, size = moved, newer
+            if size <= tol:
+                break
     return x, steps
 
 
 def _descend_small(
     system: System,
-    A: Matrix,
+    A: Array,
     start: Array,
     b: Array,
     shift: float,
@@ -127,30 +155,31 @@ def _step(
     size: float,
     merit: Callable[[Array], float],
     dampings: tuple[float, ...],
-) -> tuple[Array, float] | None:
-    """A shorter Newton step, or a damped one, that makes |F| smaller; None when none does."""
-    step = linear(0.0, F)
-    if step is not None:
+) -> tuple[Array, float, Solve] | None:
+    """Where a shorter Newton step, or a damped one, makes |F| smaller, and what it was solved with; None when
+    none does."""
+    solve = linear(0.0)
+    if solve is not None and np.isfinite(step := solve(F)).all():
         length = 1.0
         for _ in range(HALVINGS):
             moved = x - length * step
             newer = merit(moved)
             if newer <= (1.0 - 1e-2 * length) * size:
-                return moved, newer
+                return moved, newer, solve
             length *= 0.5
     for damping in dampings:
-        step = linear(damping * size, F)
-        if step is None:
+        solve = linear(damping * size)
+        if solve is None or not np.isfinite(step := solve(F)).all():
             continue
         moved = x - step
         newer = merit(moved)
         if newer <= (1.0 - 1e-4) * size:
-            return moved, newer
+            return moved, newer, solve
     return None
 
 
-def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: float) -> Linear:
-    """(I + damping - D + rho D (A + shift))^-1 F, D the derivative of the projections, in blocks.
+def _linear(system: System, A: Matrix | None, derivative: Array, rho: float, shift: float) -> Linear:
+    """How to solve with I + damping - D + rho D (A + shift), D the derivative of the projections, in blocks.
 
     Where contacts stick, a damped step is the Newton step of a problem in which they yield a little.
     """
@@ -161,11 +190,11 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
         E = -kept * derivative
         E[i, own] += 1.0
 
-        def lifted(damping: float, F: Array) -> Array | None:
+        def lifted(damping: float) -> Solve | None:
             yielding = E.copy()
             yielding[i, own] += max(damping, _YIELD)
             made = solver(condensed, s.rows, d, yielding, rho * derivative)
-            return None if made is None else _finite(made.solve(F))
+            return None if made is None else made.solve
 
         return lifted
     width = np.where(i < s.rows, d, 1)
@@ -174,14 +203,10 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
     D = sp.csr_array((derivative[row, place], (row, row - own[row] + place)), shape=(s.size, s.size))
     J = sp.eye_array(s.size) - kept * D + rho * (D @ A)
 
-    def sparse(damping: float, F: Array) -> Array | None:
+    def sparse(damping: float) -> Solve | None:
         try:
-            return _finite(splu(sp.csc_array(J + max(damping, LEAST) * sp.eye_array(len(F)))).solve(F))
+            return splu(sp.csc_array(J + max(damping, LEAST) * sp.eye_array(s.size))).solve
         except RuntimeError:
             return None
 
     return sparse
-
-
-def _finite(step: Array) -> Array | None:
-    return step if np.isfinite(step).all() else None

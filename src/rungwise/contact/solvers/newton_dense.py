@@ -8,7 +8,7 @@ from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
-HALVINGS, WINDOW, _CHORDS = 7, 12, 3
+HALVINGS, WINDOW, CHORDS = 7, 12, 3
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
 VECTORS = 11
@@ -77,7 +77,7 @@ def descend_dense(
         for i in range(n):
             x[i], F[i] = trial[i], ahead[i]
         # Again with the same factors, if these steps are likely to be enough.
-        for _ in range(_CHORDS if size * ratio**_CHORDS <= tol < size else 0):
+        for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
             for i in range(n):
                 step[i] = F[i]
             substitute(factors, n, order, step)
