@@ -14,6 +14,7 @@ from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.refine import SMALL, rate_error, refined
+from rungwise.contact.small import solve_at_once
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -65,10 +66,14 @@ def solve(
     if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
-    system = scaled(problem)
-    given = np.zeros(len(problem.b)) if start is None else vector("start", start)
-    if given.shape != problem.b.shape:
+    given = None if start is None else vector("start", start)
+    if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
+    if assembled is None and solvers is None and (own := solve_at_once(problem, given, tol)) is not None:
+        done = () if own.iterations < 0 else (Attempt(own.solver, own.iterations, own.residuals.natural),)
+        return ContactSolution(problem, Status.SOLVED, own.x, own.y, own.residuals, tol, done)
+    system = scaled(problem)
+    given = np.zeros(len(problem.b)) if given is None else given
     attempts: list[Attempt] = []
     if assembled is not None and solvers is None and step.accepts(assembled):
         answer = _judged(problem, system, step.solve(assembled, given))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -84,14 +84,6 @@ class System:
     @property
     def rows(self) -> int:
         return self.directions * len(self.mu)
-
-    @cached_property
-    def is_damped(self) -> bool:
-        """Whether the normal rate of each contact, and the rate of each other unknown, grow with it."""
-        if self.product is not None:
-            own = self.product.diagonal
-            return bool((own[: self.rows : self.directions] > 0.0).all() and (own[self.rows :] > 0.0).all())
-        return bool((self.blocks[:, 0, 0] > 0.0).all() and (self.diagonal > 0.0).all())
 
     def dense(self) -> Array:
         """A (N, N)."""

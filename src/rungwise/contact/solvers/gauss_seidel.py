@@ -34,7 +34,7 @@ SMALL, SWEEPS = 200, 40
 _ROUNDS, _STEPS = 8, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-2, 1e-8
 """Residual that is near; error of friction from which one step more, which squares it, is enough."""
-_DAMPINGS = np.array([1e-8, 1e-4])
+DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE, _FEW = 300, 12
 _CHECK = 10
@@ -45,9 +45,20 @@ def accepts(system: System) -> bool:
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > SMALL:
             return False
-    if (len(system.mu) == 0 or system.directions == 2) and 4 * len(system.mu) + len(system.lower) <= _FEW:
+    return bool(accepts_rows(system.directions, system.blocks, system.diagonal))
+
+
+@kernel
+def accepts_rows(d: int, blocks: Reals, diagonal: Reals) -> bool:
+    """As `accepts`, whatever the size."""
+    if (len(blocks) == 0 or d == 2) and 4 * len(blocks) + len(diagonal) <= _FEW:
         return False
-    return system.is_damped
+    damped = True
+    for k in range(len(blocks)):
+        damped = damped and blocks[k, 0, 0] > 0.0
+    for j in range(len(diagonal)):
+        damped = damped and diagonal[j] > 0.0
+    return damped
 
 
 def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
@@ -75,7 +86,7 @@ def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
     n = min(int(np.diff(a.first).max()), SMALL)
     done = each(
         a.first, a.contacts, a.row_start, a.column, a.value, a.blocks, a.diagonal, a.b, a.mu, a.lower,
-        a.upper, x, best, a.goals(tol), _DAMPINGS, np.empty(2 * n * n),
+        a.upper, x, best, a.goals(tol), DAMPINGS, np.empty(2 * n * n),
         np.empty(max(VECTORS * n, 3 * len(x))), np.empty(4 * n, np.int64),
     )  # fmt: skip
     return a.outwards(best), done
@@ -94,7 +105,7 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
 
 def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
     """Dampings and scratch for `alternate` with n unknowns."""
-    return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64)
+    return DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64)
 
 
 @kernel
