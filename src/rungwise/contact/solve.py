@@ -27,6 +27,7 @@ from rungwise.contact.solvers import (
 )
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
+from rungwise.contact.units import settle
 
 SOLVERS: tuple[ModuleType, ...] = (
     gauss_seidel,
@@ -38,7 +39,7 @@ SOLVERS: tuple[ModuleType, ...] = (
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
 TOLERANCE = 1e-9
-_MARGIN, _ROUNDS = 0.3, 5
+_MARGIN, _ROUNDS, _STEPS = 0.3, 5, 5
 _WORTH = 60
 """Unknowns from which on it takes less time to solve islands one by one."""
 
@@ -75,7 +76,7 @@ def solve(
     if not attempts or answer.residual > tol:
         x, more = _run(chain, system, given[system.kept] / system.force, tol)
         attempts += more
-        answer = _judged(problem, system, system.recover(x * system.force))
+        answer = _judged_scaled(problem, system, x, tol)
     massless = None
     if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
@@ -117,6 +118,20 @@ def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None
     return _Answer(x, y, residuals, proof)
 
 
+def _judged_scaled(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
+    """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
+    answer = _judged(problem, system, system.recover(x * system.force))
+    if answer.residual > tol and problem.is_boxes and natural(system, x) <= tol:
+        settled = x.copy()
+        for _ in range(2):
+            settle(settled, system.rows, system.lower, system.upper, tol)
+            finer, _ = newton.descend(system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS)
+            settled = finer.copy()
+        other = _judged(problem, system, system.recover(settled * system.force))
+        answer = other if other.residual < answer.residual else answer
+    return answer
+
+
 def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
     """The answer with its rates refined, where that is within `tol` too."""
     if answer.residual > tol:
@@ -139,7 +154,7 @@ def _without_inertia(
     """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
     system = scaled(problem, massless=True)
     own, attempts = _run(chain, system, x / system.force, tol)
-    answer = _judged(problem, system, system.recover(own * system.force))
+    answer = _judged_scaled(problem, system, own, tol)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol)
         attempts.append(attempt)
@@ -179,7 +194,7 @@ def _last_resort(
 
 def _branched(problem: Problem, system: System, x: Array, tol: float) -> tuple[_Answer, Attempt]:
     found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol)
-    answer = _judged(problem, system, system.recover(found.x * system.force), found.proof)
+    answer = _judged_scaled(problem, system, found.x, tol)._replace(proof=found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 

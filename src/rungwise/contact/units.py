@@ -156,6 +156,18 @@ def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Real
 
 
 @kernel
+def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> None:
+    """Move what is limited to a limit from which it differs by no more than this share of the largest."""
+    largest = 0.0
+    for i in range(len(x)):
+        largest = max(largest, abs(x[i]))
+    for j in range(len(lower)):
+        for limit in (lower[j], upper[j]):
+            if abs(x[rows + j] - limit) <= share * largest:
+                x[rows + j] = limit
+
+
+@kernel
 def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
     """A first s where it is not fixed (negative): from neighbours to theirs; one where nothing is fixed."""
     for i in range(len(s)):

@@ -78,7 +78,7 @@ def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
     done = each(
         a.first, a.contacts, a.row_start, a.column, a.value, a.blocks, a.diagonal, a.b, a.mu, a.lower,
         a.upper, x, best, a.goals(tol), _DAMPINGS, np.empty(2 * n * n),
-        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(n, np.int64),
+        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(4 * n, np.int64),
     )  # fmt: skip
     return a.outwards(best), done
 
@@ -96,7 +96,7 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
 
 def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
     """Dampings and scratch for `alternate` with n unknowns."""
-    return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+    return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64)
 
 
 @kernel
@@ -122,7 +122,7 @@ def each(
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
-    square (2 n^2,), vectors (11 n or more,) and order (n,) are scratch, n the size of the largest island, or
+    square (2 n^2,), vectors (15 n or more,) and order (4 n,) are scratch, n the size of the largest island or
     `SMALL` at most.
     """
     d, most = blocks.shape[1], 0
@@ -144,7 +144,7 @@ def each(
             done = alternate(
                 rows, column, value, A, own, free, b[low:high], mu[c:e], lower[f:g], upper[f:g], x[low:high],
                 best[low:high], tol[i], dampings, square[n * n : 2 * n * n].reshape(n, n),
-                vectors[: VECTORS * n].reshape(VECTORS, n), order,
+                vectors[: VECTORS * n].reshape(VECTORS, n), order[: 4 * n],
             )  # fmt: skip
         most = max(most, done)
     return most

@@ -143,7 +143,7 @@ def _descend_small(
     s, n, x = system, system.size, start.copy()
     done = descend_dense(
         s.row_start, s.column, s.value, A, b, shift, s.mu, s.directions, s.lower, s.upper, x, tol, steps,
-        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64),
     )  # fmt: skip
     return x, done
 
