@@ -28,6 +28,8 @@ HARD: dict[str, Callable[[], rw.Problem]] = {
     "wall of bricks, falling": lambda: assemblies.wall(6, 6, speed=3.0),
     "stack, a thousand times as heavy above": lambda: assemblies.stack(10, 3.0, ratio=1e3),
     "stack, much heavier above": lambda: assemblies.stack(10, 3.0, ratio=1e5),
+    "pyramid of 19 levels, pushed": lambda: assemblies.pile(190, 3.0),
+    "wall of 174 bricks, pushed": lambda: assemblies.wall(15, 12, 3.0),
     "arch, pushed": lambda: assemblies.arch(45, 10.0, 1.0),
     "balls, falling": lambda: assemblies.balls(30, 3, 1.0, 3.0, 0.05),
     "pyramid of bodies that spin": lambda: assemblies.turning(assemblies.pile(15, 10.0)),

@@ -16,7 +16,7 @@ from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
 ROUNDING = 2.0**-51
-FEW, MOST = 2, 700
+FEW, _MOST = 2, 1500
 """Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
 
 
@@ -82,7 +82,7 @@ def _scaled_blocks(blocks: Array, s: Array, rows: int, d: int) -> Array:
 
 def condensed(problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix) -> Condensed | None:
     """The parts, where they are few and `front` has only the blocks of contacts."""
-    if not FEW * own.shape[0] <= front.shape[0] or own.shape[0] > MOST:
+    if not FEW * own.shape[0] <= front.shape[0] or own.shape[0] > _MOST:
         return None
     blocks = np.zeros((front.shape[0], 3))
     if not gather_blocks(*compressed(front), problem.rows, problem.directions, blocks):

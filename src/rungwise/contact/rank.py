@@ -12,12 +12,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.product import FEW, MOST, Condensed
+from rungwise.contact.product import FEW, Condensed
 from rungwise.contact.system import System
 from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
-_SMALL, _LARGE = 200, 5000
+_SMALL, _LARGE, _MOST = 200, 5000, 700
 _NOTHING, _SOMETHING = 1e-11, 1e-6
 """Pivots below one are rounding, and none may lie between the two: the rank would be a matter of taste."""
 _TINY = 1e-14
@@ -35,7 +35,7 @@ def parts(system: System) -> Condensed | None:
 
 
 def _found(system: System) -> Condensed | None:
-    A, most = system.dense(), min(MOST, system.size // FEW)
+    A, most = system.dense(), min(_MOST, system.size // FEW)
     pivots = np.empty(most + 1, np.int64)
     rank = eliminate(A.copy(), pivots, _NOTHING, _SOMETHING, np.empty((2, len(A)), np.int64))
     if not 0 < rank <= most:

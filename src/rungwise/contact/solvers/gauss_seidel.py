@@ -31,6 +31,8 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
+_FEW_VELOCITIES = 150
+"""Unknowns from which on systems of few velocities are solved sooner by steps in these."""
 _ROUNDS, _STEPS = 8, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-2, 1e-8
 """Residual that is near; error of friction from which one step more, which squares it, is enough."""
@@ -41,9 +43,9 @@ _CHECK = 10
 
 
 def accepts(system: System) -> bool:
-    if system.condensed is not None and system.size > SMALL:
+    if system.condensed is not None and system.size > _FEW_VELOCITIES:
         apart = islands(system)
-        if apart is None or np.diff(apart.first).max() > SMALL:
+        if apart is None or np.diff(apart.first).max() > _FEW_VELOCITIES:
             return False
     return bool(accepts_rows(system.directions, system.blocks, system.diagonal))
 

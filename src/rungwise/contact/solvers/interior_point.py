@@ -134,12 +134,12 @@ def _advance(cones: Cones, z: Array, w: Array, turning: float = 1.0) -> tuple[Ar
     predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
     centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
     aim = centring * product, 1.0 - _RETAINED * centring
-    bend = np.zeros(len(z))
-    if length > _BENT:
+    bend, known = np.zeros(len(z)), length > _BENT
+    if known:
         beyond(z, w, dz, dw, first, dim, np.empty((4, 3)), bend)
         bend *= 1.0 - centring
     dz, dw, length = step(*aim, bend)
-    if length < _BENT:
+    if known and length < _BENT:
         straight = step(*aim)
         dz, dw, length = straight if straight[2] > length else (dz, dw, length)
     if length < _SHORT and turning > 0.0:
