@@ -33,6 +33,8 @@ HARD: dict[str, Callable[[], rw.Problem]] = {
     "pyramid of 10 levels, more friction than needed": lambda: assemblies.pile(55, 10.0, 1.2),
     "cubes that touch on all sides": lambda: assemblies.wall(12, 12, 2.0, 0.7),
     "balls, many": lambda: assemblies.balls(200, 5, 0.1, 1.0, 0.02),
+    "pyramid of 19 levels, pushed": lambda: assemblies.pile(190, 3.0),
+    "wall of 174 bricks, pushed": lambda: assemblies.wall(15, 12, 3.0),
     "arch, pushed": lambda: assemblies.arch(45, 10.0, 1.0),
     "balls, falling": lambda: assemblies.balls(30, 3, 1.0, 3.0, 0.05),
     "pyramid of bodies that spin": lambda: assemblies.turning(assemblies.pile(15, 10.0)),

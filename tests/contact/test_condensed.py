@@ -10,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.elimination import MOST
+from rungwise.contact.product import MOST
 from rungwise.contact.solvers.condensed import diagonal_blocks, solver
 from rungwise.contact.system import System, scaled, uneliminated
 
@@ -20,8 +20,8 @@ import assemblies
 
 @pytest.fixture(scope="module")
 def system() -> System:
-    """Of 140 balls: 840 velocities, more than are remembered dense."""
-    return scaled(assemblies.balls(140, 5, 0.3))
+    """Of 260 balls: 1560 velocities, more than are kept dense."""
+    return scaled(assemblies.balls(260, 6, 0.3))
 
 
 @pytest.mark.parametrize("dense", [False, True])

@@ -1,15 +1,15 @@
-"""The two eliminations against numpy."""
+"""The eliminations against numpy."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rungwise.contact.solvers.linear import factorise, solve_in_place, substitute
+from rungwise.contact.solvers.linear import factorise, solve_in_place, substitute, substitute_many
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 17])
-def test_both_solve_regular_systems(size):
+def test_all_solve_regular_systems(size):
     """With zeros, and a diagonal that calls for exchanges."""
     rng = np.random.default_rng(size)
     for _ in range(50):
@@ -25,6 +25,9 @@ def test_both_solve_regular_systems(size):
         assert factorise(factors, size, order)
         substitute(factors, size, order, x)
         assert a @ x == pytest.approx(b[:, 0], abs=1e-9)
+        x = b[:, 1].copy()
+        substitute_many(factors, size, order, x)
+        assert a @ x == pytest.approx(b[:, 1], abs=1e-9)
 
 
 def test_singular_systems_are_noticed():

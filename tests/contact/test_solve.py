@@ -41,6 +41,23 @@ def test_one_contact_in_space(solver: str, mu: float, force: list[float], rate: 
     np.testing.assert_allclose(found.u, rate, atol=1e-8)
 
 
+def test_one_contact_takes_one_sweep() -> None:
+    rng = np.random.default_rng(5)
+    for case in range(300):
+        rows, turn = rng.normal(size=(3, 3)), 0.1 * rng.normal(size=(3, 3))
+        block = rows @ rows.T + 0.1 * np.eye(3) + (case % 2) * (turn - turn.T)
+        rate = rng.normal(size=3) - [3.0, 0.0, 0.0]
+        problem = rw.Problem.local(block, rate, [10.0 ** rng.uniform(-6.0, 0.5)])
+        found = rw.solve(problem, solvers=("gauss-seidel",))
+        assert found.status == "solved" and found.attempts[0].iterations == 1, case
+
+
+def test_unknowns_that_do_not_depend_on_each_other_take_no_pivot() -> None:
+    found = rw.solve(rw.Problem.lcp(np.diag([2.0, 1.0, 4.0]), [-1.0, 3.0, -2.0]))
+    np.testing.assert_allclose(found.x, [0.5, 0.0, 0.5])
+    assert found.chain == ("pivoting",) and found.attempts[0].iterations == 0
+
+
 def test_a_contact_that_opens_carries_nothing() -> None:
     found = rw.solve(rw.Problem.local(ONE, [1.0, -0.4, 0.3], [0.7]))
     assert found.status == "solved"
@@ -83,6 +100,14 @@ def test_mixed_form_equals_its_local_form() -> None:
         assert mixed.status == local.status == "solved"
         np.testing.assert_allclose(mixed.u, local.u, atol=1e-8)
         np.testing.assert_allclose(H @ mixed.v, c + W.T @ mixed.r, atol=1e-10)
+
+
+@pytest.mark.parametrize("form", [np.asarray, sp.csr_array])
+def test_forms_of_the_matrices_do_not_matter(form: Callable[[np.ndarray], object]) -> None:
+    """A box of 2 kg on a compliant contact: rate -1 + r / 2 + 0.5 r = 0."""
+    H, W, R = form(np.diag([2.0, 2.0])), form(np.eye(2)), form(0.5 * np.eye(2))
+    found = rw.solve(rw.Problem.balance(H, [-2.0, 0.0], W, [0.0, 0.0], [0.5], directions=2, R=R))
+    np.testing.assert_allclose(found.r, [1.0, 0.0], atol=1e-8)
 
 
 def test_a_joint_holds_and_a_drive_slips_at_its_limit() -> None:
@@ -320,6 +345,17 @@ def has_solution(M: np.ndarray, q: np.ndarray) -> bool:
         if (z >= 0.0).all() and (w[~own] >= 0.0).all():
             return True
     return False
+
+
+@pytest.mark.parametrize("seed", [1248, 1554, 3037, 5184, 8946])
+def test_unknowns_that_only_rounding_keeps_from_zero_do_not_count(seed: int) -> None:
+    """In a row whose terms are all zero but for rounding, rates are as large as terms."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(6, 15))
+    rows = np.round(rng.normal(size=(n, n // 2 if seed == 3037 else n)))
+    M = rows @ rows.T if seed == 3037 else rows
+    found = rw.solve(rw.Problem.lcp(M, np.round(rng.normal(size=n))))
+    assert found.status == "solved"
 
 
 def test_what_has_no_solution_is_not_solved_in_any_units_of_rows_and_unknowns() -> None:

@@ -15,63 +15,44 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
+from rungwise.contact.inverse import Sparse, inverse, responses
 from rungwise.contact.mixed import Array, Matrix, Problem
-from rungwise.contact.units import compressed, fitted
+from rungwise.contact.product import ROUNDING, Condensed, Product, columns, condensed, product
+from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
-_ROUNDING, _ACCURATE = 2.0**-51, 1e-5
+_ACCURATE = 1e-5
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
 _LARGEST = 30_000_000
 """Entries of the dense response that elimination from a sparse form may make."""
-FEW, MOST = 2, 700
-"""Eliminated unknowns that are worth to be remembered, dense: one for so many others, and no more than that;
-sparse ones where there are as many others, and more than that."""
-
-
-class Condensed(NamedTuple):
-    """A = F - B own^-1 C as it was before elimination: own (g, g), sparse where it is large; front (N, 3),
-    the rows of F's blocks.
-
-    back_start (N + 1,), back_column, back_value: the rows of B; across_start (N + 1,), across_row,
-    across_value: the columns of C.
-    """
-
-    own: Matrix
-    front: Array
-    back_start: Ints
-    back_column: Ints
-    back_value: Array
-    across_start: Ints
-    across_row: Ints
-    across_value: Array
-
-    def scaled(self, s: Array) -> Condensed:
-        """The parts of s A s, s (N,)."""
-        back, across = s.repeat(np.diff(self.back_start)), s.repeat(np.diff(self.across_start))
-        return self._replace(back_value=back * self.back_value, across_value=across * self.across_value)
 
 
 class Left(NamedTuple):
-    """What is left of a problem: places kept (N,), matrix A and offset b, `recover` from x (N,) to all
-    unknowns, and the parts of A. `demanded`: the largest rate demanded over that without forces, infinite if
-    there is none."""
+    """What is left of a problem: places kept (N,), what makes the matrix A, offset b, `recover` from x (N,)
+    to all unknowns, and the parts of A. `demanded`: the largest rate demanded over that without forces,
+    infinite if there is none."""
 
     kept: Ints
-    A: Matrix
+    matrix: Callable[[], Matrix]
     b: Array
     recover: Callable[[Array], Array]
     condensed: Condensed | None = None
+    product: Product | None = None
     demanded: float = math.inf
 
 
 def everything(problem: Problem) -> Left:
     """The problem as it is, dense where it is small."""
+    A = _whole(problem)
+    return Left(np.arange(len(problem.b)), lambda: A, problem.b, lambda x: x)
+
+
+def _whole(problem: Problem) -> Matrix:
     small = sp.issparse(problem.A) and len(problem.b) <= _SMALL
-    A = problem.A.toarray() if small else problem.A
-    return Left(np.arange(len(problem.b)), A, problem.b, lambda x: x)
+    return problem.A.toarray() if small else problem.A
 
 
 def eliminated(problem: Problem) -> Left:
@@ -79,46 +60,74 @@ def eliminated(problem: Problem) -> Left:
 
     The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
-    whole = everything(problem)
     if not problem.free.any():
-        return whole
-    places, A, b = whole[:3]
+        return everything(problem)
+    A, b = _whole(problem), problem.b
     fixed = np.concatenate([np.zeros(problem.rows, bool), problem.free])
-    kept, gone = places[~fixed], places[fixed]
-    sparse = sp.issparse(A)
-    if sparse and len(kept) * len(gone) > _LARGEST:
-        return whole
-    rows, above = A[gone], A[kept]
-    own, across, back, front = rows[:, gone], rows[:, kept], above[:, gone], above[:, kept]
-    solve = _eliminate_sparse(own) if sparse else _eliminate_dense(own)
-    if solve is None:
-        return whole
-    response = solve(across)
-    correction = solve(own @ response - across)
-    if not abs(correction).max() <= _ACCURATE * abs(response).max() if len(kept) else False:
-        return whole
-    response = response - correction
-    noise = abs(correction) + _ROUNDING * abs(response)
-    if isinstance(response, np.ndarray):
-        # A column is no better known than its largest entry, in units of the unknowns.
-        unit = np.empty(len(gone))
-        fitted(*compressed(own), 0, 1, unit)
-        noise += _ROUNDING * unit[:, None] * (np.abs(response) / unit[:, None]).max(axis=0, initial=0.0)
+    kept, gone = np.flatnonzero(~fixed), np.flatnonzero(fixed)
+    if sp.issparse(A) and len(kept) * len(gone) > _LARGEST:
+        return everything(problem)
+    own, across, back, front = (part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept))
+    response = _respond(own, across)
+    if response is None:
+        return everything(problem)
+    solve, matrices, found = response
+
+    def velocities(x: Array) -> Array:
+        push = across @ x + b[gone]
+        v = -solve(push)
+        return np.asarray(v - solve(own @ v + push))
 
     def recover(x: Array) -> Array:
-        full = np.zeros(len(b))
-        full[kept] = x
-        for _ in range(2):
-            full[gone] -= solve(rows @ full + b[gone])
+        full = np.empty(len(b))
+        full[kept], full[gone] = x, velocities(x)
         return full
 
-    left = _without_rounding(front - back @ response, front, back, noise)
-    still = recover(np.zeros(len(kept)))[gone]
+    def matrix() -> Matrix:
+        return _without_rounding(own, front, back, *matrices())
+
+    still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
-    offset[np.abs(offset) <= _ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
-    condensed = _condensed(problem, own, across, back, front)
-    return Left(kept, left, offset, recover, condensed, _demanded(problem, offset))
+    offset[np.abs(offset) <= ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
+    parts = condensed(problem, own, across, back, front)
+    whole = None if parts is None or found is None else product(problem, parts, *found)
+    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, offset))
+
+
+class Response(NamedTuple):
+    """`solve` solves with A_gg; `matrices` are A_gg^-1 A_gk and how much a second solution changed it;
+    `columns`, where they are sparse, its columns and the changes of their values."""
+
+    solve: Solve
+    matrices: Callable[[], tuple[Matrix, Matrix]]
+    columns: tuple[Sparse, Array] | None = None
+
+
+def _respond(own: Matrix, across: Matrix) -> Response | None:
+    """How the eliminated unknowns respond to the others; None where A_gg is singular or nearly so."""
+    if sp.issparse(own) and (inverted := inverse(compressed(own))) is not None:
+        (start, row, value), change = responses(compressed(own), inverted, columns(across))
+        if not _largest(change) <= _ACCURATE * _largest(value):
+            return None
+        solver = sp.csr_array(inverted[::-1], shape=own.shape)
+
+        def matrices() -> tuple[Matrix, Matrix]:
+            return tuple(sp.csc_array((v, row, start), shape=across.shape).tocsr() for v in (value, change))
+
+        return Response(lambda right: solver @ right, matrices, ((start, row, value), change))
+    solve = _eliminate_sparse(own) if sp.issparse(own) else _eliminate_dense(own)
+    if solve is None:
+        return None
+    response = solve(across)
+    correction = solve(own @ response - across)
+    if not _largest(correction) <= _ACCURATE * _largest(response):
+        return None
+    return Response(solve, lambda: (response - correction, correction))
+
+
+def _largest(A: Array) -> float:
+    return float(np.abs(A).max(initial=0.0))
 
 
 def _demanded(problem: Problem, without_forces: Array) -> float:
@@ -128,27 +137,6 @@ def _demanded(problem: Problem, without_forces: Array) -> float:
     demands = float(np.abs(problem.demands).max(initial=0.0))
     largest = float(np.abs(without_forces).max(initial=0.0))
     return demands / largest if 0.0 < demands < largest else math.inf
-
-
-def _condensed(
-    problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix
-) -> Condensed | None:
-    """The parts, where they are few, or many but sparse, and `front` has only the blocks of contacts."""
-    few = own.shape[0] <= min(MOST, front.shape[0] // FEW)
-    if not few and not (sp.issparse(own) and front.shape[0] >= max(MOST, own.shape[0])):
-        return None
-    rows, d = problem.rows, problem.directions
-    entries = sp.coo_array(front)
-    row, column = entries.coords
-    apart = np.where(np.maximum(row, column) < rows, row // d != column // d, row != column)
-    if apart.any():
-        return None
-    blocks = np.zeros((front.shape[0], 3))
-    blocks[row, np.where(row < rows, column % d, 0)] = entries.data
-    start, place, value = compressed(across.T.tocsr() if sp.issparse(across) else across.T)
-    return Condensed(
-        own.toarray() if few and sp.issparse(own) else own, blocks, *compressed(back), start, place, value
-    )
 
 
 def _eliminate_dense(own: Array) -> Solve | None:
@@ -169,10 +157,6 @@ def _eliminate_dense(own: Array) -> Solve | None:
 
 
 def _eliminate_sparse(own: sp.csr_array) -> Solve | None:
-    diagonal = own.diagonal()
-    if own.nnz == np.count_nonzero(diagonal) == own.shape[0]:
-        inverse = sp.diags_array(1.0 / diagonal)
-        return lambda right: inverse @ right
     try:
         factor = splu(sp.csc_array(own))
     except RuntimeError:
@@ -183,10 +167,18 @@ def _eliminate_sparse(own: sp.csr_array) -> Solve | None:
     return lambda right: factor.solve(right.toarray() if sp.issparse(right) else right)
 
 
-def _without_rounding(left: Matrix, front: Matrix, back: Matrix, noise: Matrix) -> Matrix:
-    """`left` less what is nothing beside the rounding in its diagonal; `noise` is that of the response."""
-    product = abs(back) * abs(noise.T)
-    terms = _ROUNDING * np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
+def _without_rounding(
+    own: Matrix, front: Matrix, back: Matrix, response: Matrix, correction: Matrix
+) -> Matrix:
+    """front - back response, less what is nothing beside the rounding in its diagonal."""
+    noise = abs(correction) + ROUNDING * abs(response)
+    if isinstance(response, np.ndarray):
+        # A column is no better known than its largest entry, in units of the unknowns.
+        unit = np.empty(own.shape[0])
+        fitted(*compressed(own), 0, 1, unit)
+        noise += ROUNDING * unit[:, None] * (np.abs(response) / unit[:, None]).max(axis=0, initial=0.0)
+    left, product = front - back @ response, abs(back) * abs(noise.T)
+    terms = ROUNDING * np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
     least = 2.0 * np.sqrt(terms)
     if not sp.issparse(left):
         return np.where(np.abs(left) > least[:, None] * least, left, 0.0)

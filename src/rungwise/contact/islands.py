@@ -9,10 +9,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.elimination import MOST, Condensed
+from rungwise.contact.components import join, number
 from rungwise.contact.mixed import Array
-from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.contact.product import MOST, Condensed
+from rungwise.contact.system import Form, System
+from rungwise.kernel import Ints
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,12 @@ class Islands:
         others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
         start = self.row_start[rows.start : rows.stop + 1]
         entries, place = slice(start[0], start[-1]), self.place[rows]
-        return System(
+        form = Form(
             start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
-            self.diagonal[others], self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
+            self.diagonal[others],
+        )  # fmt: skip
+        return System(
+            lambda: form, self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
             self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
             _condensed(self.condensed, place),
         )  # fmt: skip
@@ -80,10 +84,21 @@ _known: WeakKeyDictionary[System, Islands | None] = WeakKeyDictionary()
 def islands(system: System) -> Islands | None:
     """The islands of a system, made once; None where there is only one."""
     if system not in _known:
-        label = np.empty(len(system.mu) + len(system.lower), np.int64)
-        count = labelled(system.row_start, system.column, system.value, system.rows, system.directions, label)
+        label, count = _labels(system)
         _known[system] = _gathered(system, label, count) if count > 1 else None
     return _known[system]
+
+
+def _labels(system: System) -> tuple[Ints, int]:
+    """The number of the island of each contact, and of each other unknown, and how many there are."""
+    s, p, size = system, system.product, len(system.mu) + len(system.lower)
+    label = np.arange(size + (p.velocities if p else 0))
+    if p is None:
+        join(s.row_start, s.column, s.value, s.rows, s.directions, 0, label)
+    else:
+        join(p.back_start, p.back_column, p.back_value, s.rows, s.directions, s.size, label)
+        join(p.response_start, p.response_row, p.response_value, s.rows, s.directions, s.size, label)
+    return label[:size], number(label, size)
 
 
 def _gathered(system: System, label: Ints, count: int) -> Islands:
@@ -110,36 +125,6 @@ def _gathered(system: System, label: Ints, count: int) -> Islands:
 
 def _starts(label: Ints, count: int) -> Ints:
     return np.concatenate([[0], np.cumsum(np.bincount(label, minlength=count))]).astype(np.int64)
-
-
-@kernel
-def labelled(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, label: Ints) -> int:
-    """Give each contact, and each other unknown, the number of its island; returns how many there are."""
-    contacts = rows // d
-    for k in range(len(label)):
-        label[k] = k
-    for i in range(len(row_start) - 1):
-        mine = i // d if i < rows else contacts + i - rows
-        for k in range(row_start[i], row_start[i + 1]):
-            if value[k] == 0.0:
-                continue
-            j = column[k]
-            a, b = mine, j // d if j < rows else contacts + j - rows
-            while label[a] != a:
-                label[a] = label[label[a]]
-                a = label[a]
-            while label[b] != b:
-                label[b] = label[label[b]]
-                b = label[b]
-            label[max(a, b)] = min(a, b)
-    count = 0
-    for k in range(len(label)):
-        if label[k] == k:
-            label[k] = count
-            count += 1
-        else:
-            label[k] = label[label[k]]
-    return count
 
 
 def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:

@@ -12,7 +12,7 @@ import numpy as np
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.contact.units import compressed, fitted
+from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, kernel
 
 _OWN = 1e-3
@@ -111,6 +111,48 @@ def violations(
         found[6] = max(found[6], lower[j] - x[i], x[i] - upper[j])
 
 
+@kernel
+def judge_rows(
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
+    b: Reals,
+    kept: Ints,
+    force: Reals,
+    rate: Reals,
+    mu: Reals,
+    d: int,
+    scaled_lower: Reals,
+    scaled_upper: Reals,
+    lower: Reals,
+    upper: Reals,
+    x: Reals,
+    y: Reals,
+    scratch: Reals,
+    found: Reals,
+) -> None:
+    """As `judged`, for a problem without free unknowns, A in rows; scratch (6, N)."""
+    terms, total = scratch[0], 0.0
+    for i in range(len(x)):
+        y[i], terms[i] = b[i], 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            y[i] += value[k] * x[column[k]]
+            terms[i] += abs(value[k] * x[column[k]])
+        total += y[i] * y[i]
+    if not total < math.inf:
+        for i in range(len(found)):
+            found[i] = math.inf
+        return
+    violations(
+        x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
+    )
+    if len(mu) == 0:
+        for i in range(len(x)):
+            scratch[4, i] = scratch[5, i] = 0.0
+        own = own_violation(row_start, column, value, x, y, b, lower, upper, scratch[4:6])
+        found[0] = max(found[0], _OWN * own)
+
+
 class _Scales(NamedTuple):
     """What the judge keeps of a problem: |A|, its rows where there are limits alone, the free rows, and units
     of free unknowns among themselves."""
@@ -130,7 +172,7 @@ def _scales(problem: Problem) -> _Scales:
         free = problem.free.nonzero()[0] + problem.rows
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
-            fitted(*compressed(absolute[free][:, free]), 0, 1, unit)
+            fitted(*compressed(part(absolute, free, free)), 0, 1, unit)
         rows = compressed(absolute) if problem.is_boxes else (free, free, unit)
         found = _known[problem] = _Scales(absolute, rows, free, unit)
     return found
@@ -156,7 +198,7 @@ def in_own_terms(problem: Problem, x: Array, y: Array) -> float:
 def own_violation(
     row_start: Ints,
     column: Ints,
-    size: Reals,
+    value: Reals,
     x: Reals,
     y: Reals,
     b: Reals,
@@ -164,16 +206,16 @@ def own_violation(
     upper: Reals,
     scratch: Reals,
 ) -> float:
-    """As `in_own_terms`, with |A| in rows; scratch (2, N) is zero before."""
+    """As `in_own_terms`, with A in rows; scratch (2, N) is zero before."""
     rate, each, worst = scratch[0], scratch[1], 0.0
     for i in range(len(x)):
         terms = abs(b[i])
         for k in range(row_start[i], row_start[i + 1]):
-            terms += size[k] * abs(x[column[k]])
+            terms += abs(value[k] * x[column[k]])
         per_row = 1.0 / terms if terms > 0.0 else 1.0
         rate[i] = y[i] * per_row
         for k in range(row_start[i], row_start[i + 1]):
-            each[column[k]] = max(each[column[k]], size[k] * per_row)
+            each[column[k]] = max(each[column[k]], abs(value[k]) * per_row)
     for i in range(len(x)):
         above = (x[i] - lower[i]) * each[i] if lower[i] > -math.inf else math.inf
         below = (upper[i] - x[i]) * each[i] if upper[i] < math.inf else math.inf

@@ -152,7 +152,11 @@ class Problem:
             _sized(name, value, size)
         if (limit < 0.0).any():
             raise ValueError("F: a limit must not be negative")
-        parts = [[R, W, None], [-W.T, H, -S.T], [None, S, sp.diags_array(yielding)]]
+        parts = [
+            [sp.csr_array(R), W, None],
+            [-W.T, sp.csr_array(H), -S.T],
+            [None, S, sp.diags_array(yielding)],
+        ]
         A = sp.block_array(parts if limited else [row[:2] for row in parts[:2]], format="csr")
         free = np.full(n, np.inf)
         return cls(

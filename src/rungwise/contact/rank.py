@@ -12,7 +12,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from rungwise.contact.elimination import FEW, Condensed
+from rungwise.contact.product import FEW, Condensed
 from rungwise.contact.system import System
 from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel

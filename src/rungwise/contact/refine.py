@@ -17,8 +17,9 @@ from rungwise.contact.judge import absolute
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers.measure import rates
-from rungwise.contact.solvers.newton_dense import alart_curnier, jacobian
+from rungwise.contact.solvers.newton_dense import alart_curnier
 from rungwise.contact.system import System, uneliminated
+from rungwise.kernel import Reals, kernel
 
 LARGEST = 400
 SMALL = 1e-6
@@ -78,3 +79,19 @@ def _step(whole: System, x: Array) -> Array | None:
         return np.asarray(unit * lstsq(J * unit, per_row * F, cond=_SINGULAR, lapack_driver="gelsy")[0])
     except (LinAlgError, ValueError):
         return None
+
+
+@kernel
+def jacobian(
+    A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, damping: float, J: Reals
+) -> None:
+    """J = (1 + damping) I - kept D + rho D A."""
+    for i in range(len(A)):
+        first, width = (i // d * d, d) if i < rows else (i, 1)
+        for c in range(len(A)):
+            J[i, c] = 0.0
+            for j in range(width):
+                J[i, c] += rho * derivative[i, j] * A[first + j, c]
+        for j in range(width):
+            J[i, first + j] -= kept * derivative[i, j]
+        J[i, i] += 1.0 + damping

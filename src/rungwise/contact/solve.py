@@ -14,6 +14,7 @@ from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.refine import SMALL, rate_error, refined
+from rungwise.contact.small import solve_at_once
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -28,6 +29,7 @@ from rungwise.contact.solvers import (
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System, scaled, uneliminated
+from rungwise.contact.units import settle
 
 SOLVERS: tuple[ModuleType, ...] = (
     gauss_seidel,
@@ -39,7 +41,7 @@ SOLVERS: tuple[ModuleType, ...] = (
 )
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
-_MARGIN, _ROUNDS, _FINEST = 0.3, 5, 1e-16
+_MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
 _ASIDE = 0.3
 """Share of the work that is left for the form with all unknowns, whose factors have many more entries."""
 _NEAR = 1e-3
@@ -70,10 +72,14 @@ def solve(
     if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
     chain = _chain(solvers)
-    system = scaled(problem)
-    given = np.zeros(len(problem.b)) if start is None else vector("start", start)
-    if given.shape != problem.b.shape:
+    given = None if start is None else vector("start", start)
+    if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
+    if assembled is None and solvers is None and (own := solve_at_once(problem, given, tol)) is not None:
+        done = () if own.iterations < 0 else (Attempt(own.solver, own.iterations, own.residuals.natural),)
+        return ContactSolution(problem, Status.SOLVED, own.x, own.y, own.residuals, tol, done)
+    system = scaled(problem)
+    given = np.zeros(len(problem.b)) if given is None else given
     attempts: list[Attempt] = []
     work = Work()
     if assembled is not None and solvers is None and step.accepts(assembled):
@@ -82,7 +88,7 @@ def solve(
     if not attempts or answer.residual > tol:
         x, more = _run(chain, system, given[system.kept] / system.force, tol, work)
         attempts += more
-        answer = _judged(problem, system, system.recover(x * system.force))
+        answer = _judged_scaled(problem, system, x, tol, work)
     massless = None
     if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
@@ -124,6 +130,22 @@ def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None
     return _Answer(x, y, residuals, proof)
 
 
+def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
+    """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
+    answer = _judged(problem, system, system.recover(x * system.force))
+    if answer.residual > tol and problem.is_boxes and natural(system, x) <= tol:
+        settled = x.copy()
+        for _ in range(2):
+            settle(settled, system.rows, system.lower, system.upper, tol)
+            finer, _ = newton.descend(
+                system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS, work
+            )
+            settled = finer.copy()
+        other = _judged(problem, system, system.recover(settled * system.force))
+        answer = other if other.residual < answer.residual else answer
+    return answer
+
+
 def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
     """The answer with its rates refined, where that is within `tol` too."""
     if answer.residual > tol:
@@ -146,7 +168,7 @@ def _without_inertia(
     """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
     system = scaled(problem, massless=True)
     own, attempts = _run(chain, system, x / system.force, tol, work)
-    answer = _judged(problem, system, system.recover(own * system.force))
+    answer = _judged_scaled(problem, system, own, tol, work)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
@@ -223,7 +245,7 @@ def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Wor
 
 def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
     found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
-    answer = _judged(problem, system, system.recover(found.x * system.force), found.proof)
+    answer = _judged_scaled(problem, system, found.x, tol, work)._replace(proof=found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 

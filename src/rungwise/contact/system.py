@@ -12,34 +12,44 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.elimination import Condensed, Left, eliminated, everything
-from rungwise.contact.mixed import Array, Matrix, Problem
+from rungwise.contact.elimination import Left, eliminated, everything
+from rungwise.contact.inverse import Sparse
+from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.product import Condensed, Product
 from rungwise.contact.units import compressed, expand, fitted, measured, rescaled
-from rungwise.kernel import Ints
+from rungwise.kernel import Ints, Reals, kernel
 
 
-@dataclass(frozen=True, eq=False)
-class System:
-    """The scaled system in kept unknowns, rows in CSR; x = force x', y = rate y', elsewhere `recover`.
-
-    row_start (N + 1,), column, value: A; blocks (k, d, d): its diagonal blocks; diagonal (m,): that of the
-    others; kept (N,): places of the unknowns in the problem; condensed: A's parts, where far fewer unknowns
-    were eliminated than are left; demanded: the largest rate demanded over that without forces, or infinite;
-    load: the largest load over the least unit of a contact's force, or one.
-    """
+class Form(NamedTuple):
+    """The scaled matrix A: row_start (N + 1,), column, value, its rows in CSR; blocks (k, d, d), its diagonal
+    blocks; diagonal (m,), that of the others."""
 
     row_start: Ints
     column: Ints
     value: Array
     blocks: Array
     diagonal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
+
+    form: makes A, in the parts of `Form`; kept (N,): places of the unknowns in the problem; condensed,
+    product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
+    to multiply by it; demanded: the largest rate demanded over that without forces, or infinite; load: the
+    largest load over the least unit of a contact's force, or one.
+    """
+
+    form: Callable[[], Form]
     b: Array
     mu: Array
     directions: int
@@ -50,8 +60,22 @@ class System:
     kept: Ints
     recover: Callable[[Array], Array]
     condensed: Condensed | None
+    product: Product | None = None
     demanded: float = math.inf
     load: float = 1.0
+
+    row_start: Ints = field(init=False)
+    column: Ints = field(init=False)
+    value: Array = field(init=False)
+    blocks: Array = field(init=False)
+    diagonal: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._fill()
+
+    def _fill(self) -> None:
+        for name, part in zip(Form._fields, self.form(), strict=True):
+            object.__setattr__(self, name, part)
 
     @property
     def size(self) -> int:
@@ -66,11 +90,6 @@ class System:
         """Whether there are unknowns without limits, which were not eliminated."""
         return bool((np.isneginf(self.lower) & np.isposinf(self.upper)).any())
 
-    @cached_property
-    def is_damped(self) -> bool:
-        """Whether the normal rate of each contact, and the rate of each other unknown, grow with it."""
-        return bool((self.blocks[:, 0, 0] > 0.0).all() and (self.diagonal > 0.0).all())
-
     def dense(self) -> Array:
         """A (N, N)."""
         A = np.zeros((self.size, self.size))
@@ -79,6 +98,19 @@ class System:
 
     def matrix(self) -> sp.csr_array:
         return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
+
+
+class Postponed(System):
+    """A system whose A is made when something asks for it: a product seldom needs it."""
+
+    def __post_init__(self) -> None:
+        pass
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in Form._fields:
+            raise AttributeError(name)
+        self._fill()
+        return getattr(self, name)
 
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
@@ -105,42 +137,73 @@ def uneliminated(problem: Problem) -> System:
 
 
 def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
-    kept, A, b, recover, condensed, demanded = left
-    rows, d, size = problem.rows, problem.directions, len(b)
+    kept, b, size = left.kept, left.b, len(left.b)
+    rows, d = problem.rows, problem.directions
     lower, upper = problem.lower, problem.upper
     if len(kept) < len(problem.b):
         lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
-    row_start, column, value = compressed(A)
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(lower))
     lowest, highest = lower.copy(), upper.copy()
-    if massless or (problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(A)):
-        _fit_massless(problem, row_start, column, value, s)
+    kind, entries = System, _entries(left)
+    if left.product is not None:
+        kind = Postponed
+        fitted(np.arange(size + 1), np.arange(size), left.product.diagonal, rows, d, s)
+    elif massless or (
+        problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries())
+    ):
+        _fit_massless(problem, *entries(), s)
     else:
-        fitted(row_start, column, value, rows, d, s)
+        fitted(*entries(), rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
-    rescaled(row_start, column, s, value, blocks, diagonal)
-    return System(
-        row_start, column, value, blocks, diagonal, offset, problem.mu.copy(), d, lowest, highest,
-        force, rate, kept, recover, condensed and condensed.scaled(s), demanded,
+    return kind(
+        partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
+        left.recover, left.condensed and left.condensed.scaled(s, rows, d),
+        left.product and left.product.scaled(s, rows, d), left.demanded,
         _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
     )  # fmt: skip
+
+
+def _entries(left: Left) -> Callable[[], Sparse]:
+    """What gives A's rows, unscaled: those of a product when they are asked for."""
+    if left.product is not None:
+        return lambda: compressed(left.matrix())
+    made = compressed(left.matrix())
+    return lambda: made
+
+
+def _form(entries: Callable[[], Sparse], s: Array, rows: int, d: int) -> Form:
+    row_start, column, value = entries()
+    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(s) - rows)
+    rescaled(row_start, column, s, value, blocks, diagonal)
+    return Form(row_start, column, value, blocks, diagonal)
 
 
 def _load(problem: Problem, unit: Array) -> float:
     if len(unit) == 0 or problem.velocities == 0:
         return 1.0
     own = slice(problem.rows, problem.rows + problem.velocities)
-    lever: Matrix = abs(problem.A[own, : problem.rows]).max(axis=1)
-    lever = lever.toarray().ravel() if sp.issparse(lever) else lever
+    row_start, _, value = compressed(problem.A[own, : problem.rows])
+    lever = np.empty(problem.velocities)
+    largest(row_start, value, lever)
     loads = np.abs(problem.b[own])[lever > 0.0] / lever[lever > 0.0]
     return max(1.0, float(loads.max(initial=0.0) / unit.min()))
 
 
-def _has_diagonal(A: Matrix) -> bool:
+@kernel
+def largest(row_start: Ints, value: Reals, out: Reals) -> None:
+    """The largest size of each row's entries, or zero."""
+    for i in range(len(out)):
+        out[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            out[i] = max(out[i], abs(value[k]))
+
+
+def _has_diagonal(entries: Sparse) -> bool:
     """Whether inertia or compliance says what rate is much for a force: nothing else does."""
-    return bool(A.diagonal().any())
+    row_start, column, value = entries
+    own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
+    return bool(value[own].any())
 
 
 def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:

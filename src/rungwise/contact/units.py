@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.kernel import Ints, Reals, kernel
@@ -26,6 +27,40 @@ def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
     start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
     used = compress(A, start, column, value)
     return start, column[:used], value[:used]
+
+
+def part(A: Matrix, rows: Ints, columns: Ints) -> Matrix:
+    """A in these rows and columns, both in order."""
+    if not sp.issparse(A):
+        return A[rows[:, None], columns]
+    number = np.full(A.shape[1], -1)
+    number[columns] = np.arange(len(columns))
+    start, column, value = np.empty(len(rows) + 1, np.int32), np.empty(A.nnz, np.int32), np.empty(A.nnz)
+    used = gather(A.indptr, A.indices, A.data, rows, number, start, column, value)
+    return sp.csr_array((value[:used], column[:used], start), shape=(len(rows), len(columns)))
+
+
+@kernel
+def gather(
+    row_start: NDArray[np.int32],
+    column: NDArray[np.int32],
+    value: Reals,
+    rows: Ints,
+    number: Ints,
+    start: NDArray[np.int32],
+    place: NDArray[np.int32],
+    entry: Reals,
+) -> int:
+    """Fill the entries of these rows whose columns have a number, which is then theirs; returns how many."""
+    used = 0
+    for i in range(len(rows)):
+        start[i] = used
+        for k in range(row_start[rows[i]], row_start[rows[i] + 1]):
+            if number[column[k]] >= 0:
+                place[used], entry[used] = number[column[k]], value[k]
+                used += 1
+    start[len(rows)] = used
+    return used
 
 
 @kernel
@@ -118,6 +153,18 @@ def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Real
                 blocks[i // d, i % d, j % d] = value[k]
             elif i == j:
                 diagonal[i - rows] = value[k]
+
+
+@kernel
+def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> None:
+    """Move what is limited to a limit from which it differs by no more than this share of the largest."""
+    largest = 0.0
+    for i in range(len(x)):
+        largest = max(largest, abs(x[i]))
+    for j in range(len(lower)):
+        for limit in (lower[j], upper[j]):
+            if abs(x[rows + j] - limit) <= share * largest:
+                x[rows + j] = limit
 
 
 @kernel

@@ -12,35 +12,51 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array
+from rungwise.contact.product import Condensed
 from rungwise.contact.solvers.factors import Factors, dense_entries, factors, orientation
+from rungwise.contact.solvers.linear import factorise, substitute_many
 from rungwise.kernel import Ints, Reals, kernel
+
+_SMALL, _FULL = 200, 0.4
+"""Velocities up to which, and share of entries up to which, zeros are skipped: else LAPACK is faster."""
 
 
 def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
     """Factors of E + L A; E and L (N, 3) hold the rows of their blocks. None if singular."""
     if sp.issparse(c.own):
         return _sparse_solver(c, rows, d, E, L)
-    size = len(E)
+    size, g = len(E), len(c.own)
     M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    scratch = np.full(len(G), -1), np.empty(len(G), np.int64), np.empty(len(G))
-    blocks = condense(E, L, c.front, rows, d, *back, *across, M, P, G, *scratch)
-    if blocks == 0:
+    order = np.empty(g, np.int64)
+    scratch = np.full(g, -1), order, np.empty(g)
+    sign = condense(E, L, c.front, rows, d, *back, *across, M, P, G, *scratch)
+    if sign == 0:
         return None
-    factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
-    if fault:
+    if g <= _SMALL or np.count_nonzero(G) < _FULL * G.size:
+        sign *= triangular(G, order)
+
+        def within(v: Array) -> Array:
+            substituted(G, order, v)
+            return v
+    else:
+        factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
+        sign *= 0 if fault else orientation(factor.diagonal(), exchanges)
+
+        def within(v: Array) -> Array:
+            return np.asarray(dgetrs(factor, exchanges, v, trans=1)[0])
+
+    if sign == 0:
         return None
 
     def solve(right: Array) -> Array:
-        x, drive = np.empty(size), np.zeros(len(G))
+        x, drive = np.empty(size), np.zeros(g)
         push(M, right, rows, d, *across, x, drive)
-        v = dgetrs(factor, exchanges, drive, trans=1)[0]
-        pull(P, v, rows, d, *back, x)
+        pull(P, within(drive), rows, d, *back, x)
         return x
 
-    return Factors(solve, blocks * orientation(factor.diagonal(), exchanges), dense_entries(len(G)))
+    return Factors(solve, sign, dense_entries(g))
 
 
 def _sparse_solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
@@ -93,6 +109,24 @@ def invert(E: Reals, L: Reals, front: Reals, rows: int, d: int, M: Reals, P: Rea
                     P[i, j] += M[i, k] * L[first + k, j]
         first += width
     return sign
+
+
+@kernel
+def triangular(G: Reals, order: Ints) -> int:
+    """Replace G (g, g) by its triangular factors; returns the sign of its determinant, 0 if singular."""
+    if not factorise(G, len(G), order):
+        return 0
+    sign = 1
+    for k in range(len(G)):
+        if (G[k, k] < 0.0) != (order[k] != k):
+            sign = -sign
+    return sign
+
+
+@kernel
+def substituted(G: Reals, order: Ints, v: Reals) -> None:
+    """Solve with the factors of `triangular` for the right-hand side v (g,), in place."""
+    substitute_many(G, len(G), order, v)
 
 
 @kernel

@@ -14,12 +14,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact import rank
-from rungwise.contact.elimination import Condensed
 from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.product import Condensed
 from rungwise.contact.solvers.condensed import solver as condensed_solver
 from rungwise.contact.solvers.factors import Factors, diagonal_factors, factors
+from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _DENSE = 200
 
@@ -28,10 +29,12 @@ class Cones(NamedTuple):
     """w = A (z + offset) + b, x = (z + offset) / D; cone i has dim[i] rows from first[i]; others are free, or
     dead (zero).
 
-    The first `size` are the unknowns of the system, of which `rows` are of contacts with d directions.
+    The first `size` are the unknowns of the system, of which `rows` are of contacts with d directions. A is
+    None where the system has a product.
     """
 
-    A: Matrix
+    system: System
+    A: Matrix | None
     b: Array
     D: Array
     offset: Array
@@ -42,7 +45,25 @@ class Cones(NamedTuple):
     rows: int
     d: int
     condensed: Condensed | None
-    has_free: bool
+    idle: Array
+    weight: Array
+    """Rows (N, 3) of blocks: the identity where unknowns are dead, and where they are not."""
+
+    def rates(self, z: Array) -> Array:
+        """A (z + offset) + b."""
+        if self.A is not None:
+            return np.asarray(self.A @ (z + self.offset) + self.b)
+        y = np.empty(self.size)
+        all_rates(self.system, self.unknowns(z), self.system.b, 0.0, y)
+        return y / self.D
+
+    def change(self, dz: Array) -> Array:
+        """A dz."""
+        if self.A is not None:
+            return np.asarray(self.A @ dz)
+        y = np.empty(self.size)
+        all_rates(self.system, dz / self.D, np.zeros(self.size), 0.0, y)
+        return y / self.D
 
     def unknowns(self, z: Array) -> Array:
         """x (size,) of the system."""
@@ -62,15 +83,20 @@ def cones_of(system: System) -> Cones:
     dim = np.concatenate([np.where(slides, d, 1), np.ones(len(limited) + size - s.size, np.int64)])
     parts = None if size > s.size else rank.parts(s)
     if parts is not None:
-        parts = parts.scaled(1.0 / D)
-    return Cones(
-        *_with_limits(s, D), D, offset, first, dim, tangents.ravel(), s.size, s.rows, d, parts, s.has_free
-    )
+        parts = parts.scaled(1.0 / D, s.rows, d)
+    dead, i = tangents.ravel(), np.arange(size)
+    idle, weight, own = np.zeros((size, 3)), np.zeros((size, 3)), np.where(i < s.rows, i % d, 0)
+    weight[i, own] = 1.0
+    weight[dead], idle[dead, own[dead]] = 0.0, 1.0
+    A, b = (None, s.b / D) if s.product is not None and size == s.size else _with_limits(s, D)
+    return Cones(s, A, b, D, offset, first, dim, dead, s.size, s.rows, d, parts, idle, weight)
 
 
 def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
     """A and b in the cones' coordinates; for each upper limit a row upper - x >= 0, whose force resists x."""
     capped = np.flatnonzero(np.isfinite(system.upper))
+    if len(capped) == 0 and system.size <= _DENSE:
+        return system.dense() / D[:, None] / D, system.b / D
     A, b = system.matrix(), system.b
     if len(capped):
         shape = (system.size, len(capped))
@@ -95,14 +121,10 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
     """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by those of the identity."""
     A = cones.A
     if cones.condensed is not None:
-        rows, d = cones.rows, cones.d
-        E, L, i = np.zeros((len(scaling), 3)), np.zeros((len(scaling), 3)), np.arange(len(scaling))
+        E = cones.idle.copy()
         lean_rows(scaling, turn, cones.first, cones.dim, E)
-        own = np.where(i < rows, i % d, 0)
-        L[i, own] = 1.0
-        E[cones.dead], L[cones.dead], E[cones.dead, own[cones.dead]] = 0.0, 0.0, 1.0
-        return condensed_solver(cones.condensed, rows, d, E, L)
-    if not sp.issparse(A):
+        return condensed_solver(cones.condensed, cones.rows, cones.d, E, cones.weight)
+    if isinstance(A, np.ndarray):
         J = A.copy()
         add_scaling(J, scaling, turn, cones.first, cones.dim)
         J[cones.dead] = 0.0
@@ -121,16 +143,25 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
         alive = np.ones(len(scaling))
         alive[cones.dead] = 0.0
         J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
-    if cones.has_free and (J.diagonal() > 0.0).all():
+    if cones.system.has_free and (J.diagonal() > 0.0).all():
         return diagonal_factors(J)
     return factors(J)
 
 
 @kernel
 def nesterov_todd(
-    z: Reals, w: Reals, first: Ints, dim: Ints, scaling: Reals, inverse: Reals, turn: Reals, fault: Reals
+    z: Reals,
+    w: Reals,
+    first: Ints,
+    dim: Ints,
+    turning: float,
+    scaling: Reals,
+    inverse: Reals,
+    turn: Reals,
+    fault: Reals,
 ) -> None:
-    """Fill the scaling S with S z = w, the inverse of z, the direction of slip; add the slip to the fault."""
+    """Fill the scaling S with S z = w, the inverse of z, the direction of slip times `turning`; add the slip
+    to the fault."""
     for c in range(len(first)):
         i, d = first[c], dim[c]
         if d == 1:
@@ -147,13 +178,74 @@ def nesterov_todd(
         for j in range(d):
             sign = 1.0 if j == 0 else -1.0
             inverse[i + j] = sign * z[i + j] / (size_z * size_z)
-            turn[i + j] = w[i + j] / slip if j > 0 and slip > 0.0 else 0.0
+            turn[i + j] = turning * w[i + j] / slip if j > 0 and slip > 0.0 else 0.0
             mine = per * (w[i + j] / size_w + sign * z[i + j] / size_z)
             for l in range(d):
                 other = per * (w[i + l] / size_w + (1.0 if l == 0 else -1.0) * z[i + l] / size_z)
                 scaling[i + j, l] = size_w / size_z * 2.0 * mine * other
             scaling[i + j, j] -= sign * size_w / size_z
         fault[i] += slip
+
+
+@kernel
+def beyond(
+    z: Reals, w: Reals, dz: Reals, dw: Reals, first: Ints, dim: Ints, scratch: Reals, out: Reals
+) -> None:
+    """What the products of z + dz and w + dw have beyond what is linear, in the terms of `toward`; scratch is
+    (4, 3)."""
+    v, a, b, c = scratch[0], scratch[1], scratch[2], scratch[3]
+    for k in range(len(first)):
+        i, d = first[k], dim[k]
+        if d == 1:
+            out[i] = dz[i] * dw[i] / z[i]
+            continue
+        # W dz, dw / W and W z = w / W, W being the root of the scaling.
+        root = _half(z, w, i, d, v)
+        _turned(v, 1.0, root, dz[i : i + d], a)
+        _turned(v, -1.0, 1.0 / root, dw[i : i + d], b)
+        _turned(v, 1.0, root, z[i : i + d], c)
+        product, along, inside = a[0] * b[0], 0.0, c[0] * c[0]
+        for j in range(1, d):
+            product += a[j] * b[j]
+            a[j] = a[0] * b[j] + b[0] * a[j]
+            along += c[j] * a[j]
+            inside -= c[j] * c[j]
+        b[0] = (c[0] * product - along) / inside
+        for j in range(1, d):
+            b[j] = (a[j] - b[0] * c[j]) / c[0]
+        _turned(v, 1.0, root, b[:d], out[i : i + d])
+
+
+@inner_kernel
+def _half(z: Reals, w: Reals, i: int, d: int, v: Reals) -> float:
+    """v and r of the root r (2 v v^T - J) of the scaling, J the reflection that keeps the first entry."""
+    slip, pull, dot = 0.0, 0.0, 0.0
+    for j in range(i, i + d):
+        dot += z[j] * w[j]
+        slip += w[j] * w[j] if j > i else 0.0
+        pull += z[j] * z[j] if j > i else 0.0
+    slip, pull = math.sqrt(slip), math.sqrt(pull)
+    size_z = math.sqrt(max((z[i] - pull) * (z[i] + pull), 1e-300))
+    size_w = math.sqrt(max((w[i] - slip) * (w[i] + slip), 1e-300))
+    per = 1.0 / (2.0 * math.sqrt(0.5 * (1.0 + dot / (size_z * size_w))))
+    for j in range(d):
+        v[j] = per * (w[i + j] / size_w + (1.0 if j == 0 else -1.0) * z[i + j] / size_z)
+    v[0] += 1.0
+    per = 1.0 / math.sqrt(2.0 * v[0])
+    for j in range(d):
+        v[j] *= per
+    return math.sqrt(size_w / size_z)
+
+
+@inner_kernel
+def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
+    """out = factor (2 v v^T - J) x, the sign that of all but the first entry of v."""
+    dot = v[0] * x[0]
+    for j in range(1, len(x)):
+        dot += sign * v[j] * x[j]
+    out[0] = factor * (2.0 * v[0] * dot - x[0])
+    for j in range(1, len(x)):
+        out[j] = factor * (2.0 * sign * v[j] * dot + x[j])
 
 
 @kernel
@@ -165,11 +257,25 @@ def toward(w: Reals, inverse: Reals, first: Ints, dim: Ints, target: float, aim:
 
 
 @kernel
-def lean(right: Reals, aim: Reals, turn: Reals, first: Ints, dim: Ints) -> None:
-    """The slip that `aim` brings with it, taken from the normal rows."""
+def lean(
+    aim: Reals,
+    fault: Reals,
+    repaired: float,
+    turn: Reals,
+    first: Ints,
+    dim: Ints,
+    dead: Ints,
+    right: Reals,
+) -> None:
+    """right = aim - repaired fault, less the slip that `aim` brings with it in normal rows; nothing in dead
+    rows."""
+    for i in range(len(right)):
+        right[i] = aim[i] - repaired * fault[i]
     for c in range(len(first)):
         for i in range(first[c] + 1, first[c] + dim[c]):
             right[first[c]] -= turn[i] * aim[i]
+    for i in range(len(dead)):
+        right[dead[i]] = 0.0
 
 
 @kernel
@@ -206,8 +312,13 @@ def apply_scaling(scaling: Reals, dz: Reals, first: Ints, dim: Ints, out: Reals)
 
 
 @kernel
-def longest(z: Reals, dz: Reals, first: Ints, dim: Ints) -> float:
-    """The greatest step for which z + step dz is in all cones."""
+def longest(z: Reals, dz: Reals, w: Reals, dw: Reals, first: Ints, dim: Ints) -> float:
+    """The greatest step for which z + step dz and w + step dw are in all cones."""
+    return min(_longest(z, dz, first, dim), _longest(w, dw, first, dim))
+
+
+@inner_kernel
+def _longest(z: Reals, dz: Reals, first: Ints, dim: Ints) -> float:
     least = math.inf
     for c in range(len(first)):
         i = first[c]

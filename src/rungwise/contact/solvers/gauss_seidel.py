@@ -19,8 +19,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy.sparse as sp
 
-from rungwise.contact.elimination import MOST
 from rungwise.contact.islands import Islands, islands
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
@@ -33,23 +33,40 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
+_FEW_VELOCITIES = 150
+"""Unknowns from which on systems of few velocities are solved sooner by steps in these."""
 _ROUNDS, _STEPS = 8, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 1e-2, 1e-8
 """Residual that is near; error of friction from which one step more, which squares it, is enough."""
-_DAMPINGS = np.array([1e-8, 1e-4])
+DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE, _FEW = 300, 12
 _CHECK = 10
 
 
 def accepts(system: System) -> bool:
-    if system.condensed is not None and system.condensed.own.shape[0] <= MOST and system.size > SMALL:
+    if (
+        system.condensed is not None
+        and not sp.issparse(system.condensed.own)
+        and system.size > _FEW_VELOCITIES
+    ):
         apart = islands(system)
-        if apart is None or np.diff(apart.first).max() > SMALL:
+        if apart is None or np.diff(apart.first).max() > _FEW_VELOCITIES:
             return False
-    if (len(system.mu) == 0 or system.directions == 2) and 4 * len(system.mu) + len(system.lower) <= _FEW:
+    return bool(accepts_rows(system.directions, system.blocks, system.diagonal))
+
+
+@kernel
+def accepts_rows(d: int, blocks: Reals, diagonal: Reals) -> bool:
+    """As `accepts`, whatever the size."""
+    if (len(blocks) == 0 or d == 2) and 4 * len(blocks) + len(diagonal) <= _FEW:
         return False
-    return system.is_damped
+    damped = True
+    for k in range(len(blocks)):
+        damped = damped and blocks[k, 0, 0] > 0.0
+    for j in range(len(diagonal)):
+        damped = damped and diagonal[j] > 0.0
+    return damped
 
 
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
@@ -80,8 +97,8 @@ def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
     n = min(int(np.diff(a.first).max()), SMALL)
     done = each(
         a.first, a.contacts, a.row_start, a.column, a.value, a.blocks, a.diagonal, a.b, a.mu, a.lower,
-        a.upper, x, best, a.goals(tol), _DAMPINGS, np.empty(2 * n * n),
-        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(n, np.int64),
+        a.upper, x, best, a.goals(tol), DAMPINGS, np.empty(2 * n * n),
+        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(4 * n, np.int64),
     )  # fmt: skip
     return a.outwards(best), done
 
@@ -99,7 +116,7 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
 
 def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
     """Dampings and scratch for `alternate` with n unknowns."""
-    return _DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64)
+    return DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64)
 
 
 @kernel
@@ -125,7 +142,7 @@ def each(
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
-    square (2 n^2,), vectors (11 n or more,) and order (n,) are scratch, n the size of the largest island, or
+    square (2 n^2,), vectors (15 n or more,) and order (4 n,) are scratch, n the size of the largest island or
     `SMALL` at most.
     """
     d, most = blocks.shape[1], 0
@@ -147,7 +164,7 @@ def each(
             done = alternate(
                 rows, column, value, A, own, free, b[low:high], mu[c:e], lower[f:g], upper[f:g], x[low:high],
                 best[low:high], tol[i], dampings, square[n * n : 2 * n * n].reshape(n, n),
-                vectors[: VECTORS * n].reshape(VECTORS, n), order,
+                vectors[: VECTORS * n].reshape(VECTORS, n), order[: 4 * n],
             )  # fmt: skip
         most = max(most, done)
     return most

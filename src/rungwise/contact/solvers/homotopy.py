@@ -99,7 +99,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     here = Point(unit, unit, 0.0)
     path = Path(
         cones,
-        cones.A @ (here.z + cones.offset) + cones.b - here.w,
+        cones.rates(here.z) - here.w,
         float(here.z @ here.w) / len(cones.first),
     )
     length, again = math.sqrt(len(cones.first)), 0
@@ -144,8 +144,7 @@ def _local(path: Path, here: Point, work: Work) -> Local | None:
     cones, size, t = path.cones, len(here.z), math.exp(here.t)
     first, dim, dead = cones.first, cones.dim, cones.dead
     scaling, inverse, turn, slip = np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size)
-    nesterov_todd(here.z, here.w, first, dim, scaling, inverse, turn, slip)
-    turn *= 1.0 - t
+    nesterov_todd(here.z, here.w, first, dim, 1.0 - t, scaling, inverse, turn, slip)
     linear = factorise(cones, scaling, turn)
     if linear is None:
         return None
@@ -153,22 +152,19 @@ def _local(path: Path, here: Point, work: Work) -> Local | None:
 
     def step(aim: Array, fault: Array) -> tuple[Array, Array]:
         """dz, dw with S dz + dw = aim (which becomes dw) that take the fault away."""
-        right = aim - fault
-        lean(right, aim, turn, first, dim)
-        right[dead] = 0.0
+        right = np.empty(size)
+        lean(aim, fault, 1.0, turn, first, dim, dead, right)
         dz = linear.solve(right)
         apply_scaling(scaling, dz, first, dim, aim)
         # Where products are small digits are lost: a second solve brings them back.
-        left = aim - fault - cones.A @ dz
-        lean(left, aim, turn, first, dim)
-        left[dead] = 0.0
-        more = linear.solve(left)
+        lean(aim, fault + cones.change(dz), 1.0, turn, first, dim, dead, right)
+        more = linear.solve(right)
         apply_scaling(scaling, more, first, dim, aim)
         return dz + more, aim
 
     aim = np.zeros(size)
     toward(here.w, inverse, first, dim, t * path.product, aim)
-    fault = cones.A @ (here.z + cones.offset) + cones.b - here.w + (1.0 - t) * slip - t * path.fault
+    fault = cones.rates(here.z) - here.w + (1.0 - t) * slip - t * path.fault
     z, w = step(aim, fault)
     tangent = Point(*step(t * path.product * inverse, -t * (path.fault + slip)), 1.0)
     unit = t * path.product
@@ -205,9 +201,7 @@ def _onwards(path: Path, here: Point, local: Local, length: float) -> tuple[Poin
 
 def _room(cones: Cones, here: Point, step: Point) -> float:
     """How much of a step stays inside the cones."""
-    return min(
-        longest(here.z, step.z, cones.first, cones.dim), longest(here.w, step.w, cones.first, cones.dim)
-    )
+    return float(longest(here.z, step.z, here.w, step.w, cones.first, cones.dim))
 
 
 @kernel

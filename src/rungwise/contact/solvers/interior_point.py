@@ -3,12 +3,14 @@
 Algorithm: in coordinates in which the friction cone is Lorentz's, forces z and rates w stay inside it and its
 dual (the same), w_n being the normal rate plus mu times the slip, and follow the path on which their product
 is a multiple of the unit, down to zero; the slip is linearised with the rest. Nesterov and Todd's scaling; a
-predictor chooses the next multiple, one factorisation serves both. At the start, and whenever the residual
-has fallen tenfold, `newton` tries to finish. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42;
-Vandenberghe, The CVXOPT linear and quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim.
-Methods Softw. (2023), for friction. An upper limit is one more unknown, the force that holds it. Accepts:
-everything. Promises: tens of iterations whatever the rank of A, where A is monotone and friction does not
-couple too strongly; among many solutions one in the midst of them.
+predictor chooses the next multiple and tells how products bend on the way there, one factorisation serves
+both. At the start, and whenever the residual has fallen tenfold, `newton` tries to finish; once it tries
+early, for where everything sticks one step is enough. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997)
+1-42; Mehrotra, SIAM J. Optim. 2 (1992) 575-601, for the predictor; Vandenberghe, The CVXOPT linear and
+quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim. Methods Softw. (2023), for friction. An
+upper limit is one more unknown, the force that holds it. Accepts: everything. Promises: tens of iterations
+whatever the rank of A, where A is monotone and friction does not couple too strongly; among many solutions
+one in the midst of them.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.cones import (
     Cones,
     apply_scaling,
+    beyond,
     centre,
     cones_of,
     factorise,
@@ -38,9 +41,12 @@ _STEPS, _DEAR = 100, 60
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
-_FINISH = 1e-2
+_EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.1
 _SHORT = 0.1
 """A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
+_BENT = 0.3
+"""A prediction that goes no further than this does not tell how products bend, and a step that does not is
+compared with the straight one."""
 _STALLED, _WINDOW, _SHORT_WINDOW = 0.7, 8, 3
 
 
@@ -52,8 +58,8 @@ def accepts(_system: System) -> bool:
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
     whole = newton.form(system)
-    best, least, finish = start, natural(system, start), _FINISH
-    if least < finish:
+    best, least, finish = start, natural(system, start), _EARLY
+    if least < _FINISH:
         best, least = newton.finish(system, whole, start, tol, work)
     if least <= tol:
         return best, 0
@@ -68,8 +74,8 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
         if found < least:
             best, least = x, found
         if found < finish:
-            finish = 0.1 * found
-            trial, reached = newton.finish(system, whole, x, tol, work)
+            trial, reached = newton.finish(system, whole, x, tol, work, early=found >= _FINISH)
+            finish = min(_NEARER * found, _FINISH)
             if reached < least:
                 best, least = trial, reached
         history.append((float(z @ w), found))
@@ -110,32 +116,38 @@ def _advance(
     """
     first, dim, dead = cones.first, cones.dim, cones.dead
     scaling, inverse, turn = np.zeros((len(z), 3)), np.zeros(len(z)), np.zeros(len(z))
-    fault = cones.A @ (z + cones.offset) + cones.b - w
-    nesterov_todd(z, w, first, dim, scaling, inverse, turn, fault)
-    turn *= turning
+    fault = cones.rates(z) - w
+    nesterov_todd(z, w, first, dim, turning, scaling, inverse, turn, fault)
     linear = factorise(cones, scaling, turn)
     if linear is None:
         return None
     work.spend_factors(linear.entries)
     product = float(z @ w) / max(len(first), 1)
 
-    def step(target: float, repaired: float) -> tuple[Array, Array, float]:
-        """dz, dw and the longest step towards the product `target`, repairing so much of the fault."""
-        aim = np.zeros(len(z))
-        toward(w, inverse, first, dim, target, aim)
-        right = -repaired * fault + aim
-        lean(right, aim, turn, first, dim)
-        right[dead] = 0.0
+    def step(target: float, repaired: float, bend: Array | float = 0.0) -> tuple[Array, Array, float]:
+        """dz, dw and the longest step towards the product `target`, where products bend by so much, repairing
+        so much of the fault."""
+        dw, right = np.zeros(len(z)), np.empty(len(z))
+        toward(w, inverse, first, dim, target, dw)
+        dw -= bend
+        lean(dw, fault, repaired, turn, first, dim, dead, right)
         dz = linear.solve(right)
-        dw = aim
         apply_scaling(scaling, dz, first, dim, dw)
-        return dz, dw, min(longest(z, dz, first, dim), longest(w, dw, first, dim))
+        return dz, dw, longest(z, dz, w, dw, first, dim)
 
     dz, dw, length = step(0.0, 1.0)
     length = min(1.0, length)
     predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
     centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
-    dz, dw, length = step(centring * product, 1.0 - _RETAINED * centring)
+    aim = centring * product, 1.0 - _RETAINED * centring
+    bend, known = np.zeros(len(z)), length > _BENT
+    if known:
+        beyond(z, w, dz, dw, first, dim, np.empty((4, 3)), bend)
+        bend *= 1.0 - centring
+    dz, dw, length = step(*aim, bend)
+    if known and length < _BENT:
+        straight = step(*aim)
+        dz, dw, length = straight if straight[2] > length else (dz, dw, length)
     if length < _SHORT and turning > 0.0:
         return _advance(cones, z, w, work, 0.0)
     length = min(1.0, _TO_THE_BOUNDARY * length)

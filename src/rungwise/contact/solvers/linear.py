@@ -158,3 +158,23 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
             x[i] -= a[i, j - 1] * first + a[i, j] * second
     if size % 2 == 1:
         x[0] *= a[0, 0]
+
+
+@summing_kernel
+def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
+    """As `substitute`, row by row: faster where there are more than a few tens."""
+    for k in range(size):
+        row = order[k]
+        value = x[row]
+        x[row] = x[k]
+        x[k] = value
+    for i in range(size):
+        left, total = a[i, :i], x[i]
+        for j in range(len(left)):
+            total -= left[j] * x[j]
+        x[i] = total
+    for i in range(size - 1, -1, -1):
+        right, known, total = a[i, i + 1 : size], x[i + 1 : size], x[i]
+        for j in range(len(right)):
+            total -= right[j] * known[j]
+        x[i] = total * a[i, i]

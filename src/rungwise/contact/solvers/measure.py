@@ -9,7 +9,7 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.system import System
-from rungwise.kernel import Ints, Reals, inner_kernel, summing_kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 
 _ROUNDING = 2.0**-53
 
@@ -18,16 +18,29 @@ def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0
     """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
     s, out = system, np.empty((2, system.size))
     b = s.b if b is None else b
-    return float(
-        distance(s.row_start, s.column, s.value, b, shift, x, s.mu, s.directions, s.lower, s.upper, out)
-    )
+    if s.product is None:
+        return float(
+            distance(s.row_start, s.column, s.value, b, shift, x, s.mu, s.directions, s.lower, s.upper, out)
+        )
+    all_rates(s, x, b, shift, out[0])
+    return float(distance_at(out[0], x, s.mu, s.directions, s.lower, s.upper, out[1]))
 
 
 def natural_parts(system: System, x: Array) -> Array:
     """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
-    s, out = system, np.empty((2, system.size))
-    distance(s.row_start, s.column, s.value, s.b, 0.0, x, s.mu, s.directions, s.lower, s.upper, out)
-    return np.where(np.isfinite(out[1]), out[1], np.inf)
+    s, y, out = system, np.empty(system.size), np.empty(system.size)
+    all_rates(s, x, s.b, 0.0, y)
+    distance_at(y, x, s.mu, s.directions, s.lower, s.upper, out)
+    return np.where(np.isfinite(out), out, np.inf)
+
+
+def all_rates(system: System, x: Array, b: Array, shift: float, y: Array) -> None:
+    """y = (A + shift) x + b."""
+    s, p = system, system.product
+    if p is None:
+        rates(s.row_start, s.column, s.value, b, shift, x, y)
+    else:
+        rates_by_parts(*p[:-2], b, shift, x, s.rows, s.directions, np.empty(p.velocities), y)
 
 
 @inner_kernel
@@ -45,12 +58,18 @@ def distance(
     out: Reals,
 ) -> float:
     """Fill out[1] (N,) with the natural map's sizes and rounding; returns its norm, or infinity."""
-    y, error, total = out[0], out[1], 0.0
-    rates(row_start, column, value, b, shift, x, y)
-    natural_map(x, y, mu, d, lower, upper, error)
+    rates(row_start, column, value, b, shift, x, out[0])
+    return distance_at(out[0], x, mu, d, lower, upper, out[1])
+
+
+@inner_kernel
+def distance_at(y: Reals, x: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
+    """As `distance`, the rates being y; `out` (N,) gets the sizes."""
+    natural_map(x, y, mu, d, lower, upper, out)
+    total = 0.0
     for i in range(len(x)):
-        error[i] = abs(error[i]) + _ROUNDING * abs(x[i])
-        total += error[i] * error[i]
+        out[i] = abs(out[i]) + _ROUNDING * abs(x[i])
+        total += out[i] * out[i]
     return math.sqrt(total) if total < math.inf else math.inf
 
 
@@ -59,6 +78,39 @@ def rates(row_start: Ints, column: Ints, value: Reals, b: Reals, shift: float, x
     """y = (A + shift) x + b."""
     for i in range(len(b)):
         y[i] = b[i] + shift * x[i] + row_times(row_start, column, value, i, x)
+
+
+@kernel
+def rates_by_parts(
+    front: Reals,
+    back_start: Ints,
+    back_column: Ints,
+    back_value: Reals,
+    response_start: Ints,
+    response_row: Ints,
+    response_value: Reals,
+    b: Reals,
+    shift: float,
+    x: Reals,
+    rows: int,
+    d: int,
+    v: Reals,
+    y: Reals,
+) -> None:
+    """y = (F - B R + shift) x + b; v, as long as R has rows, becomes R x."""
+    for i in range(len(v)):
+        v[i] = 0.0
+    for i in range(len(x)):
+        for k in range(response_start[i], response_start[i + 1]):
+            v[response_row[k]] += response_value[k] * x[i]
+    for i in range(len(x)):
+        first, width = (i // d * d, d) if i < rows else (i, 1)
+        total = b[i] + shift * x[i]
+        for j in range(width):
+            total += front[i, j] * x[first + j]
+        for k in range(back_start[i], back_start[i + 1]):
+            total -= back_value[k] * v[back_column[k]]
+        y[i] = total
 
 
 @summing_kernel

@@ -21,8 +21,9 @@ from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
 from rungwise.contact.solvers.factors import factors
-from rungwise.contact.solvers.measure import natural, rates
+from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.newton_dense import (
+    CHORDS,
     HALVINGS,
     LEAST,
     VECTORS,
@@ -38,10 +39,12 @@ _STEPS = 40
 _DENSE = 200
 _YIELD = 1e-7
 
-Linear = Callable[[float, Array], Array | None]
+Solve = Callable[[Array], Array]
+Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
-_LAST, _LIGHT = 5, (1e-8, 1e-4)
-"""Steps and dampings of those who have come near and want to finish."""
+_LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
+"""Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
+the residual so much."""
 
 
 def accepts(_system: System) -> bool:
@@ -54,20 +57,34 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     return descend(system, form(system), start, system.b, 0.0, tol, _STEPS, work)
 
 
-def finish(system: System, A: Matrix, start: Array, tol: float, work: Work) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it."""
-    x, _ = descend(system, A, start, system.b, 0.0, tol, _LAST, work, _LIGHT)
-    return x, natural(system, x)
+def finish(
+    system: System, A: Matrix | None, start: Array, tol: float, work: Work, early: bool = False
+) -> tuple[Array, float]:
+    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while
+    they lead fast to a solution; `early` there is but one at first.
+    """
+    x, least = start, natural(system, start)
+    steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
+    for _ in range(_ROUNDS):
+        before = least
+        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, work, dampings)
+        least = natural(system, x)
+        if not tol < least < _FALL * before:
+            break
+        steps, dampings = _LAST, _LIGHT
+    return x, least
 
 
-def form(system: System) -> Matrix:
-    """A as the steps want it: dense when small."""
+def form(system: System) -> Matrix | None:
+    """A as the steps want it: dense when small; none where it is a product."""
+    if system.product is not None:
+        return None
     return system.dense() if system.size <= _DENSE else system.matrix()
 
 
 def descend(
     system: System,
-    A: Matrix,
+    A: Matrix | None,
     start: Array,
     b: Array,
     shift: float,
@@ -77,7 +94,7 @@ def descend(
     dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
     """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
-    if not sp.issparse(A):
+    if isinstance(A, np.ndarray):
         x, done = _descend_small(system, A, start, b, shift, tol, steps, dampings)
         work.spend((done + 1) * float(len(x)) ** 3)
         return x, done
@@ -87,7 +104,7 @@ def descend(
     rho = 1.0 / (1.0 + shift)
 
     def merit(x: Array) -> float:
-        rates(s.row_start, s.column, s.value, b, shift, x, y)
+        all_rates(s, x, b, shift, y)
         return alart_curnier(x, y, s.mu, s.directions, s.lower, s.upper, rho, F, derivative)
 
     size = earlier = merit(x)
@@ -102,13 +119,24 @@ def descend(
         found = _step(linear, F.copy(), x, size, merit, dampings)
         if found is None:
             return x, done
-        x, size = found
+        moved, newer, solve = found
+        ratio, x, size = newer / size, moved, newer
+        # Again with the same factors, if these steps are likely to be enough.
+        for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
+            moved = x - solve(F)
+            newer = merit(moved)
+            if not newer < size:
+                merit(x)
+                break
+            x, size = moved, newer
+            if size <= tol:
+                break
     return x, steps
 
 
 def _descend_small(
     system: System,
-    A: Matrix,
+    A: Array,
     start: Array,
     b: Array,
     shift: float,
@@ -119,7 +147,7 @@ def _descend_small(
     s, n, x = system, system.size, start.copy()
     done = descend_dense(
         s.row_start, s.column, s.value, A, b, shift, s.mu, s.directions, s.lower, s.upper, x, tol, steps,
-        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(n, np.int64),
+        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64),
     )  # fmt: skip
     return x, done
 
@@ -131,30 +159,33 @@ def _step(
     size: float,
     merit: Callable[[Array], float],
     dampings: tuple[float, ...],
-) -> tuple[Array, float] | None:
-    """A shorter Newton step, or a damped one, that makes |F| smaller; None when none does."""
-    step = linear(0.0, F)
-    if step is not None:
+) -> tuple[Array, float, Solve] | None:
+    """Where a shorter Newton step, or a damped one, makes |F| smaller, and what it was solved with; None when
+    none does."""
+    solve = linear(0.0)
+    if solve is not None and np.isfinite(step := solve(F)).all():
         length = 1.0
         for _ in range(HALVINGS):
             moved = x - length * step
             newer = merit(moved)
             if newer <= (1.0 - 1e-2 * length) * size:
-                return moved, newer
+                return moved, newer, solve
             length *= 0.5
     for damping in dampings:
-        step = linear(damping * size, F)
-        if step is None:
+        solve = linear(damping * size)
+        if solve is None or not np.isfinite(step := solve(F)).all():
             continue
         moved = x - step
         newer = merit(moved)
         if newer <= (1.0 - 1e-4) * size:
-            return moved, newer
+            return moved, newer, solve
     return None
 
 
-def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: float, work: Work) -> Linear:
-    """(I + damping - D + rho D (A + shift))^-1 F, D the derivative of the projections, in blocks.
+def _linear(
+    system: System, A: Matrix | None, derivative: Array, rho: float, shift: float, work: Work
+) -> Linear:
+    """How to solve with I + damping - D + rho D (A + shift), D the derivative of the projections, in blocks.
 
     Where contacts stick, a damped step is the Newton step of a problem in which they yield a little.
     """
@@ -165,14 +196,14 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
         E = -kept * derivative
         E[i, own] += 1.0
 
-        def lifted(damping: float, F: Array) -> Array | None:
+        def lifted(damping: float) -> Solve | None:
             yielding = E.copy()
             yielding[i, own] += max(damping, _YIELD)
             made = solver(condensed, s.rows, d, yielding, rho * derivative)
             if made is None:
                 return None
             work.spend_factors(made.entries)
-            return _finite(made.solve(F))
+            return made.solve
 
         return lifted
     width = np.where(i < s.rows, d, 1)
@@ -181,15 +212,11 @@ def _linear(system: System, A: Matrix, derivative: Array, rho: float, shift: flo
     D = sp.csr_array((derivative[row, place], (row, row - own[row] + place)), shape=(s.size, s.size))
     J = sp.eye_array(s.size) - kept * D + rho * (D @ A)
 
-    def sparse(damping: float, F: Array) -> Array | None:
-        made = factors(J + max(damping, LEAST) * sp.eye_array(len(F)), "COLAMD")
+    def sparse(damping: float) -> Solve | None:
+        made = factors(J + max(damping, LEAST) * sp.eye_array(s.size), "COLAMD")
         if made is None:
             return None
         work.spend_factors(made.entries)
-        return _finite(made.solve(F))
+        return made.solve
 
     return sparse
-
-
-def _finite(step: Array) -> Array | None:
-    return step if np.isfinite(step).all() else None

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.measure import rates
+from rungwise.contact.solvers.newton_reduced import INTS, REALS, directions, factorise_reduced, solve_reduced
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
-HALVINGS, WINDOW, _CHORDS = 7, 12, 3
+HALVINGS, WINDOW, CHORDS = 7, 12, 3
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
-VECTORS = 11
+VECTORS = 15
 
 
 @kernel
@@ -36,11 +36,12 @@ def descend_dense(
 ) -> int:
     """Move x (N,) by Newton steps while |F| falls; returns the steps. A (N, N) is the rows once more.
 
-    factors (N, N), vectors (11, N) and order (N,) are scratch.
+    factors (N, N), vectors (15, N) and order (4 N,) are scratch.
     """
-    n, rows, rho = len(x), d * len(mu), 1.0 / (1.0 + shift)
+    n, rho = len(x), 1.0 / (1.0 + shift)
     y, F, trial, step, ahead = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     slope, derivative = vectors[5:8].reshape(n, 3), vectors[8:11].reshape(n, 3)
+    u, place = vectors[11:15].reshape(n, REALS), order[n:].reshape(n, INTS)
     rates(row_start, column, value, b, shift, x, y)
     size = earlier = alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
     for done in range(steps):
@@ -51,15 +52,18 @@ def descend_dense(
                 return done
             earlier = size
         copy(slope, derivative)
-        newer, length = math.inf, 1.0
+        newer, length, damping = math.inf, 1.0, LEAST
+        left = directions(derivative, mu, d, place, u)
         for attempt in range(1 + len(dampings)):
-            damping = LEAST if attempt == 0 else max(LEAST, dampings[attempt - 1] * size)
-            jacobian(A, derivative, rows, d, rho, 1.0 - rho * shift, damping, factors)
-            if not factorise(factors, n, order):
+            if attempt > 0:
+                damping = max(LEAST, dampings[attempt - 1] * size)
+            if not factorise_reduced(
+                A, d, place, u, left, rho, 1.0 - rho * shift, damping, step, factors, order
+            ):
                 continue
-            for i in range(n):
-                step[i] = F[i]
-            substitute(factors, n, order, step)
+            solve_reduced(
+                row_start, column, value, F, d, place, u, left, rho, damping, factors, order, ahead, step
+            )
             length = 1.0
             for _ in range(HALVINGS if attempt == 0 else 1):
                 for i in range(n):
@@ -77,10 +81,10 @@ def descend_dense(
         for i in range(n):
             x[i], F[i] = trial[i], ahead[i]
         # Again with the same factors, if these steps are likely to be enough.
-        for _ in range(_CHORDS if size * ratio**_CHORDS <= tol < size else 0):
-            for i in range(n):
-                step[i] = F[i]
-            substitute(factors, n, order, step)
+        for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
+            solve_reduced(
+                row_start, column, value, F, d, place, u, left, rho, damping, factors, order, ahead, step
+            )
             for i in range(n):
                 trial[i] = x[i] - step[i]
             rates(row_start, column, value, b, shift, trial, y)
@@ -138,34 +142,3 @@ def _contact(
         derivative[a, 1], derivative[a, 2] = shrink * t * t, -shrink * s * t
     F[n], derivative[n, 0] = rho * y[n] if closed else x[n], 1.0 if closed else 0.0
     derivative[n, 1] = derivative[n, 2] = 0.0
-
-
-@inner_kernel
-def jacobian(
-    A: Reals, derivative: Reals, rows: int, d: int, rho: float, kept: float, damping: float, J: Reals
-) -> None:
-    """J = (1 + damping) I - kept D + rho D A."""
-    for n in range(0, rows if d == 3 else 0, 3):
-        _spatial_rows(A[n], A[n + 1], A[n + 2], derivative[n : n + 3], rho, J[n], J[n + 1], J[n + 2])
-    for i in range(rows if d == 3 else 0, len(A)):
-        first, second = i // d * d if i < rows else i, rho * derivative[i, 1] if i < rows and d == 2 else 0.0
-        own, normal, other = rho * derivative[i, 0], A[first], A[first + d - 1 if i < rows else first]
-        row = J[i]
-        for c in range(len(row)):
-            row[c] = own * normal[c] + second * other[c]
-    for i in range(len(A)):
-        first, width = (i // d * d, d) if i < rows else (i, 1)
-        for j in range(width):
-            J[i, first + j] -= kept * derivative[i, j]
-        J[i, i] += 1.0 + damping
-
-
-@inner_kernel
-def _spatial_rows(
-    normal: Reals, along: Reals, across: Reals, D: Reals, rho: float, J_n: Reals, J_s: Reals, J_t: Reals
-) -> None:
-    n, s0, s1, s2 = rho * D[0, 0], rho * D[1, 0], rho * D[1, 1], rho * D[1, 2]
-    t0, t1, t2 = rho * D[2, 0], rho * D[2, 1], rho * D[2, 2]
-    for c in range(len(normal)):
-        x, y, z = normal[c], along[c], across[c]
-        J_n[c], J_s[c], J_t[c] = n * x, s0 * x + s1 * y + s2 * z, t0 * x + t1 * y + t2 * z

@@ -1,0 +1,42 @@
+"""Connected parts of what the entries of a matrix join."""
+
+from __future__ import annotations
+
+from rungwise.kernel import Ints, Reals, kernel
+
+
+@kernel
+def join(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, offset: int, label: Ints) -> None:
+    """Let all that a row has entries for be one part: labels, first each its own place, then lead from each
+    contact (d of so many first rows) and each other unknown to one before it, or to itself.
+
+    Columns are counted from `offset`.
+    """
+    contacts = rows // d
+    for i in range(len(row_start) - 1):
+        mine = i // d if i < rows else contacts + i - rows
+        for k in range(row_start[i], row_start[i + 1]):
+            if value[k] == 0.0:
+                continue
+            j = column[k] + offset
+            a, b = mine, j // d if j < rows else contacts + j - rows
+            while label[a] != a:
+                label[a] = label[label[a]]
+                a = label[a]
+            while label[b] != b:
+                label[b] = label[label[b]]
+                b = label[b]
+            label[max(a, b)] = min(a, b)
+
+
+@kernel
+def number(label: Ints, size: int) -> int:
+    """Replace the labels of the first so many by the numbers of their parts; returns how many there are."""
+    count = 0
+    for k in range(size):
+        if label[k] == k:
+            label[k] = count
+            count += 1
+        else:
+            label[k] = label[label[k]]
+    return count

@@ -1,0 +1,143 @@
+"""Velocities eliminated: what is left as a product is what is left as a matrix, whatever inertia."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import rungwise as rw
+from rungwise.contact.inverse import inverse
+from rungwise.contact.islands import islands
+from rungwise.contact.solvers import condensed, newton
+from rungwise.contact.solvers.cones import cones_of
+from rungwise.contact.solvers.measure import all_rates, natural
+from rungwise.contact.system import System, scaled
+from rungwise.contact.units import compressed
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+import assemblies
+
+
+def turned(problem: rw.Problem) -> rw.Problem:
+    """The same with velocities counted in other directions for each body: inertia is no diagonal then."""
+    n, rng = problem.velocities, np.random.default_rng(0)
+    turns = sp.block_diag([np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(n // 6)], format="csr")
+    whole = sp.block_diag([sp.eye_array(problem.rows), turns], format="csr")
+    A, b = whole.T @ problem.A @ whole, whole.T @ problem.b
+    return rw.Problem(A, b, problem.mu, 3, problem.lower, problem.upper, n)
+
+
+def yielding(problem: rw.Problem) -> rw.Problem:
+    """The same with compliant contacts, whose rates are coupled."""
+    rng = np.random.default_rng(1)
+    factors = rng.normal(size=(len(problem.mu), 3, 3))
+    blocks = (
+        1e-2
+        * abs(scaled(problem).rate / scaled(problem).force)[::3, None, None]
+        * (factors @ factors.transpose(0, 2, 1))
+    )
+    A = problem.A + sp.block_diag([*blocks, sp.csr_array((problem.velocities,) * 2)], format="csr")
+    return rw.Problem(A, problem.b, problem.mu, 3, problem.lower, problem.upper, problem.velocities)
+
+
+PROBLEMS: dict[str, Callable[[], rw.Problem]] = {
+    "pile": lambda: assemblies.pile(15, 3.0),
+    "pile, inertia in blocks": lambda: turned(assemblies.pile(15, 3.0)),
+    "pile, compliant": lambda: yielding(assemblies.pile(15, 3.0)),
+    "stack, compliant, inertia in blocks": lambda: turned(yielding(assemblies.stack(20, 3.0))),
+}
+
+
+@pytest.fixture(params=PROBLEMS)
+def problem(request: pytest.FixtureRequest) -> rw.Problem:
+    return PROBLEMS[request.param]()
+
+
+def schur(problem: rw.Problem, system: System) -> np.ndarray:
+    """The matrix that is left, scaled, from its definition."""
+    A, rows = problem.A.toarray(), problem.rows
+    left = A[:rows, :rows] - A[:rows, rows:] @ np.linalg.solve(A[rows:, rows:], A[rows:, :rows])
+    return left * system.force / system.rate[:, None]
+
+
+def test_the_product_is_the_matrix(problem: rw.Problem) -> None:
+    system = scaled(problem)
+    assert system.product is not None
+    expected = schur(problem, system)
+    np.testing.assert_allclose(system.dense(), expected, atol=1e-13)
+    np.testing.assert_allclose(system.product.diagonal, expected.diagonal(), atol=1e-13)
+    x, y = np.random.default_rng(2).normal(size=system.size), np.empty(system.size)
+    all_rates(system, x, system.b, 0.1, y)
+    np.testing.assert_allclose(y, expected @ x + 0.1 * x + system.b, atol=1e-12)
+    np.testing.assert_allclose(
+        cones_of(system).change(x) * cones_of(system).D, expected @ (x / cones_of(system).D), atol=1e-12
+    )
+
+
+def test_linear_systems_are_solved_in_velocities(problem: rw.Problem) -> None:
+    system, rng = scaled(problem), np.random.default_rng(3)
+    assert system.condensed is not None
+    E, L = rng.normal(size=(2, system.size, 3))
+    factors = condensed.solver(system.condensed, system.rows, 3, E, L)
+    assert factors is not None
+    whole, weight = (sp.block_diag(list(M.reshape(-1, 3, 3))).toarray() for M in (E, L))
+    J, right = whole + weight @ schur(problem, system), rng.normal(size=system.size)
+    np.testing.assert_allclose(J @ factors.solve(right), right, atol=1e-8)
+    assert factors.sign == np.linalg.slogdet(J)[0]
+
+
+def test_newton_steps_are_those_of_the_matrix(problem: rw.Problem) -> None:
+    """A step of the product leads where that of the matrix does."""
+    system = scaled(problem)
+    start = rw.solve(problem, tol=1e-12).x[system.kept] / system.force
+    start *= 1.0 + 1e-4 * np.random.default_rng(4).normal(size=system.size)
+    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1)
+    y, _ = newton.descend(system, system.dense(), start, system.b, 0.0, 0.0, 1)
+    assert natural(system, x) <= 1e-2 * natural(system, start)
+    assert natural(system, x) == pytest.approx(natural(system, y), abs=1e-6)
+
+
+def test_islands_of_a_product_are_those_of_the_matrix() -> None:
+    one, rows = assemblies.pile(10, 3.0), assemblies.pile(10).rows
+    n = len(one.b) - rows
+    blocks = [[one.A[:rows, :rows], one.A[:rows, rows:]], [one.A[rows:, :rows], one.A[rows:, rows:]]]
+    A = sp.block_array(
+        [[None if M is None else sp.block_diag([M, M]) for M in row] for row in blocks], format="csr"
+    )
+    idle = sp.diags_array(np.ones(6))  # a body that nothing touches is no island
+    A = sp.block_diag([A, idle], format="csr")
+    b = np.concatenate([np.tile(one.b[:rows], 2), np.tile(one.b[rows:], 2), np.ones(6)])
+    free = np.full(2 * n + 6, np.inf)
+    both = rw.Problem(A, b, np.tile(one.mu, 2), 3, -free, free, 2 * n + 6)
+    system = scaled(both)
+    apart = islands(system)
+    assert system.product is not None and apart is not None
+    np.testing.assert_array_equal(apart.first, [0, rows, 2 * rows])
+    found = rw.solve(both)
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.v[-6:], -1.0)
+
+
+def test_the_inverse_of_small_blocks() -> None:
+    rng = np.random.default_rng(5)
+    widths = [1, 3, 2, 6, 1, 12]
+    order = rng.permutation(sum(widths))
+    A = sp.block_diag([rng.normal(size=(w, w)) for w in widths], format="csr")[order][:, order].tocoo()
+    i, j = np.argwhere(A.toarray() == 0.0)[0]  # an entry that is zero joins nothing
+    entries = np.append(A.data, 0.0), (np.append(A.coords[0], i), np.append(A.coords[1], j))
+    A = sp.csr_array(entries, shape=A.shape)
+    assert np.count_nonzero(A.data) < A.nnz
+    found = inverse(compressed(A))
+    assert found is not None
+    made = sp.csr_array((found[2], found[1], found[0]), shape=A.shape).toarray()
+    np.testing.assert_allclose(made @ A.toarray(), np.eye(len(order)), atol=1e-10)
+
+
+def test_large_blocks_and_singular_ones_have_no_such_inverse() -> None:
+    assert inverse(compressed(np.ones((13, 13)) + np.eye(13))) is None
+    assert inverse(compressed(np.diag([1.0, 2.0, 0.0]))) is None
