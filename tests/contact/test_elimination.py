@@ -96,7 +96,7 @@ def test_newton_steps_are_those_of_the_matrix(problem: rw.Problem) -> None:
     system = scaled(problem)
     start = rw.solve(problem, tol=1e-12).x[system.kept] / system.force
     start *= 1.0 + 1e-4 * np.random.default_rng(4).normal(size=system.size)
-    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1)
+    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1, Work())
     y, _ = newton.descend(system, system.dense(), start, system.b, 0.0, 0.0, 1)
     assert natural(system, x) <= 1e-2 * natural(system, start)
     assert natural(system, x) == pytest.approx(natural(system, y), abs=1e-6)
