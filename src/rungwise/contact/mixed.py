@@ -67,11 +67,13 @@ class Problem:
             )
         if self.A.shape != (size, size):
             raise ValueError(f"A: has shape {self.A.shape}; b makes it {(size, size)}")
-        if (self.mu < 0.0).any():
+        if len(self.mu) and self.mu.min() < 0.0:
             raise ValueError(f"mu: friction must not be negative, and entry {int(np.argmin(self.mu))} is")
         if len(self.upper) != len(self.lower):
             raise ValueError(f"upper: has {len(self.upper)} entries, and lower has {len(self.lower)}")
-        if (self.lower > self.upper).any() or np.isposinf(self.lower).any() or np.isneginf(self.upper).any():
+        if len(self.lower) and not (
+            (self.lower <= self.upper).all() and self.lower.max() < np.inf and self.upper.min() > -np.inf
+        ):
             raise ValueError("lower: must not exceed upper, nor either lie at the wrong infinity")
         if not isinstance(self.velocities, int | np.integer) or not 0 <= self.velocities <= len(self.lower):
             raise ValueError(f"velocities: must be 0 to {len(self.lower)}, not {self.velocities!r}")
@@ -221,13 +223,16 @@ def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
         raise ValueError(f"{name}: must be numbers") from None
     if array.ndim != 1:
         raise ValueError(f"{name}: must have one dimension, not {np.ndim(value)}")
-    if np.isnan(array).any() or (finite and not np.isfinite(array).all()):
-        raise ValueError(f"{name}: entry {int(np.argmin(np.isfinite(array)))} is not a finite number")
+    known = np.isfinite(array) if finite else ~np.isnan(array)
+    if not known.all():
+        raise ValueError(f"{name}: entry {int(np.argmin(known))} is not a finite number")
     return array
 
 
 def _real(values: NDArray[Any]) -> Array:
     """The values as floats; TypeError where they are complex, so that no part is lost."""
+    if values.dtype == np.float64:
+        return values
     if np.iscomplexobj(values):
         raise TypeError
     return values.astype(np.float64, copy=False)
