@@ -25,7 +25,8 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms, unit forces included. Without contacts and free
+    imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
+    penetration in these units, which great friction would hide. Without contacts and free
     unknowns `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
     is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
     |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
