@@ -16,6 +16,7 @@ from rungwise.contact.islands import islands
 from rungwise.contact.solvers import condensed, newton
 from rungwise.contact.solvers.cones import cones_of
 from rungwise.contact.solvers.measure import all_rates, natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System, scaled
 from rungwise.contact.units import compressed
 
@@ -96,8 +97,8 @@ def test_newton_steps_are_those_of_the_matrix(problem: rw.Problem) -> None:
     system = scaled(problem)
     start = rw.solve(problem, tol=1e-12).x[system.kept] / system.force
     start *= 1.0 + 1e-4 * np.random.default_rng(4).normal(size=system.size)
-    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1)
-    y, _ = newton.descend(system, system.dense(), start, system.b, 0.0, 0.0, 1)
+    x, _ = newton.descend(system, None, start, system.b, 0.0, 0.0, 1, Work())
+    y, _ = newton.descend(system, system.dense(), start, system.b, 0.0, 0.0, 1, Work())
     assert natural(system, x) <= 1e-2 * natural(system, start)
     assert natural(system, x) == pytest.approx(natural(system, y), abs=1e-6)
 

@@ -18,7 +18,7 @@ MOST = {
     "interior-point": 100,
     "newton": 40,
     "homotopy": 600,
-    "proximal-point": 120,
+    "proximal-point": 5000,
     "branching": 300,
 }
 """Iterations that each solver's file states."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.components import join, number
 from rungwise.contact.mixed import Array
-from rungwise.contact.product import Condensed
+from rungwise.contact.product import MOST, Condensed
 from rungwise.contact.system import Form, System
 from rungwise.kernel import Ints
 
@@ -132,12 +133,14 @@ def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
         return None
     back_start, back_column, back = _rows(whole.back_start, whole.back_column, whole.back_value, place)
     start, row, value = _rows(whole.across_start, whole.across_row, whole.across_value, place)
-    used = np.zeros(len(whole.own), bool)
+    used = np.zeros(whole.own.shape[0], bool)
     used[back_column] = used[row] = True
-    if whole.own[used][:, ~used].any() or whole.own[~used][:, used].any():
+    if abs(whole.own[used][:, ~used]).sum() > 0.0 or abs(whole.own[~used][:, used]).sum() > 0.0:
         return None
     number = np.cumsum(used) - 1
-    own = np.ascontiguousarray(whole.own[used][:, used])
+    own = whole.own[used][:, used]
+    if not sp.issparse(own) or own.shape[0] <= MOST:
+        own = np.ascontiguousarray(own.toarray() if sp.issparse(own) else own)
     return Condensed(
         own, whole.front[place], back_start, number[back_column], back, start, number[row], value
     )

@@ -16,18 +16,21 @@ from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
 ROUNDING = 2.0**-51
-FEW, _MOST = 2, 1500
-"""Eliminated unknowns that are worth to be remembered: one for so many others, and no more than that."""
+FEW, MOST = 2, 1500
+"""Eliminated unknowns that are kept dense: one for so many others, and no more than these."""
+_MANY = 700
+"""Others from which on sparse ones are, too, where there are no more of them."""
 
 
 class Condensed(NamedTuple):
-    """A = F - B own^-1 C as it was before elimination: own (g, g); front (N, 3), the rows of F's blocks.
+    """A = F - B own^-1 C as it was before elimination: own (g, g), sparse where it is large; front
+    (N, 3), the rows of F's blocks.
 
     back_start (N + 1,), back_column, back_value: the rows of B; across_start (N + 1,), across_row,
     across_value: the columns of C.
     """
 
-    own: Array
+    own: Matrix
     front: Array
     back_start: Ints
     back_column: Ints
@@ -81,14 +84,16 @@ def _scaled_blocks(blocks: Array, s: Array, rows: int, d: int) -> Array:
 
 
 def condensed(problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix) -> Condensed | None:
-    """The parts, where they are few and `front` has only the blocks of contacts."""
-    if not FEW * own.shape[0] <= front.shape[0] or own.shape[0] > _MOST:
+    """The parts, where they are few, or many but sparse, and `front` has only the blocks of contacts."""
+    few = own.shape[0] <= min(MOST, front.shape[0] // FEW)
+    if not few and not (sp.issparse(own) and front.shape[0] >= max(_MANY, own.shape[0])):
         return None
     blocks = np.zeros((front.shape[0], 3))
     if not gather_blocks(*compressed(front), problem.rows, problem.directions, blocks):
         return None
-    dense = own.toarray() if sp.issparse(own) else own
-    return Condensed(dense, blocks, *compressed(back), *columns(across))
+    return Condensed(
+        own.toarray() if few and sp.issparse(own) else own, blocks, *compressed(back), *columns(across)
+    )
 
 
 @kernel
@@ -115,7 +120,7 @@ def product(problem: Problem, parts: Condensed, response: Sparse, change: Array)
     """A as a product, the response given in columns, and how well it is known; None where units do not follow
     from A's diagonal."""
     size = len(parts.front)
-    diagonal, terms, scratch = np.zeros(size), np.zeros(size), np.zeros(len(parts.own))
+    diagonal, terms, scratch = np.zeros(size), np.zeros(size), np.zeros(parts.own.shape[0])
     back, (start, row, value) = (parts.back_start, parts.back_column, parts.back_value), response
     accumulate(*back, start, row, -value, False, scratch, diagonal)
     accumulate(*back, start, row, np.abs(change) + ROUNDING * np.abs(value), True, scratch, terms)

@@ -17,7 +17,7 @@ from rungwise.contact.system import System
 from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
-_SMALL, _LARGE, _MOST = 200, 5000, 700
+_SMALL, _LARGE, _MOST = 200, 5000, 1500
 _NOTHING, _SOMETHING = 1e-11, 1e-6
 """Pivots below one are rounding, and none may lie between the two: the rank would be a matter of taste."""
 _TINY = 1e-14
@@ -26,8 +26,9 @@ _known: WeakKeyDictionary[System, Condensed | None] = WeakKeyDictionary()
 
 
 def parts(system: System) -> Condensed | None:
-    """A's parts: those of elimination, or those found here, once; None where there are none."""
-    if system.condensed is not None or not _SMALL < system.size <= _LARGE:
+    """A's parts: those of elimination, or those found here, once; None where there are none, or where free
+    unknowns are left, whose laws have no blocks of their own."""
+    if system.condensed is not None or not _SMALL < system.size <= _LARGE or system.has_free:
         return system.condensed
     if system not in _known:
         _known[system] = _found(system)

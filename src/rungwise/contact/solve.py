@@ -27,7 +27,8 @@ from rungwise.contact.solvers import (
     step,
 )
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import System, scaled
+from rungwise.contact.solvers.work import Work
+from rungwise.contact.system import System, scaled, uneliminated
 from rungwise.contact.units import settle
 
 SOLVERS: tuple[ModuleType, ...] = (
@@ -38,9 +39,13 @@ SOLVERS: tuple[ModuleType, ...] = (
     homotopy,
     proximal_point,
 )
-"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol)."""
+"""In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
-_MARGIN, _ROUNDS, _STEPS = 0.3, 5, 5
+_MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
+_ASIDE = 0.3
+"""Share of the work that is left for the form with all unknowns, whose factors have many more entries."""
+_NEAR = 1e-3
+"""Residual from which on patience is worth its time."""
 _WORTH = 60
 """Unknowns from which on it takes less time to solve islands one by one."""
 
@@ -58,6 +63,7 @@ def solve(
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
     given as assembled, is first solved as a run would.
+    However hard a problem is, no more is done than `Work` allows: some twenty seconds.
 
     Raises ValueError naming what is wrong with the arguments.
     """
@@ -75,23 +81,24 @@ def solve(
     system = scaled(problem)
     given = np.zeros(len(problem.b)) if given is None else given
     attempts: list[Attempt] = []
+    work = Work()
     if assembled is not None and solvers is None and step.accepts(assembled):
         answer = _judged(problem, system, step.solve(assembled, given))
         attempts.append(Attempt(step.NAME, 1, answer.residual))
     if not attempts or answer.residual > tol:
-        x, more = _run(chain, system, given[system.kept] / system.force, tol)
+        x, more = _run(chain, system, given[system.kept] / system.force, tol, work)
         attempts += more
-        answer = _judged_scaled(problem, system, x, tol)
+        answer = _judged_scaled(problem, system, x, tol, work)
     massless = None
     if demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
         if not _tells(problem, system, answer, tol):
-            massless, more = _without_inertia(problem, chain, answer.x, tol)
+            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
             attempts += more
     if massless is not None and (massless.residual <= tol or massless.proof is not None):
         answer = massless
     else:
-        answer, more = _last_resort(problem, system, chain, answer, tol)
+        answer, more = _last_resort(problem, system, chain, answer, tol, work)
         attempts += more
         answer = _finer(problem, system, answer, tol)
         if massless is not None and system.demanded < tol and answer.residual <= tol:
@@ -123,14 +130,16 @@ def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None
     return _Answer(x, y, residuals, proof)
 
 
-def _judged_scaled(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
+def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
     answer = _judged(problem, system, system.recover(x * system.force))
     if answer.residual > tol and problem.is_boxes and natural(system, x) <= tol:
         settled = x.copy()
         for _ in range(2):
             settle(settled, system.rows, system.lower, system.upper, tol)
-            finer, _ = newton.descend(system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS)
+            finer, _ = newton.descend(
+                system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS, work
+            )
             settled = finer.copy()
         other = _judged(problem, system, system.recover(settled * system.force))
         answer = other if other.residual < answer.residual else answer
@@ -154,14 +163,14 @@ def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> boo
 
 
 def _without_inertia(
-    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float
+    problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
     """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
     system = scaled(problem, massless=True)
-    own, attempts = _run(chain, system, x / system.force, tol)
-    answer = _judged_scaled(problem, system, own, tol)
+    own, attempts = _run(chain, system, x / system.force, tol, work)
+    answer = _judged_scaled(problem, system, own, tol, work)
     if answer.residual > tol:
-        answer, attempt = _branched(problem, system, answer.x, tol)
+        answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
     if answer.proof is not None and not is_kinematic(problem, answer.proof):
         answer = answer._replace(proof=None)
@@ -182,29 +191,66 @@ def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
 
 
 def _last_resort(
-    problem: Problem, system: System, chain: tuple[ModuleType, ...], answer: _Answer, tol: float
+    problem: Problem,
+    system: System,
+    chain: tuple[ModuleType, ...],
+    answer: _Answer,
+    tol: float,
+    work: Work,
 ) -> tuple[_Answer, list[Attempt]]:
-    """What branching, and other units, make of an answer that is not within `tol`."""
+    """What branching, all unknowns, and other units make of an answer that is not within `tol`."""
     attempts: list[Attempt] = []
     if answer.residual > tol:
-        answer, attempt = _branched(problem, system, answer.x, tol)
+        answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
-    if answer.residual > tol and answer.proof is None and problem.is_boxes:
-        other, more = _in_other_units(problem, chain, tol)
+    open_end = answer.residual > tol and answer.proof is None and not work.is_low
+    if open_end and len(system.kept) < len(problem.b):
+        whole, more = _in_all_unknowns(problem, system, chain, answer.x, tol, work)
+        attempts += more
+        if whole.residual < answer.residual:
+            answer = whole
+    if open_end and tol < answer.residual < _NEAR:
+        patient, attempt = _patiently(problem, system, answer.x, tol, work)
+        attempts.append(attempt)
+        if patient.residual < answer.residual:
+            answer = patient
+    if answer.residual > tol and answer.proof is None and problem.is_boxes and not work.is_low:
+        other, more = _in_other_units(problem, chain, tol, work)
         attempts += more
         if (better := _judged(problem, system, other)).residual < answer.residual:
             answer = better
     return answer, attempts
 
 
-def _branched(problem: Problem, system: System, x: Array, tol: float) -> tuple[_Answer, Attempt]:
-    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol)
-    answer = _judged_scaled(problem, system, found.x, tol)._replace(proof=found.proof)
+def _in_all_unknowns(
+    problem: Problem, system: System, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
+) -> tuple[_Answer, list[Attempt]]:
+    """What the chain comes to where nothing is eliminated: beside a light body, the rates of a heavy one are
+    lost in the sums of the condensed form."""
+    whole = uneliminated(problem)
+    own, attempts = _run(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
+    work.spend(_ASIDE * work.left - part.left)
+    answer = _judged(problem, system, whole.recover(own * whole.force))
+    if answer.residual > tol and natural(whole, own) <= tol:
+        own, _ = newton.finish(whole, newton.form(whole), own, _FINEST, work)
+        answer = _judged(problem, system, whole.recover(own * whole.force))
+    return answer, attempts
+
+
+def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
+    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    attempt = Attempt(proximal_point.NAME, done, natural(system, own))
+    return _judged(problem, system, system.recover(own * system.force)), attempt
+
+
+def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
+    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    answer = _judged_scaled(problem, system, found.x, tol, work)._replace(proof=found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 
 def _in_other_units(
-    problem: Problem, chain: tuple[ModuleType, ...], tol: float
+    problem: Problem, chain: tuple[ModuleType, ...], tol: float, work: Work
 ) -> tuple[Array, list[Attempt]]:
     """What the chain comes to with units for rows and for unknowns, each of its own."""
     A, per_row, unit = sp.csr_array(problem.A), np.ones(len(problem.b)), np.ones(len(problem.b))
@@ -217,7 +263,7 @@ def _in_other_units(
     made = sp.diags_array(per_row) @ A @ sp.diags_array(unit)
     again = Problem.boxes(made, per_row * problem.b, problem.lower / unit, problem.upper / unit)
     system = scaled(again)
-    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol)
+    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol, work)
     return unit * system.recover(x * system.force), attempts
 
 
@@ -231,7 +277,9 @@ def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
     return SOLVERS if names is None else tuple(known[name] for name in names)
 
 
-def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) -> tuple[Array, list[Attempt]]:
+def _run(
+    chain: tuple[ModuleType, ...], system: System, x: Array, tol: float, work: Work
+) -> tuple[Array, list[Attempt]]:
     """The best x that the chain came to, and who did what."""
     attempts: list[Attempt] = []
     least = natural(system, x)
@@ -239,7 +287,10 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
         if least <= tol:
             break
         if solver.accepts(system):
-            trial, iterations = _apart(solver, system, x, _MARGIN * tol)
+            own = work.part()
+            allowed = own.left
+            trial, iterations = _apart(solver, system, x, _MARGIN * tol, own)
+            work.spend(allowed - own.left)
             found = natural(system, trial)
             if found < least:
                 x, least = trial, found
@@ -247,17 +298,17 @@ def _run(chain: tuple[ModuleType, ...], system: System, x: Array, tol: float) ->
     return x, attempts
 
 
-def _apart(solver: ModuleType, system: System, x: Array, tol: float) -> tuple[Array, int]:
+def _apart(solver: ModuleType, system: System, x: Array, tol: float, work: Work) -> tuple[Array, int]:
     """What a solver makes of the islands that are not solved, one by one, and the most iterations of one."""
     apart = islands(system) if system.size > _WORTH and solver is not gauss_seidel else None
     if apart is None:  # or the solver does so itself, compiled
-        found: tuple[Array, int] = solver.solve(system, x, tol)
+        found: tuple[Array, int] = solver.solve(system, x, tol, work)
         return found
     inside, goals, most = apart.inwards(x), apart.goals(tol), 0
     for i in range(len(apart)):
         own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
         if natural(own, inside[rows]) > goals[i] and solver.accepts(own):
-            trial, iterations = solver.solve(own, inside[rows], goals[i])
+            trial, iterations = solver.solve(own, inside[rows], goals[i], work)
             most = max(most, iterations)
             if natural(own, trial) < natural(own, inside[rows]):
                 inside[rows] = trial

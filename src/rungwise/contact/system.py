@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -84,6 +84,11 @@ class System:
     @property
     def rows(self) -> int:
         return self.directions * len(self.mu)
+
+    @cached_property
+    def has_free(self) -> bool:
+        """Whether there are unknowns without limits, which were not eliminated."""
+        return bool((np.isneginf(self.lower) & np.isposinf(self.upper)).any())
 
     def dense(self) -> Array:
         """A (N, N)."""

@@ -21,10 +21,13 @@ from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, l
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
+ENTRIES = 1_000_000
+"""Of A, up to which the linear program of the root ends in seconds."""
 _STEPS = 15
 ROUNDING = 1e-9
 OPTIONS = {
@@ -44,10 +47,10 @@ class Found(NamedTuple):
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def search(system: System, start: Array, tol: float) -> Found:
+def search(system: System, start: Array, tol: float, work: Work) -> Found:
     """A solution within tol, or a checked proof that there is none, or the best of what was met."""
     best, least = start, natural(system, start)
-    if system.size > LARGEST_ROOT:
+    if system.size > LARGEST_ROOT or len(system.value) > ENTRIES:
         return Found(best, least, 0, None)
     waiting, excluded, proving = [hull(system)], [], True
     A = newton.form(system)
@@ -57,7 +60,7 @@ def search(system: System, start: Array, tol: float) -> Found:
         if p is not None:
             excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
-            trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS)
+            trial, _ = newton.descend(system, A, x, system.b, 0.0, tol, _STEPS, work)
             for candidate in (x, trial):
                 found = natural(system, candidate)
                 if found < least:

@@ -9,11 +9,12 @@ so, to fewer digits.
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from rungwise.contact.mixed import Array
 from rungwise.contact.product import Condensed
-from rungwise.contact.solvers.factors import Factors, orientation
+from rungwise.contact.solvers.factors import Factors, dense_entries, factors, orientation
 from rungwise.contact.solvers.linear import factorise, substitute_many
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -23,6 +24,8 @@ _SMALL, _FULL = 200, 0.4
 
 def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
     """Factors of E + L A; E and L (N, 3) hold the rows of their blocks. None if singular."""
+    if sp.issparse(c.own):
+        return _sparse_solver(c, rows, d, E, L)
     size, g = len(E), len(c.own)
     M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
@@ -53,7 +56,59 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | Non
         pull(P, within(drive), rows, d, *back, x)
         return x
 
-    return Factors(solve, sign)
+    return Factors(solve, sign, dense_entries(g))
+
+
+def _sparse_solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
+    """The same with a sparse system of the size of `own`."""
+    size = len(E)
+    M, P = np.empty((size, 3)), np.empty((size, 3))
+    blocks = invert(E, L, c.front, rows, d, M, P)
+    if blocks == 0:
+        return None
+    back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
+    shape = size, c.own.shape[0]
+    B, C = (sp.csr_array((v, j, start), shape=shape) for start, j, v in (back, across))
+    made = factors(c.own - C.T @ (diagonal_blocks(P, rows, d) @ B))
+    if made is None:
+        return None
+
+    def solve(right: Array) -> Array:
+        x, drive = np.empty(size), np.zeros(shape[1])
+        push(M, right, rows, d, *across, x, drive)
+        pull(P, made.solve(drive), rows, d, *back, x)
+        return x
+
+    return Factors(solve, blocks * made.sign, made.entries)
+
+
+def diagonal_blocks(values: Array, rows: int, d: int) -> sp.csr_array:
+    """The matrix whose blocks of contacts, and single others, have these rows (N, 3)."""
+    size, i = len(values), np.arange(len(values))
+    width = np.where(i < rows, d, 1)
+    column = np.where(i < rows, i - i % d, i)[:, None] + np.arange(3)
+    used = np.arange(3) < width[:, None]
+    start = np.concatenate([[0], np.cumsum(width)])
+    return sp.csr_array((values[used], column[used], start), shape=(size, size))
+
+
+@kernel
+def invert(E: Reals, L: Reals, front: Reals, rows: int, d: int, M: Reals, P: Reals) -> int:
+    """Fill M = (E + L F)^-1 and P = M L in blocks; returns the sign of det (E + L F)."""
+    first, sign = 0, 1
+    while first < len(E):
+        width = d if first < rows else 1
+        determinant = _invert(E, L, front, first, width, M)
+        if not abs(determinant) > 0.0:
+            return 0
+        sign = -sign if determinant < 0.0 else sign
+        for i in range(first, first + width):
+            for j in range(width):
+                P[i, j] = 0.0
+                for k in range(width):
+                    P[i, j] += M[i, k] * L[first + k, j]
+        first += width
+    return sign
 
 
 @kernel

@@ -17,7 +17,7 @@ from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.product import Condensed
 from rungwise.contact.solvers.condensed import solver as condensed_solver
-from rungwise.contact.solvers.factors import Factors, factors
+from rungwise.contact.solvers.factors import Factors, diagonal_factors, factors
 from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
@@ -143,6 +143,8 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
         alive = np.ones(len(scaling))
         alive[cones.dead] = 0.0
         J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
+    if cones.system.has_free and (J.diagonal() > 0.0).all():
+        return diagonal_factors(J)
     return factors(J)
 
 

@@ -19,12 +19,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy.sparse as sp
 
 from rungwise.contact.islands import Islands, islands
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
 from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 from rungwise.contact.units import expand
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
@@ -43,7 +45,11 @@ _CHECK = 10
 
 
 def accepts(system: System) -> bool:
-    if system.condensed is not None and system.size > _FEW_VELOCITIES:
+    if (
+        system.condensed is not None
+        and not sp.issparse(system.condensed.own)
+        and system.size > _FEW_VELOCITIES
+    ):
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > _FEW_VELOCITIES:
             return False
@@ -63,11 +69,13 @@ def accepts_rows(d: int, blocks: Reals, diagonal: Reals) -> bool:
     return damped
 
 
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,) from `start`, and the sweeps (and steps) that took, or an island at most."""
     s, n = system, system.size
     if n > SMALL and (apart := islands(system)) is not None:
-        return _solve_apart(apart, start, tol)
+        best, sweeps = _solve_apart(apart, start, tol)
+        work.spend(sweeps * len(s.value))
+        return best, sweeps
     x, best = start.copy(), start.copy()
     if 0 < n <= SMALL:
         done = alternate(
@@ -79,6 +87,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         s.row_start, s.column, s.value, s.blocks, s.diagonal, s.b, 0.0, s.mu, s.lower, s.upper, x, best,
         np.empty((3, max(s.size, 3))), tol, SWEEPS, _PATIENCE,
     )  # fmt: skip
+    work.spend(sweeps * len(s.value))
     return best, sweeps
 
 

@@ -33,6 +33,7 @@ from rungwise.contact.solvers.cones import (
     toward,
 )
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -90,7 +91,7 @@ def accepts(system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the steps. The path begins where it must, not at `start`."""
     whole, cones = newton.form(system), cones_of(system)
     best, least, finish = start, natural(system, start), _FINISH
@@ -110,12 +111,12 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             best, least = x, found
         if found < finish:
             finish = 0.1 * found
-            trial, reached = newton.finish(system, whole, x, tol)
+            trial, reached = newton.finish(system, whole, x, tol, work)
             if reached < least:
                 best, least = trial, reached
-        if least <= tol or not _END < here.t < _LOST:
+        if least <= tol or work.is_spent or not _END < here.t < _LOST:
             return best, done
-        local = _local(path, here)
+        local = _local(path, here, work)
         if local is None:
             return best, done
         if before is not None and again < _AGAIN and not _kept(path, before[1], here, local):
@@ -138,7 +139,7 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
     return best, _STEPS
 
 
-def _local(path: Path, here: Point) -> Local | None:
+def _local(path: Path, here: Point, work: Work) -> Local | None:
     """Correction and tangent from one factorisation; None where that is singular or overflows."""
     cones, size, t = path.cones, len(here.z), math.exp(here.t)
     first, dim, dead = cones.first, cones.dim, cones.dead
@@ -147,6 +148,7 @@ def _local(path: Path, here: Point) -> Local | None:
     linear = factorise(cones, scaling, turn)
     if linear is None:
         return None
+    work.spend_factors(linear.entries)
 
     def step(aim: Array, fault: Array) -> tuple[Array, Array]:
         """dz, dw with S dz + dw = aim (which becomes dw) that take the fault away."""

@@ -32,10 +32,12 @@ from rungwise.contact.solvers.cones import (
     toward,
 )
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "interior-point"
-_STEPS = 100
+_STEPS, _DEAR = 100, 60
+"""Iterations, and those that may be made where they are more work than is allowed."""
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
@@ -45,7 +47,7 @@ _SHORT = 0.1
 _BENT = 0.3
 """A prediction that goes no further than this does not tell how products bend, and a step that does not is
 compared with the straight one."""
-_STALLED, _WINDOW = 0.7, 8
+_STALLED, _WINDOW, _SHORT_WINDOW = 0.7, 8, 3
 
 
 def accepts(_system: System) -> bool:
@@ -53,12 +55,12 @@ def accepts(_system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
     whole = newton.form(system)
     best, least, finish = start, natural(system, start), _EARLY
     if least < _FINISH:
-        best, least = newton.finish(system, whole, start, tol)
+        best, least = newton.finish(system, whole, start, tol, work)
     if least <= tol:
         return best, 0
     cones = cones_of(system)
@@ -72,27 +74,28 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
         if found < least:
             best, least = x, found
         if found < finish:
-            trial, reached = newton.finish(system, whole, x, tol, early=found >= _FINISH)
+            trial, reached = newton.finish(system, whole, x, tol, work, early=found >= _FINISH)
             finish = min(_NEARER * found, _FINISH)
             if reached < least:
                 best, least = trial, reached
         history.append((float(z @ w), found))
-        if least <= tol or _stalled(history):
+        if least <= tol or _stalled(history, work) or (work.is_spent and done >= _DEAR):
             return best, done
-        moved = _advance(cones, z, w)
+        moved = _advance(cones, z, w, work)
         if moved is None:
             return best, done
         z, w = moved
     return best, _STEPS
 
 
-def _stalled(history: list[tuple[float, float]]) -> bool:
+def _stalled(history: list[tuple[float, float]], work: Work) -> bool:
     """Whether neither product nor residual fell enough, or either is no number."""
+    window = _SHORT_WINDOW if work.is_spent else _WINDOW
     if not np.isfinite(history[-1]).all():
         return True
-    if len(history) < 2 * _WINDOW:
+    if len(history) < 2 * window:
         return False
-    (product, found), (later, now) = history[-_WINDOW], history[-1]
+    (product, found), (later, now) = history[-window], history[-1]
     return later > _STALLED * product and now > _STALLED * found
 
 
@@ -104,7 +107,9 @@ def _start_between(system: System, z: Array, w: Array) -> None:
     z[system.rows + capped[inside]] = w[system.size :][inside] = half[inside]
 
 
-def _advance(cones: Cones, z: Array, w: Array, turning: float = 1.0) -> tuple[Array, Array] | None:
+def _advance(
+    cones: Cones, z: Array, w: Array, work: Work, turning: float = 1.0
+) -> tuple[Array, Array] | None:
     """One predicted and centred step; None when the linear system is singular.
 
     `turning` is the weight of the derivative of the slips' directions.
@@ -116,6 +121,7 @@ def _advance(cones: Cones, z: Array, w: Array, turning: float = 1.0) -> tuple[Ar
     linear = factorise(cones, scaling, turn)
     if linear is None:
         return None
+    work.spend_factors(linear.entries)
     product = float(z @ w) / max(len(first), 1)
 
     def step(target: float, repaired: float, bend: Array | float = 0.0) -> tuple[Array, Array, float]:
@@ -143,6 +149,6 @@ def _advance(cones: Cones, z: Array, w: Array, turning: float = 1.0) -> tuple[Ar
         straight = step(*aim)
         dz, dw, length = straight if straight[2] > length else (dz, dw, length)
     if length < _SHORT and turning > 0.0:
-        return _advance(cones, z, w, 0.0)
+        return _advance(cones, z, w, work, 0.0)
     length = min(1.0, _TO_THE_BOUNDARY * length)
     return z + length * dz, w + length * dw

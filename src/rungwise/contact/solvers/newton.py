@@ -16,11 +16,11 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from rungwise.contact import rank
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
+from rungwise.contact.solvers.factors import factors
 from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.newton_dense import (
     CHORDS,
@@ -31,6 +31,7 @@ from rungwise.contact.solvers.newton_dense import (
     alart_curnier,
     descend_dense,
 )
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "newton"
@@ -51,13 +52,13 @@ def accepts(_system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The iterate x (N,) from `start` at which |F| is within tol or no longer falls, and the steps taken."""
-    return descend(system, form(system), start, system.b, 0.0, tol, _STEPS)
+    return descend(system, form(system), start, system.b, 0.0, tol, _STEPS, work)
 
 
 def finish(
-    system: System, A: Matrix | None, start: Array, tol: float, early: bool = False
+    system: System, A: Matrix | None, start: Array, tol: float, work: Work, early: bool = False
 ) -> tuple[Array, float]:
     """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while
     they lead fast to a solution; `early` there is but one at first.
@@ -66,7 +67,7 @@ def finish(
     steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
     for _ in range(_ROUNDS):
         before = least
-        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, dampings)
+        x, _ = descend(system, A, x, system.b, 0.0, tol, steps, work, dampings)
         least = natural(system, x)
         if not tol < least < _FALL * before:
             break
@@ -89,11 +90,14 @@ def descend(
     shift: float,
     tol: float,
     steps: int,
+    work: Work,
     dampings: tuple[float, ...] = DAMPINGS,
 ) -> tuple[Array, int]:
     """Newton on the system A + shift with offset b; `dampings`, times |F|, are tried where its steps fail."""
     if isinstance(A, np.ndarray):
-        return _descend_small(system, A, start, b, shift, tol, steps, dampings)
+        x, done = _descend_small(system, A, start, b, shift, tol, steps, dampings)
+        work.spend((done + 1) * float(len(x)) ** 3)
+        return x, done
     s, x = system, start
     y, F = np.empty(s.size), np.empty(s.size)
     derivative = np.zeros((s.size, 3))
@@ -105,13 +109,13 @@ def descend(
 
     size = earlier = merit(x)
     for done in range(steps):
-        if size <= tol or not math.isfinite(size):
+        if size <= tol or work.is_spent or not math.isfinite(size):
             return x, done
         if done and done % WINDOW == 0:
             if size > 0.5 * earlier:
                 return x, done
             earlier = size
-        linear = _linear(system, A, derivative.copy(), rho, shift)
+        linear = _linear(system, A, derivative.copy(), rho, shift, work)
         found = _step(linear, F.copy(), x, size, merit, dampings)
         if found is None:
             return x, done
@@ -178,7 +182,9 @@ def _step(
     return None
 
 
-def _linear(system: System, A: Matrix | None, derivative: Array, rho: float, shift: float) -> Linear:
+def _linear(
+    system: System, A: Matrix | None, derivative: Array, rho: float, shift: float, work: Work
+) -> Linear:
     """How to solve with I + damping - D + rho D (A + shift), D the derivative of the projections, in blocks.
 
     Where contacts stick, a damped step is the Newton step of a problem in which they yield a little.
@@ -194,7 +200,10 @@ def _linear(system: System, A: Matrix | None, derivative: Array, rho: float, shi
             yielding = E.copy()
             yielding[i, own] += max(damping, _YIELD)
             made = solver(condensed, s.rows, d, yielding, rho * derivative)
-            return None if made is None else made.solve
+            if made is None:
+                return None
+            work.spend_factors(made.entries)
+            return made.solve
 
         return lifted
     width = np.where(i < s.rows, d, 1)
@@ -204,9 +213,10 @@ def _linear(system: System, A: Matrix | None, derivative: Array, rho: float, shi
     J = sp.eye_array(s.size) - kept * D + rho * (D @ A)
 
     def sparse(damping: float) -> Solve | None:
-        try:
-            return splu(sp.csc_array(J + max(damping, LEAST) * sp.eye_array(s.size))).solve
-        except RuntimeError:
+        made = factors(J + max(damping, LEAST) * sp.eye_array(s.size), "COLAMD")
+        if made is None:
             return None
+        work.spend_factors(made.entries)
+        return made.solve
 
     return sparse

@@ -22,6 +22,7 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
@@ -37,12 +38,13 @@ def accepts(system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best of the points x (N,) at which pivoting ended, or `start`; and the pivots made."""
     unfolded = unfold(system)
     n = len(unfolded.q)
     z = np.empty(n)
     pivots = pivot(unfolded.M, unfolded.q, coverings(n), 0.3 * tol, z, *workspace(n))
+    work.spend(pivots * 2.0 * n**2)
     x = unfolded.folded(z)
     return (x if natural(system, x) < natural(system, start) else start), pivots
 

@@ -16,10 +16,13 @@ import numpy as np
 from rungwise.contact.mixed import Array
 from rungwise.contact.solvers import gauss_seidel, newton
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 
 NAME = "proximal-point"
-_OUTER = 120
+_OUTER, _PATIENT = 120, 5000
+"""Subproblems, and those of one who is near and has time: where gaps of next to nothing decide which contacts
+carry, forces drift for long from one set to another."""
 _WINDOW, _STALLED = 40, 0.7
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
@@ -33,24 +36,39 @@ def accepts(_system: System) -> bool:
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
+def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,), and how many subproblems were tried."""
+    return _followed(system, start, tol, work, _OUTER, _STALLED)
+
+
+@np.errstate(all="ignore")
+def solve_patiently(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
+    """The same, going on where progress is slow."""
+    return _followed(system, start, tol, work, _PATIENT, math.inf)
+
+
+def _followed(
+    system: System, start: Array, tol: float, work: Work, most: int, stalled: float
+) -> tuple[Array, int]:
     s = system
     A, sweeping = newton.form(s), gauss_seidel.accepts(s)
     x = best = start
     found = least = before = natural(s, start)
     weight = min(_WEIGHT, _SHARE * math.sqrt(least)) if least > 0.0 else _WEIGHT
-    for done in range(_OUTER):
-        if least <= tol:
+    for done in range(most):
+        if least <= tol or work.is_spent:
             return best, done
         if done % _WINDOW == 0:
-            if done and least > _STALLED * before:
+            if done and least > stalled * before:
                 return best, done
             before = least
         offset = s.b - weight * x
         goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
-        trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS) if sweeping else x
-        trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER)
+        trial = x
+        if sweeping:
+            trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS)
+            work.spend(_SWEEPS * len(s.value))
+        trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER, work)
         left, reached = natural(s, trial, offset, weight), natural(s, trial)
         if reached < least:
             best, least = trial, reached
@@ -59,4 +77,4 @@ def solve(system: System, start: Array, tol: float) -> tuple[Array, int]:
             weight = max(weight * _EASIER, _LIGHTEST)
         else:
             weight = min(weight * _HARDER, _HEAVIEST)
-    return best, _OUTER
+    return best, most

@@ -1,0 +1,75 @@
+"""Solves that lead nowhere end: by what they may do, and not by a clock."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import rungwise as rw
+from rungwise.contact.solution import ADVICE
+from rungwise.contact.solvers.work import LIMIT, STEP, Work
+
+SOLVE = importlib.import_module("rungwise.contact.solve")
+SIZE = 900
+
+
+def sparse(rng: np.random.Generator, own: float) -> sp.csr_array:
+    """Random and symmetric, a few entries in each row: indefinite, and full once it is factorised."""
+    A = sp.random_array((SIZE, SIZE), density=3.0 / SIZE, rng=rng, data_sampler=rng.standard_normal)
+    return sp.csr_array(A + A.T + own * sp.eye_array(SIZE))
+
+
+def dense(rng: np.random.Generator, own: float) -> np.ndarray:
+    A = rng.normal(size=(SIZE, SIZE)) / SIZE**0.5
+    return A + A.T + own * np.eye(SIZE)
+
+
+def still(rng: np.random.Generator) -> rw.Problem:
+    """Velocities of which a third have no inertia, so that nothing is eliminated."""
+    n, k = SIZE // 2, SIZE // 6
+    H = sp.diags_array(np.where(rng.random(n) < 0.3, 0.0, 1.0))
+    W = sp.random_array((3 * k, n), density=8.0 / n, rng=rng, data_sampler=rng.standard_normal)
+    return rw.Problem.balance(H, rng.normal(size=n), W, rng.normal(size=3 * k), np.full(k, 0.5))
+
+
+PROBLEMS: dict[str, Callable[[np.random.Generator], rw.Problem]] = {
+    "sparse, in space": lambda rng: rw.Problem.local(
+        sparse(rng, 0.5), rng.normal(size=SIZE), np.full(SIZE // 3, 0.5)
+    ),
+    "sparse, in the plane": lambda rng: rw.Problem.local(
+        sparse(rng, 0.5), rng.normal(size=SIZE), np.full(SIZE // 2, 0.5), 2
+    ),
+    "sparse LCP": lambda rng: rw.Problem.lcp(sparse(rng, 0.1), rng.normal(size=SIZE)),
+    "dense, in space": lambda rng: rw.Problem.local(
+        dense(rng, 0.5), rng.normal(size=SIZE), np.full(SIZE // 3, 0.5)
+    ),
+    "without inertia": still,
+}
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_hopeless_problems_end_within_the_work_that_is_allowed(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A thirtieth of what is allowed otherwise; beyond it go only factors that were begun, and the first few
+    of the interior point method."""
+    allowed, made = LIMIT / 30, list[Work]()
+    monkeypatch.setattr(SOLVE, "Work", lambda: made.append(Work(allowed)) or made[-1])
+    problem = PROBLEMS[name](np.random.default_rng(1))
+    found = rw.solve(problem)
+    assert len(made) == 1
+    assert allowed - made[0].left <= 2.0 * allowed
+    assert found.status != "solved" and found.residuals.worst > found.tol
+    assert np.isfinite(found.x).all() and found.summary()["reason"] == ADVICE[found.status]
+
+
+def test_a_share_of_work_is_what_is_left() -> None:
+    work = Work(100.0)
+    part = work.part(0.25)
+    assert part.left == 25.0 and not part.is_spent
+    part.spend_factors(16.0)
+    assert part.left == 25.0 - 64.0 - STEP and part.is_spent and part.part().left == 0.0
