@@ -232,6 +232,17 @@ def test_a_load_that_nothing_carries_is_unsupported() -> None:
     assert rw.solve(problem).status == "unsupported"
 
 
+@pytest.mark.parametrize("limit", [0.0, 1e-8])
+@pytest.mark.parametrize("load", [1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("speed", [0.0, 1.0, 1e4, 1e8])
+def test_what_a_drive_cannot_give_supports_no_load(limit: float, load: float, speed: float) -> None:
+    inertia, none = np.diag([0.0, 1.0]), np.zeros((0, 2))
+    found = rw.solve(
+        rw.Problem.balance(inertia, [load, 0.0], none, [], [], S=[[1.0, 1.0]], w_s=[speed], F=[limit])
+    )
+    assert found.status != "solved"
+
+
 def test_feasible_but_unsolvable_is_proved_mode_by_mode() -> None:
     """w1 = z2 - 1, w2 = 1 - z1: feasible, yet z1 = 1 forces z2 = 1 while w2 > 0 forbids it below."""
     problem = rw.Problem.lcp([[0.0, 1.0], [0.0, 0.0]], [-1.0, 1.0])
@@ -280,6 +291,8 @@ def held(**rows: object) -> rw.Problem:
         ("lower", lambda: rw.Problem.boxes(np.eye(1), [0.0], [1.0], [0.0])),
         ("upper", lambda: rw.Problem.boxes(np.eye(1), [0.0], [np.inf], [np.inf, 1.0])),
         ("F", lambda: held(S=[[1.0]], w_s=[0.0], F=[-1.0])),
+        ("q", lambda: rw.Problem.lcp(np.eye(1), np.array(["2020-01-01"], "M8[s]"))),
+        ("q", lambda: rw.Problem.lcp(np.eye(1), ["1.0"])),
         ("S", lambda: held(S=[[1.0, 2.0]], w_s=[0.0])),
         ("complementary", lambda: rw.Problem.mlcp(np.eye(2), [0.0, 0.0], [True])),
         ("tol", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), tol=np.nan)),

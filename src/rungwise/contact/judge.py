@@ -228,13 +228,15 @@ def own_violation(
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:
     """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it.
 
-    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them.
+    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them. No
+    unit force is beyond its limits.
     """
     free, unit = scales.free, scales.unit
     if len(free) == 0:
         return 0.0
     size = np.abs(x)
-    size[system.kept] += system.force
+    most = np.concatenate([np.full(problem.rows, np.inf), np.maximum(abs(problem.lower), abs(problem.upper))])
+    size[system.kept] += np.minimum(system.force, most[system.kept])
     terms = (scales.absolute @ size)[free] + np.abs(problem.b[free])
     terms += _FLOOR * float((unit * terms).max()) / unit
     return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())
