@@ -46,6 +46,20 @@ def test_global_form_with_joints_comes_back(tmp_path: Path, directions: int) -> 
     assert again.directions == directions and again.velocities == 3
 
 
+@pytest.mark.parametrize("directions", [1, 2, 3])
+def test_drives_without_contacts_come_back_as_contacts(tmp_path: Path, directions: int) -> None:
+    none = np.zeros((0, 2))
+    problem = rw.Problem.balance(
+        np.diag([1.0, 2.0]), [3.0, 0.1], none, [], [], directions=directions, S=np.eye(2), w_s=[0.0, 0.0],
+        F=[1.0, 1.0],
+    )  # fmt: skip
+    write_fclib(tmp_path / "a.hdf5", problem)
+    again = rw.solve(read_problem(tmp_path / "a.hdf5"))
+    assert again.status == "solved"
+    np.testing.assert_allclose(again.v[:2], [2.0, 0.0], atol=1e-8)
+    np.testing.assert_allclose(again.v[:2], rw.solve(problem).v, atol=1e-8)
+
+
 def test_what_fclib_cannot_say_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"^lower:"):
         write_fclib(tmp_path / "a.hdf5", rw.Problem.lcp(np.eye(2), [1.0, 1.0]))

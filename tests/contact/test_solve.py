@@ -232,6 +232,17 @@ def test_a_load_that_nothing_carries_is_unsupported() -> None:
     assert rw.solve(problem).status == "unsupported"
 
 
+@pytest.mark.parametrize("limit", [0.0, 1e-8])
+@pytest.mark.parametrize("load", [1e-6, 1e-3, 1.0])
+@pytest.mark.parametrize("speed", [0.0, 1.0, 1e4, 1e8])
+def test_what_a_drive_cannot_give_supports_no_load(limit: float, load: float, speed: float) -> None:
+    inertia, none = np.diag([0.0, 1.0]), np.zeros((0, 2))
+    found = rw.solve(
+        rw.Problem.balance(inertia, [load, 0.0], none, [], [], S=[[1.0, 1.0]], w_s=[speed], F=[limit])
+    )
+    assert found.status != "solved"
+
+
 def test_feasible_but_unsolvable_is_proved_mode_by_mode() -> None:
     """w1 = z2 - 1, w2 = 1 - z1: feasible, yet z1 = 1 forces z2 = 1 while w2 > 0 forbids it below."""
     problem = rw.Problem.lcp([[0.0, 1.0], [0.0, 0.0]], [-1.0, 1.0])
@@ -280,6 +291,8 @@ def held(**rows: object) -> rw.Problem:
         ("lower", lambda: rw.Problem.boxes(np.eye(1), [0.0], [1.0], [0.0])),
         ("upper", lambda: rw.Problem.boxes(np.eye(1), [0.0], [np.inf], [np.inf, 1.0])),
         ("F", lambda: held(S=[[1.0]], w_s=[0.0], F=[-1.0])),
+        ("q", lambda: rw.Problem.lcp(np.eye(1), np.array(["2020-01-01"], "M8[s]"))),
+        ("q", lambda: rw.Problem.lcp(np.eye(1), ["1.0"])),
         ("S", lambda: held(S=[[1.0, 2.0]], w_s=[0.0])),
         ("complementary", lambda: rw.Problem.mlcp(np.eye(2), [0.0, 0.0], [True])),
         ("tol", lambda: rw.solve(rw.Problem.lcp(np.eye(1), [1.0]), tol=np.nan)),
@@ -306,6 +319,43 @@ def test_many_limits_on_a_rank_deficient_matrix() -> None:
 def test_sizes_beyond_double_precision_are_refused() -> None:
     with pytest.raises(ValueError, match=r"^A:"):
         rw.solve(rw.Problem.local(1e-300 * ONE, [-1e300, 0.0, 0.0], [0.5]))
+
+
+@pytest.mark.parametrize("friction", [1e2, 1e4, 1e6, 1e10, 1e14, 1e300])
+@pytest.mark.parametrize("tol", [1e-3, 1e-9])
+def test_penetration_is_not_solved_however_great_friction_is(friction: float, tol: float) -> None:
+    found = rw.solve(rw.Problem.local(np.diag([2.0, 1.0, 1.0]), [-1.0, -0.4, 0.0], [friction]), tol=tol)
+    if friction < 1e6 or found.status == "solved":
+        assert found.status == "solved"
+        assert found.residuals.penetration <= 2.0 * tol
+        assert np.allclose(found.r, [0.5, 0.4, 0.0], rtol=0.0, atol=2.0 * tol)
+
+
+@pytest.mark.parametrize("size", [1e-120, 1e-160, 1e-200, 1e-280])
+def test_numbers_whose_squares_vanish_are_solved(size: float) -> None:
+    found = rw.solve(rw.Problem.local(np.diag([2.0, 1.0, 1.0]), size * np.array([-1.0, -0.4, 0.0]), [0.5]))
+    assert found.status == "solved"
+    assert np.allclose(found.r / size, [0.5, 0.25, 0.0])
+
+
+def test_forces_below_what_can_be_told_from_zero_are_refused() -> None:
+    with pytest.raises(ValueError, match="A: its sizes"):
+        rw.solve(rw.Problem.local(1e200 * np.diag([2.0, 1.0, 1.0]), [-1e-200, -4e-201, 0.0], [0.5]))
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_what_joints_hold_still_demands_nothing_in_any_units(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    H, W, S = rng.normal(size=(2, 2)), rng.normal(size=(2, 2)), rng.normal(size=(2, 2))
+    H = 1e3 * (H @ H.T + 0.1 * np.eye(2))
+    unit, joint = 2.0 ** rng.integers(-12, 13, 2), 2.0 ** rng.integers(-12, 13, 2)
+    found = rw.solve(
+        rw.Problem.balance(
+            unit[:, None] * H * unit, unit * rng.normal(size=2), W * unit, [0.0, 0.0], [0.5],
+            directions=2, S=joint[:, None] * S * unit, w_s=[0.0, 0.0],
+        )
+    )  # fmt: skip
+    assert found.status == "solved"
 
 
 def test_steps_as_models_assemble_them(

@@ -22,7 +22,7 @@ from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, kernel
 
 _REGULAR = 1e-13
-_ACCURATE = 1e-5
+_ACCURATE, _DOUBT = 1e-5, 1e3
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -89,7 +89,8 @@ def eliminated(problem: Problem) -> Left:
     still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
-    offset[np.abs(offset) <= ROUNDING * (np.abs(b[kept]) + abs(back) @ np.abs(still))] = 0.0
+    doubt = _DOUBT * np.abs(solve(own @ still + b[gone])) + ROUNDING * np.abs(still)
+    offset[np.abs(offset) <= ROUNDING * np.abs(b[kept]) + abs(back) @ doubt] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
     return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, offset))

@@ -24,7 +24,8 @@ def in_contacts(problem: Problem) -> Problem:
     Raises ValueError, naming the field, where A has another form, R is not symmetric and positive, or limits
     are not symmetric.
     """
-    p, d, rows, n = problem, problem.directions, problem.rows, problem.velocities
+    # Limits become contacts with friction also where there are no contacts, in whatever many directions.
+    p, d, rows, n = problem, max(problem.directions, 2), problem.rows, problem.velocities
     A, b = sp.csr_array(p.A), p.b
     contact, speed, other = slice(0, rows), slice(rows, rows + n), slice(rows + n, None)
     H, W, S = A[speed, speed], A[contact, speed], A[other, speed]

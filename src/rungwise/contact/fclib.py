@@ -173,7 +173,7 @@ def write_fclib(
     try:
         with h5py.File(partial, "w") as file:
             group = file.create_group(form)
-            group["spacedim"] = np.array([problem.directions], np.int32)
+            group["spacedim"] = np.array([max(problem.directions, 2)], np.int32)
             for name, matrix in matrices.items():
                 _write_matrix(group.create_group(name), matrix)
             for name, values in {**vectors, "mu": problem.mu}.items():

@@ -25,7 +25,8 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms, unit forces included. Without contacts and free
+    imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
+    penetration in these units, which great friction would hide. Without contacts and free
     unknowns `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
     is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
     |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
@@ -227,13 +228,15 @@ def own_violation(
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:
     """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it.
 
-    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them.
+    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them. No
+    unit force is beyond its limits.
     """
     free, unit = scales.free, scales.unit
     if len(free) == 0:
         return 0.0
     size = np.abs(x)
-    size[system.kept] += system.force
+    most = np.concatenate([np.full(problem.rows, np.inf), np.maximum(abs(problem.lower), abs(problem.upper))])
+    size[system.kept] += np.minimum(system.force, most[system.kept])
     terms = (scales.absolute @ size)[free] + np.abs(problem.b[free])
     terms += _FLOOR * float((unit * terms).max()) / unit
     return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())

@@ -230,10 +230,10 @@ def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
 
 
 def _real(values: NDArray[Any]) -> Array:
-    """The values as floats; TypeError where they are complex, so that no part is lost."""
+    """The values as floats; TypeError where they are complex, so that no part is lost, text or dates."""
     if values.dtype == np.float64:
         return values
-    if np.iscomplexobj(values):
+    if values.dtype.kind not in "biufO":
         raise TypeError
     return values.astype(np.float64, copy=False)
 

@@ -2,7 +2,8 @@
 
 For contacts it is x - P(x - yhat), P the Euclidean projection on the friction cone |x_t| <= mu x_n and yhat
 the rate with mu |y_t| added to its normal part, which turns maximum dissipation and Signorini's law into one
-complementarity of a cone and its dual; for the others x - clip(x - y, lower, upper), computed
+complementarity of a cone and its dual. It may be 1 / mu of a penetration, which is nothing where mu is large,
+and so its normal part is made no less than that. For the others it is x - clip(x - y, lower, upper), computed
 without the difference where that is y. Source: De Saxce and
 Feng, Math. Comput. Modelling 28 (1998) 225-245.
 """
@@ -46,3 +47,5 @@ def contact_map(x: Reals, y: Reals, mu: float, d: int, first: int, out: Reals) -
         onto = (normal + mu * length) / (1.0 + mu * mu)
         shrink = mu * onto / length
         out[b], out[a], out[n] = x[b] - shrink * t, x[a] - shrink * s, x[n] - onto
+    if abs(out[n]) < -y[n]:
+        out[n] = y[n]

@@ -72,7 +72,7 @@ def _step(whole: System, x: Array) -> Array | None:
     rates(whole.row_start, whole.column, whole.value, whole.b, 0.0, x, y)
     alart_curnier(x, y, whole.mu, whole.directions, whole.lower, whole.upper, 1.0, F, derivative)
     jacobian(whole.dense(), derivative, whole.rows, whole.directions, 1.0, 1.0, 0.0, J)
-    per_row = 1.0 / np.abs(J).max(axis=1)
+    per_row = 1.0 / np.maximum(np.abs(J).max(axis=1), np.finfo(float).tiny)
     J *= per_row[:, None]
     unit = 1.0 / np.maximum(np.abs(J).max(axis=0), np.finfo(float).tiny)
     try:

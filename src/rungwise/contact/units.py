@@ -16,7 +16,7 @@ from rungwise.contact.mixed import Array, Matrix
 from rungwise.kernel import Ints, Reals, kernel
 
 _ROUNDS = 10
-_GREATEST = 1e140
+_GREATEST, _LEAST = 1e140, 1e-290
 
 
 def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
@@ -118,15 +118,18 @@ def measured(
     s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
 ) -> bool:
     """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range."""
-    size, largest = 0.0, 0.0
+    size, total, some, largest = 0.0, 0.0, False, 0.0
     for i in range(len(s)):
-        size += (s[i] * b[i]) ** 2
+        size, some = max(size, abs(s[i] * b[i])), some or b[i] != 0.0
         if not 1.0 / _GREATEST < s[i] < _GREATEST:
             return False
-    size = math.sqrt(size)
     if not size < _GREATEST:
         return False
-    if size == 0.0:
+    if some:  # squares of small numbers are zero
+        for i in range(len(s)):
+            total += (s[i] * b[i] / size) ** 2
+        size *= math.sqrt(total)
+    else:
         for j in range(len(lower)):
             for limit in (lower[j], upper[j]):
                 if not math.isinf(limit):
@@ -134,6 +137,8 @@ def measured(
         size = largest if largest > 0.0 else 1.0
     for i in range(len(s)):
         force[i], rate[i] = s[i] * size, size / s[i]
+        if not min(force[i], rate[i]) > _LEAST:
+            return False
         offset[i] = b[i] / rate[i]
     for j in range(len(lower)):
         lower[j] /= force[rows + j]
