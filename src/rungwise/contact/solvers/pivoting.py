@@ -165,9 +165,9 @@ def pivot(
     for i in range(n):
         best[i] = 0.0
     _sweep(M, q, z)
-    least = _keep_better(M, q, z, best, math.inf)
-    if least <= tol:
+    if _keep_better(M, q, z, best, tol) < tol:
         return total
+    least = math.inf
     for attempt in range(len(coverings)):
         ended, pivots = lemke(M, q, coverings[attempt], z, tableau, place)
         total += pivots
@@ -205,8 +205,8 @@ def _keep_better(M: Reals, q: Reals, z: Reals, best: Reals, least: float) -> flo
         for j in range(len(q)):
             w += M[i, j] * z[j]
         total += min(z[i], w) ** 2
-    if not math.sqrt(total) < least:
-        return least
+        if not total < least * least:
+            return least
     for i in range(len(q)):
         best[i] = z[i]
     return math.sqrt(total)
@@ -242,16 +242,18 @@ def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints) 
     a (n, n + 2), for each basic one the coefficients of those that are zero, and its value; place (4 n + 2,),
     of each unknown (its column, or -1 - its row where it is basic), then the unknown of each row and column.
     """
-    n, row = len(q), 0
+    n, row, least = len(q), -1, 0.0
     basic, idle = place[2 * n + 1 : 3 * n + 1], place[3 * n + 1 : 4 * n + 2]
     for i in range(n):
-        z[i], basic[i], idle[i], place[i], place[n + i] = 0.0, i, n + i, -1 - i, i
+        basic[i], idle[i], place[i], place[n + i] = i, n + i, -1 - i, i
         for j in range(n):
             a[i, j] = -M[i, j]
         a[i, n], a[i, n + 1] = -covering[i], q[i]
-        if q[i] / covering[i] < q[row] / covering[row]:
-            row = i
-    if n == 0 or q[row] >= 0.0:
+        z[i] = q[i] / covering[i]
+        if z[i] < least:
+            row, least = i, z[i]
+    if row < 0:
+        z[:] = 0.0
         return True, 0
     idle[n], place[2 * n], column = 2 * n, n, n
     for pivots in range(1, 50 + 20 * n):
@@ -259,12 +261,13 @@ def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints) 
         leaving, entering = basic[row], idle[column]
         basic[row], idle[column], place[leaving], place[entering] = entering, leaving, column, -1 - row
         if leaving == 2 * n:
+            z[:] = 0.0
             for i in range(n):
                 if basic[i] >= n:
                     z[basic[i] - n] = a[i, n + 1]
             return True, pivots
         column = place[leaving + n if leaving < n else leaving - n]
-        row = _leaving_row(a, column, basic, place)
+        row = _leaving_row(a, column, basic, place, z)
         if row < 0:
             return False, pivots
     return False, 50 + 20 * n
@@ -286,18 +289,17 @@ def _exchange(a: Reals, row: int, column: int) -> None:
 
 
 @kernel
-def _leaving_row(a: Reals, column: int, basic: Ints, place: Ints) -> int:
+def _leaving_row(a: Reals, column: int, basic: Ints, place: Ints, ratio: Reals) -> int:
     """Least ratio; among ties the artificial unknown, else the lexicographic least. -1 on a ray."""
-    n = len(a)
-    least = np.inf
+    n, least = len(a), np.inf
     for i in range(n):
-        if a[i, column] > _PIVOT:
-            least = min(least, max(a[i, n + 1], 0.0) / a[i, column])
+        ratio[i] = max(a[i, n + 1], 0.0) / a[i, column] if a[i, column] > _PIVOT else np.inf
+        least = min(least, ratio[i])
     if least == np.inf:
         return -1
     best, slack = -1, _TIE * (1.0 + abs(least))
     for i in range(n):
-        if a[i, column] > _PIVOT and max(a[i, n + 1], 0.0) / a[i, column] <= least + slack:
+        if ratio[i] <= least + slack:
             if basic[i] == 2 * n:
                 return i
             if best < 0 or _precedes(a, i, best, column, place):
