@@ -135,7 +135,7 @@ def repeat(
 def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
     """Microseconds of one compiled solve from `start`; None if it does not converge."""
     s, best = system, np.empty(system.size)
-    times = max(1, 40_000 // s.size**2)
+    times = max(1, 400_000 // s.size**2)
     arguments = (
         s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, start,
         np.empty(s.size), best, TOL, *workspace(s.size),
@@ -159,7 +159,7 @@ def compiled_pivoting(system: System, repeats: int) -> float | None:
     """Microseconds of one compiled solve by pivoting, which knows no start; None if it finds nothing."""
     unfolded = pivoting.unfold(system)
     n = len(unfolded.q)
-    times, found = max(1, 40_000 // n**2), np.empty(n)
+    times, found = max(1, 400_000 // n**2), np.empty(n)
     arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
     repeat_pivoting(*arguments, 1)
     if natural(system, unfolded.folded(found)) > TOL:
