@@ -128,9 +128,5 @@ def _pivot(
     done = pivoting.pivot(
         M, q, covering[:, :m], tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64)
     )
-    for i in range(len(x)):
-        x[i] = origin[i]
-    for j in range(m):
-        if row[j] >= 0:
-            x[row[j]] += sign[j] * z[j]
+    pivoting.fold(row, sign, origin, z, x)
     return done

@@ -63,7 +63,7 @@ def solve(
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
     given as assembled, is first solved as a run would.
-    However hard a problem is, no more is done than `Work` allows: some twenty seconds.
+    However hard a problem is, no more is done than `Work` allows.
 
     Raises ValueError naming what is wrong with the arguments.
     """

@@ -24,62 +24,48 @@ _SMALL, _FULL = 200, 0.4
 
 def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
     """Factors of E + L A; E and L (N, 3) hold the rows of their blocks. None if singular."""
-    if sp.issparse(c.own):
-        return _sparse_solver(c, rows, d, E, L)
-    size, g = len(E), len(c.own)
-    M, P, G = np.empty((size, 3)), np.empty((size, 3)), c.own.copy()
+    size, g = len(E), c.own.shape[0]
+    M, P = np.empty((size, 3)), np.empty((size, 3))
+    blocks = invert(E, L, c.front, rows, d, M, P)
     back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    order = np.empty(g, np.int64)
-    scratch = np.full(g, -1), order, np.empty(g)
-    sign = condense(E, L, c.front, rows, d, *back, *across, M, P, G, *scratch)
-    if sign == 0:
+    if blocks == 0:
         return None
-    if g <= _SMALL or np.count_nonzero(G) < _FULL * G.size:
-        sign *= triangular(G, order)
-
-        def within(v: Array) -> Array:
-            substituted(G, order, v)
-            return v
+    if sp.issparse(c.own):
+        B, C = (sp.csr_array((value, at, start), shape=(size, g)) for start, at, value in (back, across))
+        within = factors(c.own - C.T @ (diagonal_blocks(P, rows, d) @ B))
     else:
-        factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
-        sign *= 0 if fault else orientation(factor.diagonal(), exchanges)
-
-        def within(v: Array) -> Array:
-            return np.asarray(dgetrs(factor, exchanges, v, trans=1)[0])
-
-    if sign == 0:
+        G = c.own.copy()
+        condense(P, rows, d, *back, *across, G, np.full(g, -1), np.empty(g, np.int64), np.empty(g))
+        within = _dense_factors(G)
+    if within is None:
         return None
 
     def solve(right: Array) -> Array:
         x, drive = np.empty(size), np.zeros(g)
         push(M, right, rows, d, *across, x, drive)
-        pull(P, within(drive), rows, d, *back, x)
+        pull(P, within.solve(drive), rows, d, *back, x)
         return x
 
-    return Factors(solve, sign, dense_entries(g))
+    return Factors(solve, blocks * within.sign, within.entries)
 
 
-def _sparse_solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
-    """The same with a sparse system of the size of `own`."""
-    size = len(E)
-    M, P = np.empty((size, 3)), np.empty((size, 3))
-    blocks = invert(E, L, c.front, rows, d, M, P)
-    if blocks == 0:
-        return None
-    back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
-    shape = size, c.own.shape[0]
-    B, C = (sp.csr_array((v, j, start), shape=shape) for start, j, v in (back, across))
-    made = factors(c.own - C.T @ (diagonal_blocks(P, rows, d) @ B))
-    if made is None:
-        return None
+def _dense_factors(G: Array) -> Factors | None:
+    """Factors of G (g, g), which is spent; None if singular."""
+    g = len(G)
+    if g > _SMALL and np.count_nonzero(G) >= _FULL * G.size:
+        factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
+        if fault:
+            return None
+        sign = orientation(factor.diagonal(), exchanges)
+        return Factors(lambda v: np.asarray(dgetrs(factor, exchanges, v, trans=1)[0]), sign, dense_entries(g))
+    order = np.empty(g, np.int64)
+    sign = triangular(G, order)
 
-    def solve(right: Array) -> Array:
-        x, drive = np.empty(size), np.zeros(shape[1])
-        push(M, right, rows, d, *across, x, drive)
-        pull(P, made.solve(drive), rows, d, *back, x)
-        return x
+    def solve(v: Array) -> Array:
+        substitute_many(G, g, order, v)
+        return v
 
-    return Factors(solve, blocks * made.sign, made.entries)
+    return Factors(solve, sign, dense_entries(g)) if sign else None
 
 
 def diagonal_blocks(values: Array, rows: int, d: int) -> sp.csr_array:
@@ -124,16 +110,8 @@ def triangular(G: Reals, order: Ints) -> int:
 
 
 @kernel
-def substituted(G: Reals, order: Ints, v: Reals) -> None:
-    """Solve with the factors of `triangular` for the right-hand side v (g,), in place."""
-    substitute_many(G, len(G), order, v)
-
-
-@kernel
 def condense(
-    E: Reals,
-    L: Reals,
-    front: Reals,
+    P: Reals,
     rows: int,
     d: int,
     back_start: Ints,
@@ -142,33 +120,20 @@ def condense(
     across_start: Ints,
     across_row: Ints,
     across_value: Reals,
-    M: Reals,
-    P: Reals,
     G: Reals,
     place: Ints,
     used: Ints,
     sums: Reals,
-) -> int:
-    """Fill M = (E + L F)^-1 and P = M L in blocks, take C P B from G; returns the sign of det (E + L F).
-
-    place (n,), negative, used (n,) and sums (n,) are scratch, n the size of G.
-    """
-    first, sign = 0, 1
-    while first < len(E):
+) -> None:
+    """Take C P B from G; place (g,), negative, used (g,) and sums (g,) are scratch, g the size of G."""
+    first = 0
+    while first < len(P):
         width = d if first < rows else 1
-        determinant = _invert(E, L, front, first, width, M)
-        if not abs(determinant) > 0.0:
-            return 0
-        if determinant < 0.0:
-            sign = -sign
         count = _columns(back_column, back_start[first], back_start[first + width], place, used)
         for i in range(first, first + width):
             for k in range(count):
                 sums[k] = 0.0
             for j in range(width):
-                P[i, j] = 0.0
-                for k in range(width):
-                    P[i, j] += M[i, k] * L[first + k, j]
                 if P[i, j] != 0.0:
                     for k in range(back_start[first + j], back_start[first + j + 1]):
                         sums[place[back_column[k]]] += P[i, j] * back_value[k]
@@ -179,7 +144,6 @@ def condense(
         for k in range(count):
             place[used[k]] = -1
         first += width
-    return sign
 
 
 @kernel

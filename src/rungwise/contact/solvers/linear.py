@@ -137,14 +137,19 @@ def _pivot(a: Reals, k: int, size: int, order: Ints) -> bool:
     return largest > 0.0
 
 
-@summing_kernel
-def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
-    """Solve with the factors of `factorise` for the right-hand side x (size,), in place."""
+@inner_kernel
+def _exchange_rows(size: int, order: Ints, x: Reals) -> None:
     for k in range(size):
         row = order[k]
         value = x[row]
         x[row] = x[k]
         x[k] = value
+
+
+@summing_kernel
+def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
+    """Solve with the factors of `factorise` for the right-hand side x (size,), in place."""
+    _exchange_rows(size, order, x)
     # By pairs of columns: entries do not wait for each other, as the terms of a sum would.
     for j in range(0, size - 1, 2):
         first = x[j]
@@ -163,11 +168,7 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
 @summing_kernel
 def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
     """As `substitute`, row by row: faster where there are more than a few tens."""
-    for k in range(size):
-        row = order[k]
-        value = x[row]
-        x[row] = x[k]
-        x[k] = value
+    _exchange_rows(size, order, x)
     for i in range(size):
         left, total = a[i, :i], x[i]
         for j in range(len(left)):

@@ -60,9 +60,8 @@ class Unfolded(NamedTuple):
 
     def folded(self, z: Array) -> Array:
         """x (N,)."""
-        x = self.origin.copy()
-        own = self.row >= 0
-        np.add.at(x, self.row[own], (self.sign * z)[own])
+        x = np.empty(len(self.origin))
+        fold(self.row, self.sign, self.origin, z, x)
         return x
 
 
@@ -150,6 +149,16 @@ def unfold_into(
         for j in range(len(q)):
             if row[j] >= 0:
                 M[i, j] += sign[i] * sign[j] * A[row[i], row[j]]
+
+
+@kernel
+def fold(row: Ints, sign: Reals, origin: Reals, z: Reals, x: Reals) -> None:
+    """Fill x (N,); see `Unfolded`."""
+    for i in range(len(x)):
+        x[i] = origin[i]
+    for j in range(len(z)):
+        if row[j] >= 0:
+            x[row[j]] += sign[j] * z[j]
 
 
 @kernel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 LIMIT = 1e11
-"""Multiplications that one call of `rw.solve` may make: some twenty seconds."""
+"""Multiplications that one call of `rw.solve` may make."""
 SHARE = 1 / 2
 """Of what is left, for the next solver of the chain."""
 STEP = 1e6
