@@ -17,9 +17,15 @@ SOLVE = importlib.import_module("rungwise.contact.solve")
 SIZE = 900
 
 
+def scattered(rng: np.random.Generator, rows: int, columns: int, per_row: float) -> sp.csr_array:
+    """Random entries at random places (scipy's own generator changed its arguments in 1.15)."""
+    some = rng.random((rows, columns)) < per_row / columns
+    return sp.csr_array(np.where(some, rng.normal(size=(rows, columns)), 0.0))
+
+
 def sparse(rng: np.random.Generator, own: float) -> sp.csr_array:
     """Random and symmetric, a few entries in each row: indefinite, and full once it is factorised."""
-    A = sp.random_array((SIZE, SIZE), density=3.0 / SIZE, rng=rng, data_sampler=rng.standard_normal)
+    A = scattered(rng, SIZE, SIZE, 3.0)
     return sp.csr_array(A + A.T + own * sp.eye_array(SIZE))
 
 
@@ -32,7 +38,7 @@ def still(rng: np.random.Generator) -> rw.Problem:
     """Velocities of which a third have no inertia, so that nothing is eliminated."""
     n, k = SIZE // 2, SIZE // 6
     H = sp.diags_array(np.where(rng.random(n) < 0.3, 0.0, 1.0))
-    W = sp.random_array((3 * k, n), density=8.0 / n, rng=rng, data_sampler=rng.standard_normal)
+    W = scattered(rng, 3 * k, n, 8.0)
     return rw.Problem.balance(H, rng.normal(size=n), W, rng.normal(size=3 * k), np.full(k, 0.5))
 
 
