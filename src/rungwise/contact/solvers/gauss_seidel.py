@@ -35,8 +35,8 @@ SMALL, SWEEPS = 200, 40
 _FEW_VELOCITIES = 150
 """Unknowns from which on systems of few velocities are solved sooner by steps in these."""
 _ROUNDS, _STEPS = 8, 6
-_NEAR, _ROUGH, _EXACT = 1e-2, 1e-2, 1e-8
-"""Residual that is near; error of friction from which one step more, which squares it, is enough."""
+_NEAR, _ROUGH, _EXACT = 1e-2, 0.3, 1e-8
+"""Residual that is near; errors of friction from which one step more, which squares them, is enough."""
 DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE, _FEW = 300, 12
@@ -191,15 +191,17 @@ def alternate(
 ) -> int:
     """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
 
-    It begins with Newton steps where x is near a solution in space (in the plane sweeps cost less), and goes
-    back to no forces where that ends on a kink: no start is worse than none.
+    In space it begins with Newton steps where x is near a solution, and with one where most contacts will
+    stick, which often is enough (in the plane sweeps cost less). Where the steps end on a kink it goes back
+    to no forces: no start is worse than none.
     """
     d, n, done = blocks.shape[1], len(x), 0
     coupled = row_start[n] > row_start[0] + d * n
-    least, near = math.inf, False
+    least, near, first = math.inf, False, 0
     if d == 3:
         least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
         near = least < _NEAR
+        first = _STEPS if near else 1 if _mostly_sticks(x, vectors[0], mu) else 0
     for afresh in range(2 if near else 1):
         reached = least
         if afresh:
@@ -207,7 +209,7 @@ def alternate(
             for i in range(n):
                 x[i] = 0.0
         for turn in range(_ROUNDS):
-            before, warm = reached, turn == 0 and near and not afresh
+            before, warm = reached, turn == 0 and first > 0 and not afresh
             if not warm:
                 accuracy = _ROUGH if turn < 2 and coupled else _EXACT
                 for _ in range(1 << turn):
@@ -217,8 +219,9 @@ def alternate(
                     )  # fmt: skip
                 done += 1 << turn
             if warm or turn > 0:
+                steps = first if warm else _STEPS
                 done += descend_dense(
-                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
+                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, steps, dampings,
                     factors, vectors, order,
                 )  # fmt: skip
             found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
@@ -232,6 +235,21 @@ def alternate(
             if turn > 1 and not reached < 0.5 * before:
                 break
     return done
+
+
+@inner_kernel
+def _mostly_sticks(x: Reals, y: Reals, mu: Reals) -> bool:
+    """Whether, by forces x (N,) less rates y (N,), several contacts stick, and no fewer than slide."""
+    stick, slide = 0, 0
+    for k in range(len(mu)):
+        n = x[3 * k] - y[3 * k]
+        if n > 0.0:
+            s, t = x[3 * k + 1] - y[3 * k + 1], x[3 * k + 2] - y[3 * k + 2]
+            if s * s + t * t <= (mu[k] * n) ** 2:
+                stick += 1
+            else:
+                slide += 1
+    return stick > 1 and stick >= slide
 
 
 @kernel

@@ -58,29 +58,28 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, accuracy: fl
     u1, u2 = a12 * g2 - a22 * g1, a21 * g1 - a11 * g2
     e, f, coupling = a11 * a22 - a12 * a21, a11 + a22, 1e-14 * abs(a12 * a21)
     c0, c1 = free * e - p * u1 - q * u2, free * f + p * g1 + q * g2
-    guess = _slip(a11, a12, a21, a22, g1, g2, x)
-    low, high, slip, last = 0.0, math.inf, 0.0, False
-    for step in range(60):
+    if e > coupling + 1e-14 * abs(a11 * a22) and c0 >= 0.0 and u1 * u1 + u2 * u2 <= (mu * c0) ** 2:
+        slip, last = 0.0, True
+    else:
+        slip, last = _slip(a11, a12, a21, a22, g1, g2, x), False
+    low, high = 0.0, math.inf
+    for _ in range(0 if last else 60):
         newer = low
         determinant = e + slip * (f + slip)
         if determinant > coupling + 1e-14 * abs((a11 + slip) * (a22 + slip)):
             t1, t2 = u1 - slip * g1, u2 - slip * g2
             n = c0 + slip * (c1 + slip * free)
             square = t1 * t1 + t2 * t2
+            rate = mu * ((c1 + 2.0 * slip * free) * square + n * (t1 * g1 + t2 * g2))
             length = math.sqrt(square)
             excess = length - mu * n
-            if step == 0 and excess <= 0.0:
-                break
             if excess > 0.0:
                 low = slip
             else:
                 high = slip
             # Newton on mu n / |t| - 1, which is nearly linear in the slip a.
-            rate = mu * ((c1 + 2.0 * slip * free) * square + n * (t1 * g1 + t2 * g2))
-            newer = slip + excess * square / rate if rate != 0.0 else low
+            newer = slip + excess * (square / rate) if rate != 0.0 else low
             last = abs(excess) <= accuracy * (length + mu * abs(n)) or low >= high * (1.0 - 1e-16)
-            if step == 0 and guess > 0.0 and not last:
-                newer = guess
         else:
             low = slip
         if not low < newer < high:
