@@ -52,6 +52,7 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
     return judged(problem, system, x)[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # iterates that ran away are not finite, which is told
 def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array]:
     """Residuals of x (N,), and its rates y = A x + b (N,)."""
     y = problem.A @ x + problem.b
