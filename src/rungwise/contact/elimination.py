@@ -102,7 +102,7 @@ def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Lef
     k, g, b = len(kept), len(gone), problem.b
     left, offset = np.empty((k, k)), np.empty(k)
     solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
-    if not schur.eliminate(A, b, kept, gone, left, offset, *solver):
+    if not schur.eliminate(A, b, kept, gone, left, offset, *solver, np.empty(g)):
         return everything(problem)
 
     def recover(x: Array) -> Array:
@@ -150,13 +150,8 @@ def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(problem: Problem, without_forces: Array) -> float:
-    rows, velocities = problem.rows, problem.velocities
-    if velocities == 0 or not problem.b[rows : rows + velocities].any():
-        return math.inf
-    demands = float(np.abs(problem.demands).max(initial=0.0))
-    largest = float(np.abs(without_forces).max(initial=0.0))
-    return demands / largest if 0.0 < demands < largest else math.inf
+def _demanded(problem: Problem, offset: Array) -> float:
+    return float(schur.demanded(problem.b, problem.rows, problem.velocities, offset))
 
 
 def _factors(own: sp.csr_array) -> Solve | None:

@@ -33,9 +33,11 @@ def eliminate(
     factor: Reals,
     unit: Reals,
     order: Ints,
+    scale: Reals,
 ) -> bool:
-    """Fill what is left, A_kk - A_kg A_gg^-1 A_gk in left (k, k) and b_k + A_kg x_g(0) in offset (k,), and
-    factor (g, g), unit (g,), order (g,), with which `respond` solves; False where that cannot be."""
+    """Fill what is left, A_kk - A_kg A_gg^-1 A_gk in left (k, k) and b_k + A_kg x_g(0) in offset (k,); factor
+    (g, g), unit (g,), order (g,), with which `respond` solves; and scale (g,), the units of the free unknowns
+    among themselves. False where that cannot be."""
     k, g = len(kept), len(gone)
     own, response, change = np.empty((g, g)), np.empty((k, g)), np.empty((k, g))
     for i in range(g):
@@ -55,7 +57,7 @@ def eliminate(
         return False
     start, column, value = np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g)
     compress(own, start, column, value)
-    scale, still, doubt = np.empty(g), np.empty(g), np.empty(g)
+    still, doubt = np.empty(g), np.empty(g)
     fitted(start, column, value, 0, 1, scale)
     _fill(A, kept, gone, scale, response, change, np.empty(k), left)
     _offset(A, b, kept, gone, own, factor, unit, order, scale, still, doubt, offset)
@@ -200,3 +202,17 @@ def recover(
     respond(factor, unit, order, v)
     for i in range(len(gone)):
         x[gone[i]] -= v[i]
+
+
+@kernel
+def demanded(b: Reals, rows: int, velocities: int, offset: Reals) -> float:
+    """The largest rate demanded over that without forces; infinite where there is none, or no load."""
+    loads, demands, largest = 0.0, 0.0, 0.0
+    for i in range(len(b)):
+        if rows <= i < rows + velocities:
+            loads = max(loads, abs(b[i]))
+        else:
+            demands = max(demands, abs(b[i]))
+    for i in range(len(offset)):
+        largest = max(largest, abs(offset[i]))
+    return demands / largest if loads > 0.0 and 0.0 < demands < largest else math.inf
