@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rungwise.contact.solvers.linear import factorise, solve_in_place, substitute, substitute_many
+from rungwise.contact.linear import factorise, solve_in_place, substitute, substitute_many
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 17])

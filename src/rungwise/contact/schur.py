@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
+from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.product import ROUNDING
-from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.units import compress, fitted
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 

@@ -12,10 +12,10 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from rungwise.contact.linear import factorise, substitute_many
 from rungwise.contact.mixed import Array
 from rungwise.contact.product import Condensed
 from rungwise.contact.solvers.factors import Factors, dense_entries, factors, orientation
-from rungwise.contact.solvers.linear import factorise, substitute_many
 from rungwise.kernel import Ints, Reals, kernel
 
 _SMALL, _FULL = 200, 0.4

@@ -16,9 +16,9 @@ import math
 
 import numpy as np
 
+from rungwise.contact.linear import solve_in_place
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 SOLVED, RAY, EXHAUSTED = 0, 1, 2

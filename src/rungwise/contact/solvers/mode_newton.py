@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.linear import solve_in_place
 from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
-from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.kernel import Ints, Reals, kernel
 
 MAX_FLIPS = 12

@@ -8,7 +8,7 @@ contact (with its friction, if that slides), both tangential ones where it stick
 
 from __future__ import annotations
 
-from rungwise.contact.solvers.linear import factorise, substitute
+from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solvers.measure import row_times
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 

@@ -19,8 +19,8 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from rungwise.contact.linear import solve_in_place
 from rungwise.contact.mixed import Array
-from rungwise.contact.solvers.linear import solve_in_place
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System

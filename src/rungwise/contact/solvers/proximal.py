@@ -14,10 +14,10 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
-from rungwise.contact.solvers.linear import factorise, substitute
 from rungwise.contact.solvers.mode_newton import flip, sign
 from rungwise.kernel import Ints, Reals, kernel
 
