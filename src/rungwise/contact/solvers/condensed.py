@@ -25,9 +25,8 @@ from rungwise.contact.solvers.factors import (
 from rungwise.contact.solvers.linear import factorise, substitute_many
 from rungwise.kernel import Ints, Reals, kernel
 
-_SMALL, _SPARSE, _FULL = 200, 0.2, 0.4
-"""Velocities up to which zeros are skipped; of more, the share of entries up to which factors are sparse, and
-up to which zeros are skipped: else LAPACK is faster."""
+_SMALL, _FULL = 200, 0.4
+"""Velocities up to which, and share of entries up to which, zeros are skipped: else LAPACK is faster."""
 _PIVOT = 0.01
 """Pivots are on the diagonal where that is at least this share of the largest entry below. Bodies touch few
 others, and other pivots fill the factors: with hundreds of bodies two to seven times as much."""
@@ -64,10 +63,7 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | Non
 def _dense_factors(G: Array) -> Factors | None:
     """Factors of G (g, g), which is spent; None if singular."""
     g = len(G)
-    share = np.count_nonzero(G) / G.size if g > _SMALL else 0.0
-    if 0.0 < share < _SPARSE:
-        return diagonal_factors(sp.csc_array(G), _PIVOT)
-    if share >= _FULL:
+    if g > _SMALL and np.count_nonzero(G) >= _FULL * G.size:
         factor, exchanges, fault = dgetrf(G.T, overwrite_a=True)
         if fault:
             return None

@@ -6,7 +6,7 @@ LIMIT = 1e11
 """Multiplications that one call of `rw.solve` may make."""
 SHARE = 1 / 2
 """Of what is left, for the next solver of the chain."""
-STEP = 1e7
+STEP = 1e6
 """What goes with factors, however small they are."""
 _LOW = 0.2
 DENSE = 0.2
