@@ -38,6 +38,7 @@ HARD: dict[str, Callable[[], rw.Problem]] = {
     "pyramid of 19 levels, pushed": lambda: assemblies.pile(190, 3.0),
     "wall of 174 bricks, pushed": lambda: assemblies.wall(15, 12, 3.0),
     "arch, pushed": lambda: assemblies.arch(45, 10.0, 1.0),
+    "rough balls, many, falling": lambda: assemblies.balls(200, 5, 0.9, 1.0, 0.05),
     "balls, falling": lambda: assemblies.balls(30, 3, 1.0, 3.0, 0.05),
     "pyramid of bodies that spin": lambda: assemblies.turning(assemblies.pile(15, 10.0)),
     "tower of planks that spin": lambda: assemblies.turning(assemblies.tower(5, 3, 2.0)),

@@ -11,7 +11,8 @@ import scipy.sparse as sp
 
 import rungwise as rw
 from rungwise.contact.product import MOST
-from rungwise.contact.solvers.condensed import diagonal_blocks, solver
+from rungwise.contact.solvers.condensed import diagonal_blocks, invert, solver
+from rungwise.contact.solvers.factors import factors
 from rungwise.contact.system import System, scaled, uneliminated
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
@@ -40,6 +41,31 @@ def test_the_condensed_solution_is_that_of_the_whole_matrix(system: System, dens
     assert made is not None
     np.testing.assert_allclose(whole @ made.solve(right), right, atol=1e-9)
     assert made.sign == np.linalg.slogdet(whole.toarray())[0]
+
+
+def test_factors_of_many_bodies_stay_sparse(system: System) -> None:
+    """Each touches few others: less than half of the entries that any pivots leave."""
+    parts = system.condensed
+    assert parts is not None
+    rng, n, d = np.random.default_rng(1), system.size, system.directions
+    i = np.arange(n)
+    E, L = 0.1 * rng.normal(size=(n, 3)), np.zeros((n, 3))
+    E[i, i % d] = 10.0 ** rng.uniform(-3.0, 3.0, n)
+    L[i, i % d] = 1.0
+    made = solver(parts, system.rows, d, E, L)
+    inverse, response = np.empty((2, n, 3))
+    invert(E, L, parts.front, system.rows, d, inverse, response)
+    shape = (n, parts.own.shape[0])
+    B, C = (
+        sp.csr_array((value, column, start), shape=shape)
+        for start, column, value in (
+            (parts.back_start, parts.back_column, parts.back_value),
+            (parts.across_start, parts.across_row, parts.across_value),
+        )
+    )
+    anywhere = factors(parts.own - C.T @ (diagonal_blocks(response, system.rows, d) @ B))
+    assert made is not None and anywhere is not None
+    assert made.entries <= anywhere.entries / 2
 
 
 def test_blocks_of_contacts_and_single_others() -> None:

@@ -16,7 +16,7 @@ from rungwise.contact.units import compressed
 from rungwise.kernel import Ints, Reals, kernel
 
 ROUNDING = 2.0**-51
-FEW, MOST = 2, 1500
+FEW, MOST = 2, 1000
 """Eliminated unknowns that are kept dense: one for so many others, and no more than these."""
 _MANY = 700
 """Others from which on sparse ones are, too, where there are no more of them."""

@@ -46,8 +46,9 @@ def factors(J: Matrix, order: str = "MMD_AT_PLUS_A") -> Factors | None:
     return Factors(made.solve, sign * _signs(made.U.diagonal()), made.nnz)
 
 
-def diagonal_factors(J: sp.csr_array) -> Factors | None:
-    """Factors of a sparse J whose pivots may be its positive diagonal, in an order that fills least.
+def diagonal_factors(J: Matrix, least: float = 0.0) -> Factors | None:
+    """Factors of a sparse J whose pivots may be its diagonal, where that is at least this share of the
+    largest entry below, in an order that fills least.
 
     So it is where inertia and the metric of cones stand beside levers: symmetric but for the signs, as quasi-
     definite matrices are. What is lost to small pivots a second solve brings back. Source: Vanderbei, SIAM J.
@@ -57,7 +58,7 @@ def diagonal_factors(J: sp.csr_array) -> Factors | None:
         made = splu(
             sp.csc_array(J),
             permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
+            diag_pivot_thresh=least,
             options={"SymmetricMode": True},
         )
     except RuntimeError:

@@ -17,11 +17,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import scipy.sparse as sp
 
 from rungwise.contact.islands import Islands, islands
 from rungwise.contact.mixed import Array
 from rungwise.contact.natural import natural_map
+from rungwise.contact.product import FEW
 from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
 from rungwise.contact.solvers.one_contact import solve_contact
@@ -46,7 +46,7 @@ _CHECK = 10
 def accepts(system: System) -> bool:
     if (
         system.condensed is not None
-        and not sp.issparse(system.condensed.own)
+        and system.condensed.own.shape[0] <= system.size // FEW
         and system.size > _FEW_VELOCITIES
     ):
         apart = islands(system)
