@@ -222,6 +222,18 @@ def test_a_damaged_archive_is_refused_by_field(tmp_path: Path) -> None:
 NAN, INF = float("nan"), float("inf")
 
 
+def damaged(
+    form: type, *, indices: tuple[int, ...] = (0, 1, 2), starts: tuple[int, ...] = (0, 1, 2, 3)
+) -> object:
+    """A sparse (3, 3) matrix whose indices were written over."""
+    made = form(np.eye(3))
+    made.indices, made.indptr = np.array(indices), np.array(starts)
+    return made
+
+
+MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[True, False, False])
+
+
 @pytest.mark.parametrize(
     ("make", "field"),
     [
@@ -233,6 +245,15 @@ NAN, INF = float("nan"), float("inf")
         (lambda: rw.Problem.mlcp(np.eye(2), [1.0, 2.0], [2, 0]), "complementary"),
         (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), "lower"),
         (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [0.0, 0.0], [1.0]), "upper"),
+        (lambda: rw.Problem.local(np.eye(3), MASKED, [0.5]), "q"),
+        (lambda: rw.Problem.local(np.ma.masked_equal(np.eye(3), 0.0), [1.0, 2.0, 3.0], [0.5]), "W"),
+        (lambda: rw.Problem.boxes(np.eye(3), [1.0, 2.0, 3.0], -MASKED, [4.0] * 3), "lower"),
+        (lambda: rw.solve(rw.Problem.lcp(np.eye(3), [1.0, 2.0, 3.0]), start=MASKED), "start"),
+        (lambda: rw.Problem.lcp([[10**400]], [1.0]), "M"),
+        (lambda: rw.Problem.lcp([[1.0]], [10**400]), "q"),
+        (lambda: rw.Problem.lcp(damaged(sp.csr_array, indices=(0, 99, 2)), [1.0, 2.0, 3.0]), "M"),
+        (lambda: rw.Problem.lcp(damaged(sp.csc_array, indices=(0, -9, 2)), [1.0, 2.0, 3.0]), "M"),
+        (lambda: rw.Problem.lcp(damaged(sp.csr_array, starts=(0, 1, 2, 9)), [1.0, 2.0, 3.0]), "M"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [-0.1]), "mu"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [NAN]), "mu"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0], [0.5]), "q"),

@@ -217,10 +217,13 @@ class Problem:
 
 def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
     """`value` (n,) as contiguous floats; ValueError naming the field when it is not."""
+    _unmasked(name, value)
     try:
         array = _real(np.ascontiguousarray(value))
     except (TypeError, ValueError):
         raise ValueError(f"{name}: must be numbers") from None
+    except OverflowError:
+        raise ValueError(f"{name}: has entries beyond double precision") from None
     if array.ndim != 1:
         raise ValueError(f"{name}: must have one dimension, not {np.ndim(value)}")
     known = np.isfinite(array) if finite else ~np.isnan(array)
@@ -240,6 +243,8 @@ def _real(values: NDArray[Any]) -> Array:
 
 def matrix(name: str, value: Matrix) -> Matrix:
     """`value` (m, n) as contiguous floats, canonical CSR if sparse; ValueError naming the field otherwise."""
+    _unmasked(name, value)
+    _indexed(name, value)
     try:
         if sp.issparse(value):
             made = sp.csr_array(value)
@@ -251,11 +256,28 @@ def matrix(name: str, value: Matrix) -> Matrix:
             made = entries = _real(np.ascontiguousarray(value))
     except (TypeError, ValueError):
         raise ValueError(f"{name}: must be numbers") from None
+    except OverflowError:
+        raise ValueError(f"{name}: has entries beyond double precision") from None
     if made.ndim != 2:
         raise ValueError(f"{name}: must have two dimensions, not {np.ndim(value)}")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name}: has entries that are not finite numbers")
     return made
+
+
+def _unmasked(name: str, value: object) -> None:
+    """Refuse what would otherwise lose its mask, and count with what is under it."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked entries, which have no value")
+
+
+def _indexed(name: str, value: Matrix) -> None:
+    """Refuse indices that lead outside a sparse matrix: what reads it does not look."""
+    if sp.issparse(value) and value.format in ("csr", "csc", "bsr"):
+        try:
+            value.check_format(full_check=True)
+        except ValueError as error:
+            raise ValueError(f"{name}: is damaged ({error})") from None
 
 
 def _known(directions: int) -> None:
