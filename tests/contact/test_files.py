@@ -46,6 +46,25 @@ def test_global_form_with_joints_comes_back(tmp_path: Path, directions: int) -> 
     assert again.directions == directions and again.velocities == 3
 
 
+@pytest.mark.parametrize("yielding", [0.0, 0.1])
+def test_a_guess_has_a_force_for_each_contact_of_the_file(tmp_path: Path, yielding: float) -> None:
+    import h5py
+
+    problem = rw.Problem.balance(
+        np.eye(1), [-1.0], np.array([[1.0], [0.0], [0.0]]), [0.0] * 3, [0.5], R=yielding * np.eye(3),
+        S=[[1.0]], w_s=[0.0], F=[0.2],
+    )  # fmt: skip
+    write_fclib(tmp_path / "a.hdf5", problem, [0.8, 0.1, 0.0])
+    with h5py.File(tmp_path / "a.hdf5") as file:
+        np.testing.assert_array_equal(file["guesses/1/r"][()], [0.8, 0.1, 0.0, 0.0, 0.0, 0.0])
+        assert len(file["fclib_global/vectors/mu"]) == 2
+    wrong: tuple[object, ...] = ([0.8], [NAN, 0.0, 0.0], "text", np.array([1j, 0.0, 0.0]))
+    for r in wrong:
+        with pytest.raises(ValueError, match=r"^r:"):
+            write_fclib(tmp_path / "b.hdf5", problem, r)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.hdf5"]
+
+
 @pytest.mark.parametrize("directions", [1, 2, 3])
 def test_drives_without_contacts_come_back_as_contacts(tmp_path: Path, directions: int) -> None:
     none = np.zeros((0, 2))
@@ -308,6 +327,8 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     with np.load(out) as saved:
         np.testing.assert_allclose(saved["u"], W @ saved["r"] + problem.b, atol=1e-14)
         assert saved["r"][0] > 0.0
+    rw.solve(problem).save(str(tmp_path / "t.npz"))
+    assert (tmp_path / "t.npz").read_bytes() == out.read_bytes()
     assert run(monkeypatch, str(file)) == 0
     assert "solved" in capsys.readouterr().out
 

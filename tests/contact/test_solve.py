@@ -12,7 +12,7 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.contact.farkas import Infeasible, check
 from rungwise.contact.pieces import check as check_solutions
-from rungwise.contact.problem import ContactProblem
+from rungwise.contact.problem import ContactProblem, allocate_problem
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.system import scaled
 
@@ -278,6 +278,26 @@ def test_a_step_holds_contiguous_arrays(given: object) -> None:
     arrays = {name: np.zeros(1) for name in ContactProblem.__annotations__}
     with pytest.raises(TypeError, match=r"^ContactProblem\.H: must be a C-contiguous array"):
         ContactProblem(**{**arrays, "H": given})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("c", np.array([0, -1])),
+        ("H", np.eye(2, dtype=np.float32)),
+        ("c", np.ma.array([0.3, -1.0], mask=[False, True])),
+        ("mu", np.array(0.5)),
+        ("R", np.zeros((2, 2))),
+        ("quantum", np.array([np.nan])),
+        ("quantum", np.array([-1.0])),
+        ("quantum", np.zeros(0)),
+    ],
+)
+def test_wrong_fields_of_a_step_are_named(field: str, value: np.ndarray) -> None:
+    p = allocate_problem(2, 1, 0)
+    fields = {name: getattr(p, name) for name in ContactProblem.__annotations__}
+    with pytest.raises(ValueError, match=f"^{field}:"):
+        rw.solve(ContactProblem(**{**fields, "H": np.eye(2), field: value}))
 
 
 def held(**rows: object) -> rw.Problem:

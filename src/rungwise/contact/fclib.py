@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from rungwise.contact.equivalent import in_contacts
-from rungwise.contact.mixed import Array, Matrix, Problem, vector
+from rungwise.contact.mixed import Array, Matrix, Problem, sized, vector
 from rungwise.contact.problem import ContactProblem
 
 _CSR = -2
@@ -91,8 +91,6 @@ def _read_step(group: Any) -> ContactProblem:
             raise ValueError(f"{name}: has shape {made[name].shape}; the other fields make it {shape}")
     step = ContactProblem(**made)
     Problem.of_step(step)
-    if not (np.isfinite(step.quantum).all() and step.quantum[0] >= 0.0):
-        raise ValueError("quantum: must be finite and not negative")
     return step
 
 
@@ -153,17 +151,23 @@ def write_fclib(
     description: str = "",
     math_info: str = "",
 ) -> None:
-    """Write `problem`, in local form if it has contacts alone, else in global form; r (k d,) as a guess.
+    """Write `problem`, in local form if it has contacts alone, else in global form; forces r (k d,) of its
+    contacts as a guess.
 
     Compliance and limited forces, for which FCLIB has no words, are written as contacts and velocities that
-    amount to the same (see `equivalent`), after those of the problem. The file appears whole or not at all.
+    amount to the same (see `equivalent`), after those of the problem; the guess is zero there. The file
+    appears whole or not at all.
 
-    Raises ValueError for one direction, and for unknowns with limits to one side; OSError.
+    Raises ValueError for one direction, for unknowns with limits to one side, and for an r that is no force
+    of the contacts; OSError.
     """
     path, step = Path(path), problem if isinstance(problem, ContactProblem) else None
     problem = Problem.of(problem)
     if problem.directions == 1 and len(problem.mu):
         raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
+    guess = None if r is None else vector("r", r)
+    if guess is not None:
+        sized("r", guess, problem.rows)
     if np.isfinite(problem.upper).any() or _yields(problem):
         problem = in_contacts(problem)
     parts = _local_parts(problem) if len(problem.lower) == 0 else _global_parts(problem)
@@ -182,9 +186,9 @@ def write_fclib(
                 group[f"info/{name}"] = text
             for name in ContactProblem.__annotations__ if step is not None else ():
                 file[f"{_STEP}/{name}"] = getattr(step, name)
-            if r is not None:
+            if guess is not None:
                 file["guesses/number_of_guesses"] = np.array([1], np.int32)
-                file["guesses/1/r"] = r
+                file["guesses/1/r"] = np.pad(guess, (0, problem.rows - len(guess)))
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
