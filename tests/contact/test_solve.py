@@ -13,6 +13,7 @@ import rungwise as rw
 from rungwise.contact.farkas import Infeasible, check
 from rungwise.contact.pieces import check as check_solutions
 from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.residual import residual
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.system import scaled
 
@@ -339,6 +340,51 @@ def test_many_limits_on_a_rank_deficient_matrix() -> None:
 def test_sizes_beyond_double_precision_are_refused() -> None:
     with pytest.raises(ValueError, match=r"^A:"):
         rw.solve(rw.Problem.local(1e-300 * ONE, [-1e300, 0.0, 0.0], [0.5]))
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e6, 1e12, 1e80])
+def test_a_drive_without_force_changes_nothing_however_fast(speed: float) -> None:
+    rng = np.random.default_rng(0)
+    step = rng.normal(size=(12, 6)), rng.normal(size=6)
+    fields = {"H": np.eye(6), "c": step[1], "W": step[0], "w": np.zeros(12), "mu": [0.5] * 4}
+    without = rw.solve(rw.Problem.balance(**fields))
+    idle = {"S": rng.normal(size=(1, 6)), "w_s": [speed], "F": [0.0]}
+    found = rw.solve(rw.Problem.balance(**fields, **idle))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.v, without.v, atol=1e-8)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e6, 1e12, 1e80])
+def test_nor_does_it_hide_what_a_step_leaves(speed: float) -> None:
+    p = allocate_problem(2, 1, 1)
+    p.H[:], p.W[:], p.S[0], p.w_s[0] = np.eye(2), np.eye(2), [1.0, 0.0], speed
+    p.c[:] = -1.0, 0.0
+    still = np.zeros(2)
+    assert residual(p, 2, 1, 1, still, np.array([1.0, 0.0]), np.zeros(1)) == 0.0
+    assert residual(p, 2, 1, 1, p.c, still, np.zeros(1)) >= 0.5
+    np.testing.assert_allclose(rw.solve(p).v, still, atol=1e-12)
+
+
+@pytest.mark.parametrize("compliance", 10.0 ** np.array([-22, -12, 0, 12, 18]))
+@pytest.mark.parametrize("most", [-1.0, -2.0])
+def test_forces_that_are_prescribed_make_the_units_where_nothing_moves(
+    compliance: float, most: float
+) -> None:
+    rows = np.random.default_rng(1).normal(size=(7, 6))
+    A = compliance * (rows @ rows.T + 0.1 * np.eye(7))
+    found = rw.solve(rw.Problem(A, np.zeros(7), [0.5, 0.5], 3, [-2.0], [most]))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.z, [most], atol=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "force"), [(1.0, 1.0), (2e-7, 4e8), (1e6, 1e-6)])
+def test_what_jams_without_loads_or_inertia_does_so_in_all_units(rate: float, force: float) -> None:
+    problem = rw.Problem.balance(
+        np.zeros((2, 2)), [0.0, 0.0], [[-0.3, -0.7], [0.0, 0.0], [0.2, 0.0], [0.0, 0.0]], [0.0] * 4,
+        [1.0, 1.0], directions=2, S=[[0.0, 0.0], [0.0, -1.5]], w_s=[2.0 * rate, 0.5 * rate],
+        R_s=[0.1 * rate / force, 0.0], F=[0.0, np.inf],
+    )  # fmt: skip
+    assert rw.solve(problem).status == "jammed"
 
 
 @pytest.mark.parametrize("friction", [1e2, 1e4, 1e6, 1e10, 1e14, 1e300])

@@ -93,7 +93,7 @@ def eliminated(problem: Problem) -> Left:
     offset[np.abs(offset) <= ROUNDING * np.abs(b[kept]) + abs(back) @ doubt] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
-    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, offset))
+    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
 
 
 class Response(NamedTuple):
@@ -131,12 +131,13 @@ def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(problem: Problem, without_forces: Array) -> float:
+def _demanded(problem: Problem, kept: Ints, without_forces: Array) -> float:
     rows, velocities = problem.rows, problem.velocities
+    fixed = np.concatenate([np.zeros(rows, bool), problem.lower == problem.upper])
     if velocities == 0 or not problem.b[rows : rows + velocities].any():
         return math.inf
     demands = float(np.abs(problem.demands).max(initial=0.0))
-    largest = float(np.abs(without_forces).max(initial=0.0))
+    largest = float(np.abs(without_forces[~fixed[kept]]).max(initial=0.0))
     return demands / largest if 0.0 < demands < largest else math.inf
 
 

@@ -99,8 +99,10 @@ class Problem:
 
     @property
     def demands(self) -> Array:
-        """b (N - n,) of all rows but the balances of velocities: the rates that are demanded."""
-        return np.delete(self.b, np.s_[self.rows : self.rows + self.velocities])
+        """b of contacts and of other unknowns but velocities and fixed ones: the rates that are demanded."""
+        asked = self.lower < self.upper
+        asked[: self.velocities] = False
+        return np.asarray(self.b[np.concatenate([np.ones(self.rows, bool), asked])])
 
     @property
     def rows(self) -> int:

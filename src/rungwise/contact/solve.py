@@ -179,8 +179,9 @@ def _without_inertia(
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
     """Whether what is demanded is next to nothing beside the rates without forces, and yet no noise."""
-    if isinstance(given, ContactProblem) and np.abs([*given.w, *given.w_s]).max(initial=0.0) <= given.quantum:
-        return False
+    if isinstance(given, ContactProblem):
+        rates = np.abs([*given.w, *given.w_s[given.F > 0.0]])
+        return bool(rates.max(initial=0.0) > given.quantum) and system.demanded < SMALL
     return system.demanded < SMALL
 
 
