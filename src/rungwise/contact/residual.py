@@ -7,7 +7,7 @@ the problem's quantum, forces against L. Signorini is the natural map min(u_n / 
 lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L
 is at least `_FLOOR` of the force that would change a contact's speed by U, so that forces of rounding size
 count as none; and where U is only rounding beside the change of speed that L causes, it is `_REST` of that
-change, so that things may rest. Rates of rows whose limit is zero measure nothing: no law speaks of them.
+change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -36,22 +36,19 @@ def residual(
         for i in range(d):
             velocity = max(velocity, abs(_yielding(p, k, i, force)))
     for r in range(limited):
-        if p.F[r] > 0.0:
-            velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
+        velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
         largest = max(largest, abs(tau[r]))
     at_rest = velocity
     for k in range(contacts):
         velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
     for r in range(limited):
-        if p.F[r] > 0.0:
-            velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
+        velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     if velocity == 0.0:
         velocity = 1.0
     for k in range(contacts):
         largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
-        if p.F[r] > 0.0:
-            largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
+        largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
     worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
     per_force = 1.0 / largest if largest > 0.0 else 1.0
     for k in range(contacts):

@@ -133,7 +133,7 @@ def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
     answer = _judged(problem, system, system.recover(x * system.force))
-    if answer.residual > tol and problem.is_boxes and natural(system, x) <= tol:
+    if answer.residual > tol and not problem.free.any() and natural(system, x) <= tol:
         settled = x.copy()
         for _ in range(2):
             settle(settled, system.rows, system.lower, system.upper, tol)
