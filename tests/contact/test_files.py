@@ -221,12 +221,40 @@ def test_a_damaged_fclib_file_is_refused_by_field(tmp_path: Path, form: str) -> 
         refuses(file, f"cut at {length}")
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "field"),
+    [
+        ("spacedim", np.array([5]), "spacedim"),
+        ("vectors/q", np.array([1j, 0.0, 0.0]), "q"),
+        ("W/nz", np.array([99]), "W"),
+        ("V/m", np.array([3]), "s"),
+    ],
+)
+def test_what_a_file_would_lose_is_refused_by_field(
+    tmp_path: Path, place: str, value: np.ndarray, field: str
+) -> None:
+    import h5py
+
+    file = tmp_path / "a.hdf5"
+    rw.write_fclib(file, rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
+    with h5py.File(file, "r+") as opened:
+        if f"fclib_local/{place}" in opened:
+            del opened[f"fclib_local/{place}"]
+        opened[f"fclib_local/{place}"] = value
+    with pytest.raises(ValueError, match=f"^{field}: "):
+        read_problem(file)
+
+
 def test_a_damaged_archive_is_refused_by_field(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     with file.open("wb") as opened:
         np.savez(opened, G=np.eye(3), g=np.array([0.0, 0.0, -1.0]), mus=np.array([0.5]))
     assert rw.solve(read_problem(file)).status == "solved"
     whole = file.read_bytes()
+    with file.open("wb") as opened:
+        np.savez(opened, G=np.eye(3), g=np.array([0.0, 0.0, np.nan]), mus=np.array([0.5]))
+    with pytest.raises(ValueError, match=r"^g: entry 2"):
+        read_problem(file)
     rng = np.random.default_rng(0)
     for _ in range(200):
         damaged = bytearray(whole)
@@ -329,6 +357,9 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
         assert saved["r"][0] > 0.0
     rw.solve(problem).save(str(tmp_path / "t.npz"))
     assert (tmp_path / "t.npz").read_bytes() == out.read_bytes()
+    for nowhere in ("", ".", str(tmp_path)):
+        assert run(monkeypatch, str(file), "--out", nowhere) == 2
+        assert re.fullmatch(r"rungwise: out: .*\n", capsys.readouterr().err)
     assert run(monkeypatch, str(file)) == 0
     assert "solved" in capsys.readouterr().out
 

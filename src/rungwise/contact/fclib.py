@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from rungwise.contact.equivalent import in_contacts
-from rungwise.contact.mixed import Array, Matrix, Problem, sized, vector
+from rungwise.contact.mixed import Array, Matrix, Problem, numbers, sized, vector
 from rungwise.contact.problem import ContactProblem
 
 _CSR = -2
@@ -62,9 +62,7 @@ def _array(group: Any, name: str) -> Array:
     if item is None or not hasattr(item, "dtype"):
         raise ValueError(f"{name}: is missing, or not a data set")
     try:
-        return np.asarray(item[()], np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: must be numbers") from None
+        return numbers(name, item[()])
     except MemoryError:
         raise ValueError(f"{name}: is larger than memory") from None
 
@@ -83,6 +81,13 @@ def _whole(group: Any, name: str) -> int:
     return int(values[0])
 
 
+def _directions(group: Any) -> int:
+    d = _whole(group, "spacedim")
+    if d not in (2, 3):
+        raise ValueError(f"spacedim: must be 2 or 3, not {d}")
+    return d
+
+
 def _read_step(group: Any) -> ContactProblem:
     made = {name: np.ascontiguousarray(_array(group, name)) for name in ContactProblem.__annotations__}
     k, b, d = len(np.atleast_1d(made["mu"])), len(np.atleast_1d(made["F"])), made["R"].shape[-1:]
@@ -96,11 +101,11 @@ def _read_step(group: Any) -> ContactProblem:
 
 def _read_local(group: Any) -> Problem:
     """Equality rows (V, R, s) become free unknowns: W r + V x + q = u, V^T r + R x + s = 0."""
-    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    vectors, d = _group(group, "vectors"), _directions(group)
     q, mu = vector("q", _array(vectors, "q")), _array(vectors, "mu")
     W = _read_matrix(group, "W", (len(q), len(q)))
     local = Problem.local(W, q, mu, d)
-    if "R" not in group:
+    if "R" not in group and "V" not in group:
         return local
     s = vector("s", _array(vectors, "s"))
     V, R = _read_matrix(group, "V", (len(q), len(s))), _read_matrix(group, "R", (len(s), len(s)))
@@ -110,7 +115,7 @@ def _read_local(group: Any) -> Problem:
 
 
 def _read_global(group: Any) -> Problem:
-    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    vectors, d = _group(group, "vectors"), _directions(group)
     f, w, mu = (vector(name, _array(vectors, name)) for name in ("f", "w", "mu"))
     M, H = _read_matrix(group, "M", (len(f), len(f))), _read_matrix(group, "H", (len(f), len(w)))
     joints: dict[str, Any] = {}
@@ -130,6 +135,8 @@ def _read_matrix(parent: Any, name: str, shape: tuple[int, int]) -> sp.csr_array
         raise ValueError(f"{name}: has shape {(m, n)}; the other fields make it {shape}")
     try:
         p, i, x = _wholes(group, "p"), _wholes(group, "i"), _array(group, "x")
+        if nz > min(len(p), len(i), len(x)):
+            raise ValueError(f"nz is {nz}, and there are {min(len(p), len(i), len(x))} entries")
         if nz >= 0:
             made = sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))
         else:
