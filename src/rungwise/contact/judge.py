@@ -16,7 +16,7 @@ from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _OWN = 1e-3
-_ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-12
+_ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-8
 
 
 @dataclass(frozen=True)
@@ -187,7 +187,7 @@ def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
     theirs; each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all. What is less than `_FAINT` of that is taken for rounding.
+    beside the norm of all. What is less than `_FAINT` of that counts beside it, and so rounding as nothing.
     """
     p, rows = problem, _scales(problem).rows
     scratch = np.empty((4, len(x)))
