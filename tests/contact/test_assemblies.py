@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import rungwise as rw
+from rungwise.contact.farkas import check
 from rungwise.contact.islands import islands
 from rungwise.contact.judge import judge
 from rungwise.contact.solvers.measure import natural
@@ -92,3 +94,18 @@ def test_gaps_of_rounding_size_demand_nothing() -> None:
     found = rw.solve(near)
     assert found.status == "solved"
     np.testing.assert_allclose(found.v, rw.solve(exact).v, atol=1e-6)
+
+
+@pytest.mark.parametrize("without", [1, 30])
+def test_an_island_without_solution_leaves_none_to_the_whole(without: int) -> None:
+    """Mode by mode the first three have none; all of them are too many to divide together."""
+    M, q = np.array([[-1.0, 0.0, 1.0], [1.0, -2.0, 2.0], [2.0, 3.0, 2.0]]), np.array([-2.0, -1.0, 1.0])
+    others = 31 - without
+    whole = block_diag(*[M] * without, *[np.eye(3) + 1.0] * others)
+    b = np.concatenate([np.tile(q, without), np.full(3 * others, -1e-3)])
+    order = np.random.default_rng(2).permutation(len(b))
+    problem = rw.Problem.lcp(whole[np.ix_(order, order)], b[order])
+    found = rw.solve(problem)
+    assert found.status == "jammed" and found.certificate is not None
+    assert check(scaled(problem), found.certificate)
+    assert rw.solve(rw.Problem.lcp(whole[3 * without :, 3 * without :], b[3 * without :])).status == "solved"

@@ -280,6 +280,7 @@ def test_joined_bodies_touch_only_if_their_entry_says_so() -> None:
     [
         ({"between": ["world", "zzz"]}, "joints.pin.between.1: unknown body 'zzz'; valid: world, rod"),
         ({"between": ["rod", "rod"]}, "joints.pin.between: must name two bodies"),
+        ({"damping": 3.0}, "joints.pin: damping: what is rigid has none; give a finite stiffness"),
         ({"kind": "weld", "coordinate": {}}, "joints.pin: a weld has no coordinate"),
         ({"kind": "zzz"}, "joints.pin.kind: must be 'weld', 'hinge' or 'slide'"),
         ({"axis": [0, 0]}, "joints.pin.axis: the axis has no length"),

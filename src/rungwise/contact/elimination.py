@@ -12,17 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import splu
 
+from rungwise.contact import schur
 from rungwise.contact.inverse import Sparse, inverse, responses
 from rungwise.contact.mixed import Array, Matrix, Problem
 from rungwise.contact.product import ROUNDING, Condensed, Product, columns, condensed, product
+from rungwise.contact.schur import ACCURATE, DOUBT, REGULAR
 from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, kernel
 
-_REGULAR = 1e-13
-_ACCURATE, _DOUBT = 1e-5, 1e3
 Solve = Callable[[Matrix], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
@@ -45,14 +44,15 @@ class Left(NamedTuple):
 
 
 def everything(problem: Problem) -> Left:
-    """The problem as it is, dense where it is small."""
+    """The problem as it is, dense where it is small, and else sparse."""
     A = _whole(problem)
     return Left(np.arange(len(problem.b)), lambda: A, problem.b, lambda x: x)
 
 
 def _whole(problem: Problem) -> Matrix:
-    small = sp.issparse(problem.A) and len(problem.b) <= _SMALL
-    return problem.A.toarray() if small else problem.A
+    if len(problem.b) > _SMALL:
+        return sp.csr_array(problem.A)
+    return problem.A.toarray() if sp.issparse(problem.A) else problem.A
 
 
 def eliminated(problem: Problem) -> Left:
@@ -65,7 +65,9 @@ def eliminated(problem: Problem) -> Left:
     A, b = _whole(problem), problem.b
     fixed = np.concatenate([np.zeros(problem.rows, bool), problem.free])
     kept, gone = np.flatnonzero(~fixed), np.flatnonzero(fixed)
-    if sp.issparse(A) and len(kept) * len(gone) > _LARGEST:
+    if isinstance(A, np.ndarray):
+        return _eliminated_small(problem, A, kept, gone)
+    if len(kept) * len(gone) > _LARGEST:
         return everything(problem)
     own, across, back, front = (part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept))
     response = _respond(own, across)
@@ -89,11 +91,28 @@ def eliminated(problem: Problem) -> Left:
     still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
-    doubt = _DOUBT * np.abs(solve(own @ still + b[gone])) + ROUNDING * np.abs(still)
+    doubt = DOUBT * np.abs(solve(own @ still + b[gone])) + ROUNDING * np.abs(still)
     offset[np.abs(offset) <= ROUNDING * np.abs(b[kept]) + abs(back) @ doubt] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
     return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
+
+
+def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Left:
+    k, g, b = len(kept), len(gone), problem.b
+    left, offset = np.empty((k, k)), np.empty(k)
+    solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
+    if not schur.eliminate(A, b, kept, gone, left, offset, *solver, np.empty(g)):
+        return everything(problem)
+
+    def recover(x: Array) -> Array:
+        full = np.empty(len(b))
+        full[kept] = x
+        schur.recover(A, b, kept, gone, *solver, full)
+        return full
+
+    parts = condensed(problem, *(part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept)))
+    return Left(kept, lambda: left, offset, recover, parts, None, _demanded(problem, kept, offset))
 
 
 class Response(NamedTuple):
@@ -105,11 +124,11 @@ class Response(NamedTuple):
     columns: tuple[Sparse, Array] | None = None
 
 
-def _respond(own: Matrix, across: Matrix) -> Response | None:
+def _respond(own: sp.csr_array, across: sp.csr_array) -> Response | None:
     """How the eliminated unknowns respond to the others; None where A_gg is singular or nearly so."""
-    if sp.issparse(own) and (inverted := inverse(compressed(own))) is not None:
+    if (inverted := inverse(compressed(own))) is not None:
         (start, row, value), change = responses(compressed(own), inverted, columns(across))
-        if not _largest(change) <= _ACCURATE * _largest(value):
+        if not _largest(change) <= ACCURATE * _largest(value):
             return None
         solver = sp.csr_array(inverted[::-1], shape=own.shape)
 
@@ -117,12 +136,12 @@ def _respond(own: Matrix, across: Matrix) -> Response | None:
             return tuple(sp.csc_array((v, row, start), shape=across.shape).tocsr() for v in (value, change))
 
         return Response(lambda right: solver @ right, matrices, ((start, row, value), change))
-    solve = _eliminate_sparse(own) if sp.issparse(own) else _eliminate_dense(own)
+    solve = _factors(own)
     if solve is None:
         return None
     response = solve(across)
     correction = solve(own @ response - across)
-    if not _largest(correction) <= _ACCURATE * _largest(response):
+    if not _largest(correction) <= ACCURATE * _largest(response):
         return None
     return Response(solve, lambda: (response - correction, correction))
 
@@ -131,46 +150,26 @@ def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(problem: Problem, kept: Ints, without_forces: Array) -> float:
-    rows, velocities = problem.rows, problem.velocities
-    fixed = np.concatenate([np.zeros(rows, bool), problem.lower == problem.upper])
-    if velocities == 0 or not problem.b[rows : rows + velocities].any():
-        return math.inf
-    demands = float(np.abs(problem.demands).max(initial=0.0))
-    largest = float(np.abs(without_forces[~fixed[kept]]).max(initial=0.0))
-    return demands / largest if 0.0 < demands < largest else math.inf
+def _demanded(problem: Problem, kept: Ints, offset: Array) -> float:
+    """What is demanded of all but fixed unknowns, of which nothing is."""
+    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.lower == problem.upper])
+    b, without_forces = np.where(fixed, 0.0, problem.b), np.where(fixed[kept], 0.0, offset)
+    return float(schur.demanded(b, problem.rows, problem.velocities, without_forces))
 
 
-def _eliminate_dense(own: Array) -> Solve | None:
-    size = np.abs(own).max(axis=1, initial=0.0) * np.abs(own).max(axis=0, initial=0.0)
-    if not (size > 0.0).all():
-        return None
-    s = size**-0.25
-    factor, exchanges, _ = dgetrf(own * s[:, None] * s)
-    pivots = np.abs(np.diag(factor))
-    if not pivots.min() > _REGULAR * pivots.max():
-        return None
-
-    def solve(right: Array) -> Array:
-        scale = s[:, None] if right.ndim == 2 else s
-        return np.asarray(dgetrs(factor, exchanges, scale * right)[0] * scale)
-
-    return solve
-
-
-def _eliminate_sparse(own: sp.csr_array) -> Solve | None:
+def _factors(own: sp.csr_array) -> Solve | None:
     try:
         factor = splu(sp.csc_array(own))
     except RuntimeError:
         return None
     pivots = np.abs(factor.U.diagonal())
-    if not pivots.min() > _REGULAR * pivots.max():
+    if not pivots.min() > REGULAR * pivots.max():
         return None
     return lambda right: factor.solve(right.toarray() if sp.issparse(right) else right)
 
 
 def _without_rounding(
-    own: Matrix, front: Matrix, back: Matrix, response: Matrix, correction: Matrix
+    own: sp.csr_array, front: sp.csr_array, back: sp.csr_array, response: Matrix, correction: Matrix
 ) -> Matrix:
     """front - back response, less what is nothing beside the rounding in its diagonal."""
     noise = abs(correction) + ROUNDING * abs(response)

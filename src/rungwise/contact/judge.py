@@ -52,6 +52,7 @@ def judge(problem: Problem, system: System, x: Array) -> Residuals:
     return judged(problem, system, x)[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # iterates that ran away are not finite, which is told
 def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array]:
     """Residuals of x (N,), and its rates y = A x + b (N,)."""
     y = problem.A @ x + problem.b
@@ -132,7 +133,7 @@ def judge_rows(
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """As `judged`, for a problem without free unknowns, A in rows; scratch (4, N)."""
+    """As `judged`, but for what free rows lack in balance, A in rows; scratch (6, N), the first its terms."""
     terms, total = scratch[0], 0.0
     for i in range(len(x)):
         y[i], terms[i] = b[i], 0.0
@@ -147,8 +148,9 @@ def judge_rows(
     violations(
         x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
     )
-    own = own_violation(row_start, column, value, x, y, b, rate, mu, d, lower, upper, scratch[:4])
-    found[0] = max(found[0], _OWN * own)
+    if len(kept) == len(x):
+        own = own_violation(row_start, column, value, x, y, b, rate, mu, d, lower, upper, scratch[2:])
+        found[0] = max(found[0], _OWN * own)
 
 
 class _Scales(NamedTuple):
@@ -260,5 +262,16 @@ def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: A
     most = np.concatenate([np.full(problem.rows, np.inf), np.maximum(abs(problem.lower), abs(problem.upper))])
     size[system.kept] += np.minimum(system.force, most[system.kept])
     terms = (scales.absolute @ size)[free] + np.abs(problem.b[free])
-    terms += _FLOOR * float((unit * terms).max()) / unit
-    return float((np.abs(y[free]) / np.where(terms > 0.0, terms, 1.0)).max())
+    return float(imbalance(y[free], terms, unit))
+
+
+@kernel
+def imbalance(y: Reals, terms: Reals, unit: Reals) -> float:
+    """The largest |y| (g,) over the row's terms, which count as no less than a share of those of others."""
+    most, worst = 0.0, 0.0
+    for i in range(len(y)):
+        most = max(most, unit[i] * terms[i])
+    for i in range(len(y)):
+        size = terms[i] + _FLOOR * most / unit[i]
+        worst = max(worst, abs(y[i]) / size if size > 0.0 else abs(y[i]))
+    return worst

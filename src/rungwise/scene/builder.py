@@ -3,39 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from fnmatch import fnmatchcase
-from itertools import combinations, islice
+from itertools import islice
 
 import numpy as np
 
 from rungwise.scene import records as rec
 from rungwise.scene.bind import evaluate_numbers
-from rungwise.scene.expression import STACK, Code, Programs
+from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.fields import (
     Box,
     Capsule,
     Contact,
     Coordinate,
     Disc,
-    Drive,
-    Force,
     HalfPlane,
     Hinge,
-    JointCoordinate,
     Outline,
     Polygon,
     SceneFile,
-    Servo,
     Shape,
     Slide,
-    Speed,
 )  # fmt: skip
+from rungwise.scene.joints import write_joint
 from rungwise.scene.names import Names, listed
 from rungwise.scene.outline import convex_pieces
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, Template
+from rungwise.scene.pairing import matched, shape_pairs
+from rungwise.scene.template import SceneError, Template
 from rungwise.scene.values import Number, shown
+from rungwise.scene.writer import INF, Writer
 
-INF = float("inf")
 MAX_PAIRS = 100_000
 """Most pairs of shapes that may touch: beyond it, a small file would need all memory."""
 
@@ -54,19 +50,16 @@ class _Builder:
             f"{name}.{c}" for name, body in scene.bodies.items() for c in body.coordinate_names
         )
         self.joints = tuple(scene.joints)
-        self.matched = list(self._match_contacts())
+        self.matched = list(matched(scene))
         self.contacts = tuple(pair for pair, _, _ in self.matched)
         self.names = Names(self.parameters, self.coordinates, self.contacts)
         self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
-        self.pairs = list(islice(self._shape_pairs(), MAX_PAIRS + 1))
+        self.pairs = list(islice(shape_pairs(self.shapes, self.contacts), MAX_PAIRS + 1))
         if len(self.pairs) > MAX_PAIRS:
             raise SceneError(
                 f"contacts: more than {MAX_PAIRS} pairs of shapes may touch; name fewer bodies in between"
             )
-        self.static: list[tuple[Code, int]] = []
-        self.timed: list[tuple[Code, int]] = []
-        self.checks: list[tuple[int, float, float, int, str]] = []
-        self.counts = (
+        counts = (
             1,
             len(self.bodies),
             len(self.coordinates),
@@ -79,8 +72,8 @@ class _Builder:
             len(scene.joints),
             3 * len(scene.joints),
         )
-        self.buffer = rec.allocate(self.counts)
-        self.records = rec.views(self.buffer, self.counts)
+        self.writer = Writer(counts, self.names)
+        self.put, self.records = self.writer.put, self.writer.records
 
     def build(self) -> Template:
         for field in ("tolerance", "duration", "step"):
@@ -95,7 +88,7 @@ class _Builder:
             self.records.pairs[index] = (contact_index, a, b)
         self._unused_contacts()
         for index in range(len(self.joints)):
-            self._joint(index)
+            write_joint(self.writer, self.scene, index)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
         conditions = Programs(
@@ -103,51 +96,22 @@ class _Builder:
         )
         for index in self.names.watched:
             self.records.contacts[index]["watched"] = 1
-        slots, low, high, kinds, paths = zip(*self.checks, strict=True)
+        written = self.writer
         return Template(
-            counts=self.counts,
-            buffer=self.buffer,
-            numbers=Programs([code for code, _ in self.static]),
-            targets=np.array([target for _, target in self.static], np.int64),
-            timed=Programs([code for code, _ in self.timed]),
-            timed_targets=np.array([target for _, target in self.timed], np.int64),
+            counts=written.counts,
+            buffer=written.buffer,
+            numbers=Programs([code for code, _ in written.static]),
+            targets=np.array([target for _, target in written.static], np.int64),
+            timed=Programs([code for code, _ in written.timed]),
+            timed_targets=np.array([target for _, target in written.timed], np.int64),
             conditions=conditions,
-            checks=Checks(
-                np.array(slots, np.int64), np.array(low), np.array(high), np.array(kinds, np.int64), paths
-            ),
+            checks=written.checks,
             parameters=self.parameters,
             bodies=self.bodies,
             coordinates=self.coordinates,
             contacts=self.contacts,
             joints=self.joints,
         )
-
-    def put(
-        self,
-        kind: str,
-        index: int,
-        field: str,
-        value: Number,
-        path: str,
-        *,
-        above: float | None = None,
-        at_least: float = -INF,
-        at_most: float = INF,
-        infinite: bool = False,
-        timed: bool = False,
-    ) -> None:
-        """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
-        target = rec.slot(self.counts, kind, index, field)
-        if isinstance(value, str):
-            code = self.names.number(value, path, timed)
-            self.static.append((code, target))
-            if len(self.parameters) in code.reads:
-                self.timed.append((code, target))
-        else:
-            self.buffer[target] = value
-        low = at_least if above is None else above
-        kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
-        self.checks.append((target, low, at_most, kinds, path))
 
     def _body(self, index: int) -> None:
         name = self.bodies[index]
@@ -202,33 +166,7 @@ class _Builder:
         self.put(
             "coordinates", index, "dry_friction", given.dry_friction, f"{path}.dry_friction", at_least=0.0
         )
-        self._drive("coordinates", index, given.drive, f"{path}.drive")
-
-    def _drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
-        record = getattr(self.records, kind)[index]
-
-        def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:
-            self.put(
-                kind, index, field, value, f"{path}.{source}",
-                at_least=at_least, timed=timed, infinite=field == "limit",
-            )  # fmt: skip
-
-        match drive:
-            case Speed(speed=speed):
-                record["drive"] = rec.SPEED
-                put("drive_speed", speed, "speed", timed=True)
-            case Servo():
-                record["drive"] = rec.SERVO
-                record["has_target"] = drive.target is not None
-                put("stiffness", drive.stiffness, "stiffness", 0.0)
-                put("drive_damping", drive.damping, "damping", 0.0)
-                put("limit", drive.limit, "limit", 0.0)
-                put("target_speed", drive.target_speed, "target_speed", timed=drive.target is not None)
-                if drive.target is not None:
-                    put("target", drive.target, "target", timed=True)
-            case Force(force=force):
-                record["drive"] = rec.FORCE
-                put("force", force, "force", timed=True)
+        self.writer.drive("coordinates", index, given.drive, f"{path}.drive")
 
     def _convex_shapes(self, name: str) -> Iterator[tuple[str, Shape]]:
         """The body's shapes with the paths of their fields, outlines in convex pieces."""
@@ -305,37 +243,6 @@ class _Builder:
             for field, size in zip(("size_x", "size_y"), _SIZES.get(shape.kind, ()), strict=False):
                 self.put("shapes", index, field, getattr(shape, size), f"{where}.{size}", above=0.0)
 
-    def _match_contacts(self) -> Iterator[tuple[tuple[str, str], int, Contact]]:
-        bodies = self.scene.bodies
-        for entry, contact in enumerate(self.scene.contacts):
-            if contact.between[0] == contact.between[1] and contact.between[0] in bodies:
-                raise SceneError(f"contacts.{entry}.between: must name two bodies")
-            for k, pattern in enumerate(contact.between):
-                if not any(fnmatchcase(name, pattern) for name in bodies):
-                    path = f"contacts.{entry}.between.{k}"
-                    raise SceneError(f"{path}: {shown(pattern)} names no body; valid: {listed(bodies)}, or *")
-        for pair in combinations(bodies, 2):
-            if all(not bodies[name].coordinate_names for name in pair):
-                continue
-            jointed = any(set(joint.between) == set(pair) for joint in self.scene.joints.values())
-            for entry, contact in enumerate(self.scene.contacts):
-                a, b = contact.between
-                if jointed and {a, b} != set(pair):
-                    continue
-                if any(fnmatchcase(x, a) and fnmatchcase(y, b) for x, y in (pair, pair[::-1])):
-                    yield pair, entry, contact
-                    break
-
-    def _shape_pairs(self) -> Iterator[tuple[int, int, int]]:
-        shapes = list(self.shapes.values())
-        first = np.cumsum([0] + [len(many) for many in shapes])
-        for index, pair in enumerate(self.contacts):
-            a, b = (self.bodies.index(name) for name in pair)
-            for i, (_, shape_a) in enumerate(shapes[a]):
-                for j, (_, shape_b) in enumerate(shapes[b]):
-                    if not (isinstance(shape_a, HalfPlane) and isinstance(shape_b, HalfPlane)):
-                        yield index, int(first[a]) + i, int(first[b]) + j
-
     def _contact(self, index: int, pair: tuple[str, str], path: str, contact: Contact) -> None:
         record = self.records.contacts[index]
         record["body_a"], record["body_b"] = (self.bodies.index(name) for name in pair)
@@ -363,49 +270,6 @@ class _Builder:
             for field, value in contact:
                 if entry not in used and isinstance(value, str):
                     self.names.number(value, f"contacts.{entry}.{field}")
-
-    def _joint(self, index: int) -> None:
-        name = self.joints[index]
-        joint = self.scene.joints[name]
-        path = f"joints.{name}"
-        record = self.records.joints[index]
-        for k, body in enumerate(joint.between):
-            if body not in self.bodies:
-                raise SceneError(
-                    f"{path}.between.{k}: unknown body {shown(body)}; valid: {listed(self.bodies)}"
-                )
-        if all(not self.scene.bodies[body].coordinate_names for body in joint.between):
-            raise SceneError(f"{path}.between: of {' and '.join(joint.between)} neither moves")
-        if joint.between[0] == joint.between[1]:
-            raise SceneError(f"{path}.between: must name two bodies")
-        record["body_a"], record["body_b"] = (self.bodies.index(body) for body in joint.between)
-        record["kind"] = ("weld", "hinge", "slide").index(joint.kind)
-        for k, field in enumerate("xy"):
-            self.put("joints", index, f"at_{field}", joint.at[k], f"{path}.at.{k}")
-            self.put("joints", index, f"axis_{field}", joint.axis[k], f"{path}.axis.{k}")
-        free = {"weld": None, "hinge": rec.ANGLE, "slide": rec.ALONG}[joint.kind]
-        for which in (rec.ALONG, rec.ACROSS, rec.ANGLE):
-            measure = 3 * index + which
-            record = self.records.measures[measure]
-            record["joint"], record["which"], record["held"] = index, which, which != free
-            if which == free:
-                self._freedom(measure, joint.coordinate or JointCoordinate(), f"{path}.coordinate")
-                continue
-            prefix = "angular_" if which == rec.ANGLE else ""
-            for field, above, default in (("stiffness", 0.0, INF), ("damping", None, 0.0)):
-                value = getattr(joint, prefix + field)
-                self.put(
-                    "measures", measure, field, default if value is None else value,
-                    f"{path}.{prefix}{field}",
-                    above=above, at_least=0.0, infinite=default == INF,
-                )  # fmt: skip
-
-    def _freedom(self, measure: int, given: JointCoordinate, path: str) -> None:
-        self.put("measures", measure, "lower", given.lower, f"{path}.lower", at_most=0.0, infinite=True)
-        self.put("measures", measure, "upper", given.upper, f"{path}.upper", at_least=0.0, infinite=True)
-        for field in ("damping", "dry_friction"):
-            self.put("measures", measure, field, getattr(given, field), f"{path}.{field}", at_least=0.0)
-        self._drive("measures", measure, given.drive, f"{path}.drive")
 
     def _potential(self, index: int) -> None:
         potential = self.scene.potentials[index]

@@ -300,6 +300,12 @@ class Joint(Strict):
             raise PydanticCustomError(
                 "joint", "a hinge does not hold the angle: no angular_stiffness or _damping"
             )
+        for prefix in ("", "angular_"):
+            stiffness, damping = getattr(self, f"{prefix}stiffness"), getattr(self, f"{prefix}damping")
+            if damping not in (None, 0.0) and stiffness in (None, "inf"):
+                raise PydanticCustomError(
+                    "joint", f"{prefix}damping: what is rigid has none; give a finite {prefix}stiffness"
+                )
         return self
 
 

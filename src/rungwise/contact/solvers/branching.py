@@ -2,11 +2,12 @@
 
 Algorithm: at each node some laws are held at one of their pieces and the others at their convex hulls; a
 linear program (HiGHS, through scipy) either finds multipliers that exclude the node, or a point x of it. From
-that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Source: Land
-and Doig, Econometrica 28 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11
-(1990) 281-292. Accepts: everything; it goes beyond the root up to `LARGEST` unknowns. Promises: at most
-`NODES` linear programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space
-a proof only where the quadrants of slip give one.
+that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Islands are
+searched one by one: what excludes one excludes the whole. Source: Land and Doig, Econometrica 28 (1960)
+497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11 (1990) 281-292. Accepts:
+everything; it goes beyond the root of an island up to `LARGEST` unknowns. Promises: at most `NODES` linear
+programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a proof only
+where the quadrants of slip give one.
 """
 
 from __future__ import annotations
@@ -18,11 +19,13 @@ import scipy.sparse as sp
 from scipy.linalg import block_diag
 
 from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
+from rungwise.contact.islands import islands
 from rungwise.contact.mixed import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
+from rungwise.kernel import Ints
 
 NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
@@ -46,15 +49,48 @@ class Found(NamedTuple):
     proof: Infeasible | None
 
 
-@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def search(system: System, start: Array, tol: float, work: Work) -> Found:
     """A solution within tol, or a checked proof that there is none, or the best of what was met."""
+    apart = islands(system)
+    if apart is None:
+        return _search(system, start, tol, work, NODES)
+    inside, goals, nodes = apart.inwards(start), apart.goals(tol), 0
+    for i in range(len(apart)):
+        own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
+        if natural(own, inside[rows]) <= goals[i]:
+            continue
+        found = _search(own, inside[rows], goals[i], work, NODES - nodes)
+        inside[rows], nodes = found.x, nodes + found.nodes
+        if found.proof is not None and (whole := _of_whole(system, apart.place[rows], found.proof)):
+            return Found(start, natural(system, start), nodes, whole)
+    x = apart.outwards(inside)
+    return Found(x, natural(system, x), nodes, None)
+
+
+def _of_whole(system: System, place: Ints, proof: Infeasible) -> Infeasible | None:
+    """The proof of an island, whose rows are `place` of the system, as one of the system; None if it is none
+    in the system's units."""
+    d, pairs = system.directions, place < system.rows
+    law = np.concatenate([place[pairs][::d] // d, place[~pairs] - system.rows + len(system.mu)])
+    modes, vectors = [], []
+    for own, p in zip(proof.modes, proof.vectors, strict=True):
+        mode, vector = np.array(hull(system)), np.zeros(system.size)
+        mode[law], vector[place] = own, p
+        modes.append(tuple(mode.tolist()))
+        vectors.append(vector)
+    made = Infeasible(proof.kind, tuple(modes), tuple(vectors))
+    return made if check(system, made) else None
+
+
+@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
+def _search(system: System, start: Array, tol: float, work: Work, nodes: int) -> Found:
     best, least = start, natural(system, start)
     if system.size > LARGEST_ROOT or len(system.value) > ENTRIES:
         return Found(best, least, 0, None)
     waiting, excluded, proving = [hull(system)], [], True
     A = newton.form(system)
-    for done in range(1, NODES + 1):
+    done = 0
+    for done in range(1, nodes + 1):
         mode = waiting.pop()
         p, x = separate(system, mode)
         if p is not None:

@@ -1,0 +1,88 @@
+"""The records of a scene while they are written: literals in place, programs for the others, and bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rungwise.scene import records as rec
+from rungwise.scene.expression import Code
+from rungwise.scene.fields import Drive, Force, Servo, Speed
+from rungwise.scene.names import Names
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks
+from rungwise.scene.values import Number
+
+INF = float("inf")
+
+
+class Writer:
+    """Records of so many of each kind, and what is left to compute and to check when a scene is bound."""
+
+    def __init__(self, counts: tuple[int, ...], names: Names) -> None:
+        self.counts, self.names = counts, names
+        self.buffer = rec.allocate(counts)
+        self.records = rec.views(self.buffer, counts)
+        self.static: list[tuple[Code, int]] = []
+        self.timed: list[tuple[Code, int]] = []
+        self._checks: list[tuple[int, float, float, int, str]] = []
+
+    @property
+    def checks(self) -> Checks:
+        """The bounds of all numbers put."""
+        slots, low, high, kinds, paths = zip(*self._checks, strict=True)
+        return Checks(
+            np.array(slots, np.int64), np.array(low), np.array(high), np.array(kinds, np.int64), paths
+        )
+
+    def put(
+        self,
+        kind: str,
+        index: int,
+        field: str,
+        value: Number,
+        path: str,
+        *,
+        above: float | None = None,
+        at_least: float = -INF,
+        at_most: float = INF,
+        infinite: bool = False,
+        timed: bool = False,
+    ) -> None:
+        """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
+        target = rec.slot(self.counts, kind, index, field)
+        if isinstance(value, str):
+            code = self.names.number(value, path, timed)
+            self.static.append((code, target))
+            if len(self.names.parameters) in code.reads:
+                self.timed.append((code, target))
+        else:
+            self.buffer[target] = value
+        low = at_least if above is None else above
+        kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
+        self._checks.append((target, low, at_most, kinds, path))
+
+    def drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
+        """What drives a coordinate (kind `coordinates`) or a joint's (`measures`)."""
+        record = getattr(self.records, kind)[index]
+
+        def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:
+            self.put(
+                kind, index, field, value, f"{path}.{source}",
+                at_least=at_least, timed=timed, infinite=field == "limit",
+            )  # fmt: skip
+
+        match drive:
+            case Speed(speed=speed):
+                record["drive"] = rec.SPEED
+                put("drive_speed", speed, "speed", timed=True)
+            case Servo():
+                record["drive"] = rec.SERVO
+                record["has_target"] = drive.target is not None
+                put("stiffness", drive.stiffness, "stiffness", 0.0)
+                put("drive_damping", drive.damping, "damping", 0.0)
+                put("limit", drive.limit, "limit", 0.0)
+                put("target_speed", drive.target_speed, "target_speed", timed=drive.target is not None)
+                if drive.target is not None:
+                    put("target", drive.target, "target", timed=True)
+            case Force(force=force):
+                record["drive"] = rec.FORCE
+                put("force", force, "force", timed=True)
