@@ -46,6 +46,25 @@ def test_global_form_with_joints_comes_back(tmp_path: Path, directions: int) -> 
     assert again.directions == directions and again.velocities == 3
 
 
+@pytest.mark.parametrize("yielding", [0.0, 0.1])
+def test_a_guess_has_a_force_for_each_contact_of_the_file(tmp_path: Path, yielding: float) -> None:
+    import h5py
+
+    problem = rw.Problem.balance(
+        np.eye(1), [-1.0], np.array([[1.0], [0.0], [0.0]]), [0.0] * 3, [0.5], R=yielding * np.eye(3),
+        S=[[1.0]], w_s=[0.0], F=[0.2],
+    )  # fmt: skip
+    write_fclib(tmp_path / "a.hdf5", problem, [0.8, 0.1, 0.0])
+    with h5py.File(tmp_path / "a.hdf5") as file:
+        np.testing.assert_array_equal(file["guesses/1/r"][()], [0.8, 0.1, 0.0, 0.0, 0.0, 0.0])
+        assert len(file["fclib_global/vectors/mu"]) == 2
+    wrong: tuple[object, ...] = ([0.8], [NAN, 0.0, 0.0], "text", np.array([1j, 0.0, 0.0]))
+    for r in wrong:
+        with pytest.raises(ValueError, match=r"^r:"):
+            write_fclib(tmp_path / "b.hdf5", problem, r)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == [tmp_path / "a.hdf5"]
+
+
 @pytest.mark.parametrize("directions", [1, 2, 3])
 def test_drives_without_contacts_come_back_as_contacts(tmp_path: Path, directions: int) -> None:
     none = np.zeros((0, 2))
@@ -202,12 +221,40 @@ def test_a_damaged_fclib_file_is_refused_by_field(tmp_path: Path, form: str) -> 
         refuses(file, f"cut at {length}")
 
 
+@pytest.mark.parametrize(
+    ("place", "value", "field"),
+    [
+        ("spacedim", np.array([5]), "spacedim"),
+        ("vectors/q", np.array([1j, 0.0, 0.0]), "q"),
+        ("W/nz", np.array([99]), "W"),
+        ("V/m", np.array([3]), "s"),
+    ],
+)
+def test_what_a_file_would_lose_is_refused_by_field(
+    tmp_path: Path, place: str, value: np.ndarray, field: str
+) -> None:
+    import h5py
+
+    file = tmp_path / "a.hdf5"
+    rw.write_fclib(file, rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
+    with h5py.File(file, "r+") as opened:
+        if f"fclib_local/{place}" in opened:
+            del opened[f"fclib_local/{place}"]
+        opened[f"fclib_local/{place}"] = value
+    with pytest.raises(ValueError, match=f"^{field}: "):
+        read_problem(file)
+
+
 def test_a_damaged_archive_is_refused_by_field(tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     with file.open("wb") as opened:
         np.savez(opened, G=np.eye(3), g=np.array([0.0, 0.0, -1.0]), mus=np.array([0.5]))
     assert rw.solve(read_problem(file)).status == "solved"
     whole = file.read_bytes()
+    with file.open("wb") as opened:
+        np.savez(opened, G=np.eye(3), g=np.array([0.0, 0.0, np.nan]), mus=np.array([0.5]))
+    with pytest.raises(ValueError, match=r"^g: entry 2"):
+        read_problem(file)
     rng = np.random.default_rng(0)
     for _ in range(200):
         damaged = bytearray(whole)
@@ -222,6 +269,18 @@ def test_a_damaged_archive_is_refused_by_field(tmp_path: Path) -> None:
 NAN, INF = float("nan"), float("inf")
 
 
+def damaged(
+    form: type, *, indices: tuple[int, ...] = (0, 1, 2), starts: tuple[int, ...] = (0, 1, 2, 3)
+) -> object:
+    """A sparse (3, 3) matrix whose indices were written over."""
+    made = form(np.eye(3))
+    made.indices, made.indptr = np.array(indices), np.array(starts)
+    return made
+
+
+MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[True, False, False])
+
+
 @pytest.mark.parametrize(
     ("make", "field"),
     [
@@ -233,6 +292,15 @@ NAN, INF = float("nan"), float("inf")
         (lambda: rw.Problem.mlcp(np.eye(2), [1.0, 2.0], [2, 0]), "complementary"),
         (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [1.0, 0.0], [0.0, 1.0]), "lower"),
         (lambda: rw.Problem.boxes(np.eye(2), [1.0, 2.0], [0.0, 0.0], [1.0]), "upper"),
+        (lambda: rw.Problem.local(np.eye(3), MASKED, [0.5]), "q"),
+        (lambda: rw.Problem.local(np.ma.masked_equal(np.eye(3), 0.0), [1.0, 2.0, 3.0], [0.5]), "W"),
+        (lambda: rw.Problem.boxes(np.eye(3), [1.0, 2.0, 3.0], -MASKED, [4.0] * 3), "lower"),
+        (lambda: rw.solve(rw.Problem.lcp(np.eye(3), [1.0, 2.0, 3.0]), start=MASKED), "start"),
+        (lambda: rw.Problem.lcp([[10**400]], [1.0]), "M"),
+        (lambda: rw.Problem.lcp([[1.0]], [10**400]), "q"),
+        (lambda: rw.Problem.lcp(damaged(sp.csr_array, indices=(0, 99, 2)), [1.0, 2.0, 3.0]), "M"),
+        (lambda: rw.Problem.lcp(damaged(sp.csc_array, indices=(0, -9, 2)), [1.0, 2.0, 3.0]), "M"),
+        (lambda: rw.Problem.lcp(damaged(sp.csr_array, starts=(0, 1, 2, 9)), [1.0, 2.0, 3.0]), "M"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [-0.1]), "mu"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0, 3.0], [NAN]), "mu"),
         (lambda: rw.Problem.local(np.eye(3), [1.0, 2.0], [0.5]), "q"),
@@ -287,6 +355,11 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     with np.load(out) as saved:
         np.testing.assert_allclose(saved["u"], W @ saved["r"] + problem.b, atol=1e-14)
         assert saved["r"][0] > 0.0
+    rw.solve(problem).save(str(tmp_path / "t.npz"))
+    assert (tmp_path / "t.npz").read_bytes() == out.read_bytes()
+    for nowhere in ("", ".", str(tmp_path)):
+        assert run(monkeypatch, str(file), "--out", nowhere) == 2
+        assert re.fullmatch(r"rungwise: out: .*\n", capsys.readouterr().err)
     assert run(monkeypatch, str(file)) == 0
     assert "solved" in capsys.readouterr().out
 

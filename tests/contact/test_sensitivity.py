@@ -195,8 +195,19 @@ def test_wrong_arguments_are_named() -> None:
     for active in (np.nan, -1.0, 1.0, "a", None):
         with pytest.raises(ValueError, match=r"^active: "):
             sensitivity(p, solved, active)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"^solution: is that of another"):
+        sensitivity(one_contact(2, (-1.0, 0.1), 0.5), solved)
     s = sensitivity(p, solved)
-    for wrong in ("a", [np.nan] * len(p.c), np.zeros((2, 2)), []):
+    masked = np.ma.array(p.c, mask=True)
+    for wrong in (
+        "a",
+        masked,
+        ["1.0"] * len(p.c),
+        np.full(len(p.c), 1j),
+        [np.nan] * len(p.c),
+        np.zeros((2, 2)),
+        [],
+    ):
         with pytest.raises(ValueError, match=r"^v: "):
             s.gradient(v=wrong)
     with pytest.raises(ValueError, match=r"^c: must be numbers"):

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.contact.farkas import Infeasible, check
 from rungwise.contact.pieces import check as check_solutions
-from rungwise.contact.problem import ContactProblem
+from rungwise.contact.problem import ContactProblem, allocate_problem
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.system import scaled
 
@@ -280,6 +280,26 @@ def test_a_step_holds_contiguous_arrays(given: object) -> None:
         ContactProblem(**{**arrays, "H": given})  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("c", np.array([0, -1])),
+        ("H", np.eye(2, dtype=np.float32)),
+        ("c", np.ma.array([0.3, -1.0], mask=[False, True])),
+        ("mu", np.array(0.5)),
+        ("R", np.zeros((2, 2))),
+        ("quantum", np.array([np.nan])),
+        ("quantum", np.array([-1.0])),
+        ("quantum", np.zeros(0)),
+    ],
+)
+def test_wrong_fields_of_a_step_are_named(field: str, value: np.ndarray) -> None:
+    p = allocate_problem(2, 1, 0)
+    fields = {name: getattr(p, name) for name in ContactProblem.__annotations__}
+    with pytest.raises(ValueError, match=f"^{field}:"):
+        rw.solve(ContactProblem(**{**fields, "H": np.eye(2), field: value}))
+
+
 def held(**rows: object) -> rw.Problem:
     """One velocity, no contact, and these limited rows."""
     return rw.Problem.balance(np.eye(1), [0.0], np.zeros((0, 1)), [], [], **rows)  # type: ignore[arg-type]
@@ -319,6 +339,69 @@ def test_many_limits_on_a_rank_deficient_matrix() -> None:
 def test_sizes_beyond_double_precision_are_refused() -> None:
     with pytest.raises(ValueError, match=r"^A:"):
         rw.solve(rw.Problem.local(1e-300 * ONE, [-1e300, 0.0, 0.0], [0.5]))
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e6, 1e12, 1e80])
+def test_a_drive_without_force_changes_nothing_however_fast(speed: float) -> None:
+    rng = np.random.default_rng(0)
+    step = rng.normal(size=(12, 6)), rng.normal(size=6)
+    fields = {"H": np.eye(6), "c": step[1], "W": step[0], "w": np.zeros(12), "mu": [0.5] * 4}
+    without = rw.solve(rw.Problem.balance(**fields))
+    idle = {"S": rng.normal(size=(1, 6)), "w_s": [speed], "F": [0.0]}
+    found = rw.solve(rw.Problem.balance(**fields, **idle))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.v, without.v, atol=1e-8)
+
+
+@pytest.mark.parametrize("compliance", 10.0 ** np.array([-22, -12, 0, 12, 18]))
+@pytest.mark.parametrize("most", [-1.0, -2.0])
+def test_forces_that_are_prescribed_make_the_units_where_nothing_moves(
+    compliance: float, most: float
+) -> None:
+    rows = np.random.default_rng(1).normal(size=(7, 6))
+    A = compliance * (rows @ rows.T + 0.1 * np.eye(7))
+    found = rw.solve(rw.Problem(A, np.zeros(7), [0.5, 0.5], 3, [-2.0], [most]))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.z, [most], atol=1e-9)
+
+
+@pytest.mark.parametrize(("rate", "force"), [(1.0, 1.0), (2e-7, 4e8), (1e6, 1e-6)])
+def test_what_jams_without_loads_or_inertia_does_so_in_all_units(rate: float, force: float) -> None:
+    problem = rw.Problem.balance(
+        np.zeros((2, 2)), [0.0, 0.0], [[-0.3, -0.7], [0.0, 0.0], [0.2, 0.0], [0.0, 0.0]], [0.0] * 4,
+        [1.0, 1.0], directions=2, S=[[0.0, 0.0], [0.0, -1.5]], w_s=[2.0 * rate, 0.5 * rate],
+        R_s=[0.1 * rate / force, 0.0], F=[0.0, np.inf],
+    )  # fmt: skip
+    assert rw.solve(problem).status == "jammed"
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6, 1e9, 1e11])
+@pytest.mark.parametrize("directions", [1, 2, 3])
+def test_fast_contacts_hide_nothing_of_slow_ones_that_they_do_not_touch(directions: int, size: float) -> None:
+    rng = np.random.default_rng(3)
+    rows, rates = rng.normal(size=(2, 2 * directions, 4)), rng.normal(size=(2, 2 * directions))
+    slow, fast = (own @ own.T + 0.05 * np.eye(len(own)) for own in rows)
+    mu = [0.5, 0.5]
+    alone = rw.solve(rw.Problem.local(slow, rates[0], mu, directions))
+    whole = np.block([[slow, np.zeros(fast.shape)], [np.zeros(fast.shape), fast]])
+    found = rw.solve(rw.Problem.local(whole, np.concatenate([rates[0], size * rates[1]]), mu * 2, directions))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.u[: 2 * directions], alone.u, atol=1e-5)
+
+
+@pytest.mark.parametrize("size", 10.0 ** np.arange(0, 13, 3))
+@pytest.mark.parametrize("form", ["lcp", "contacts"])
+def test_nor_solutions_that_are_none_nor_that_there_are_several(size: float, form: str) -> None:
+    def made(q: float) -> rw.Problem:
+        M, rates = np.diag([-1.0, 1.0]), [q, -size]
+        return rw.Problem.lcp(M, rates) if form == "lcp" else rw.Problem.local(M, rates, [0.0, 0.0], 1)
+
+    none, two = made(-1.0), made(1.0)
+    assert rw.solve(none).status in ("jammed", "not_converged")
+    assert rw.solutions(none).kind in ("none", "undecided")
+    found = rw.solutions(two)
+    assert found.kind in ("motion-indeterminate", "undecided") and check_solutions(found)
+    assert size > 1e5 or (rw.solutions(none).kind, found.kind) == ("none", "motion-indeterminate")
 
 
 @pytest.mark.parametrize("friction", [1e2, 1e4, 1e6, 1e10, 1e14, 1e300])

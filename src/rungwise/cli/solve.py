@@ -42,6 +42,8 @@ def solve(
             solution.save(out)
         except OSError as error:
             refuse(f"out: {out} cannot be written ({error.strerror or error})")
+        except ValueError:
+            refuse(f"out: {str(out)!r} does not name a file")
     summary = solution.summary()
     if as_json:
         show_json({"file": str(file), **summary})

@@ -95,7 +95,7 @@ def eliminated(problem: Problem) -> Left:
     offset[np.abs(offset) <= ROUNDING * np.abs(b[kept]) + abs(back) @ doubt] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
-    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, offset))
+    return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
 
 
 def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Left:
@@ -112,7 +112,7 @@ def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Lef
         return full
 
     parts = condensed(problem, *(part(A, rows, columns) for rows in (gone, kept) for columns in (gone, kept)))
-    return Left(kept, lambda: left, offset, recover, parts, None, _demanded(problem, offset))
+    return Left(kept, lambda: left, offset, recover, parts, None, _demanded(problem, kept, offset))
 
 
 class Response(NamedTuple):
@@ -150,8 +150,11 @@ def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(problem: Problem, offset: Array) -> float:
-    return float(schur.demanded(problem.b, problem.rows, problem.velocities, offset))
+def _demanded(problem: Problem, kept: Ints, offset: Array) -> float:
+    """What is demanded of all but fixed unknowns, of which nothing is."""
+    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.lower == problem.upper])
+    b, without_forces = np.where(fixed, 0.0, problem.b), np.where(fixed[kept], 0.0, offset)
+    return float(schur.demanded(b, problem.rows, problem.velocities, without_forces))
 
 
 def _factors(own: sp.csr_array) -> Solve | None:

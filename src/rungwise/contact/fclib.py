@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from rungwise.contact.equivalent import in_contacts
-from rungwise.contact.mixed import Array, Matrix, Problem, vector
+from rungwise.contact.mixed import Array, Matrix, Problem, numbers, sized, vector
 from rungwise.contact.problem import ContactProblem
 
 _CSR = -2
@@ -62,9 +62,7 @@ def _array(group: Any, name: str) -> Array:
     if item is None or not hasattr(item, "dtype"):
         raise ValueError(f"{name}: is missing, or not a data set")
     try:
-        return np.asarray(item[()], np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: must be numbers") from None
+        return numbers(name, item[()])
     except MemoryError:
         raise ValueError(f"{name}: is larger than memory") from None
 
@@ -83,6 +81,13 @@ def _whole(group: Any, name: str) -> int:
     return int(values[0])
 
 
+def _directions(group: Any) -> int:
+    d = _whole(group, "spacedim")
+    if d not in (2, 3):
+        raise ValueError(f"spacedim: must be 2 or 3, not {d}")
+    return d
+
+
 def _read_step(group: Any) -> ContactProblem:
     made = {name: np.ascontiguousarray(_array(group, name)) for name in ContactProblem.__annotations__}
     k, b, d = len(np.atleast_1d(made["mu"])), len(np.atleast_1d(made["F"])), made["R"].shape[-1:]
@@ -91,18 +96,16 @@ def _read_step(group: Any) -> ContactProblem:
             raise ValueError(f"{name}: has shape {made[name].shape}; the other fields make it {shape}")
     step = ContactProblem(**made)
     Problem.of_step(step)
-    if not (np.isfinite(step.quantum).all() and step.quantum[0] >= 0.0):
-        raise ValueError("quantum: must be finite and not negative")
     return step
 
 
 def _read_local(group: Any) -> Problem:
     """Equality rows (V, R, s) become free unknowns: W r + V x + q = u, V^T r + R x + s = 0."""
-    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    vectors, d = _group(group, "vectors"), _directions(group)
     q, mu = vector("q", _array(vectors, "q")), _array(vectors, "mu")
     W = _read_matrix(group, "W", (len(q), len(q)))
     local = Problem.local(W, q, mu, d)
-    if "R" not in group:
+    if "R" not in group and "V" not in group:
         return local
     s = vector("s", _array(vectors, "s"))
     V, R = _read_matrix(group, "V", (len(q), len(s))), _read_matrix(group, "R", (len(s), len(s)))
@@ -112,7 +115,7 @@ def _read_local(group: Any) -> Problem:
 
 
 def _read_global(group: Any) -> Problem:
-    vectors, d = _group(group, "vectors"), _whole(group, "spacedim")
+    vectors, d = _group(group, "vectors"), _directions(group)
     f, w, mu = (vector(name, _array(vectors, name)) for name in ("f", "w", "mu"))
     M, H = _read_matrix(group, "M", (len(f), len(f))), _read_matrix(group, "H", (len(f), len(w)))
     joints: dict[str, Any] = {}
@@ -132,6 +135,8 @@ def _read_matrix(parent: Any, name: str, shape: tuple[int, int]) -> sp.csr_array
         raise ValueError(f"{name}: has shape {(m, n)}; the other fields make it {shape}")
     try:
         p, i, x = _wholes(group, "p"), _wholes(group, "i"), _array(group, "x")
+        if nz > min(len(p), len(i), len(x)):
+            raise ValueError(f"nz is {nz}, and there are {min(len(p), len(i), len(x))} entries")
         if nz >= 0:
             made = sp.csr_array((x[:nz], (i[:nz], p[:nz])), shape=(m, n))
         else:
@@ -153,17 +158,23 @@ def write_fclib(
     description: str = "",
     math_info: str = "",
 ) -> None:
-    """Write `problem`, in local form if it has contacts alone, else in global form; r (k d,) as a guess.
+    """Write `problem`, in local form if it has contacts alone, else in global form; forces r (k d,) of its
+    contacts as a guess.
 
     Compliance and limited forces, for which FCLIB has no words, are written as contacts and velocities that
-    amount to the same (see `equivalent`), after those of the problem. The file appears whole or not at all.
+    amount to the same (see `equivalent`), after those of the problem; the guess is zero there. The file
+    appears whole or not at all.
 
-    Raises ValueError for one direction, and for unknowns with limits to one side; OSError.
+    Raises ValueError for one direction, for unknowns with limits to one side, and for an r that is no force
+    of the contacts; OSError.
     """
     path, step = Path(path), problem if isinstance(problem, ContactProblem) else None
     problem = Problem.of(problem)
     if problem.directions == 1 and len(problem.mu):
         raise ValueError("directions: FCLIB holds contacts in the plane and in space only")
+    guess = None if r is None else vector("r", r)
+    if guess is not None:
+        sized("r", guess, problem.rows)
     if np.isfinite(problem.upper).any() or _yields(problem):
         problem = in_contacts(problem)
     parts = _local_parts(problem) if len(problem.lower) == 0 else _global_parts(problem)
@@ -182,9 +193,9 @@ def write_fclib(
                 group[f"info/{name}"] = text
             for name in ContactProblem.__annotations__ if step is not None else ():
                 file[f"{_STEP}/{name}"] = getattr(step, name)
-            if r is not None:
+            if guess is not None:
                 file["guesses/number_of_guesses"] = np.array([1], np.int32)
-                file["guesses/1/r"] = r
+                file["guesses/1/r"] = np.pad(guess, (0, problem.rows - len(guess)))
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)

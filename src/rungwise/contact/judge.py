@@ -10,13 +10,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rungwise.contact.mixed import Array, Matrix, Problem
-from rungwise.contact.natural import natural_map
+from rungwise.contact.natural import contact_map, natural_map
 from rungwise.contact.system import System
 from rungwise.contact.units import compressed, fitted, part
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _OWN = 1e-3
-_ROUNDING, _FLOOR = 2.0**-54, 1e-6
+_ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-8
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Residuals:
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
     imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
-    penetration in these units, which great friction would hide. Without contacts and free
-    unknowns `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
+    penetration in these units, which great friction would hide. Without free unknowns
+    `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
     is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
     |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
     |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
@@ -65,8 +65,8 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
         system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
     )  # fmt: skip
     found[1] = _imbalance(problem, system, scales, x, y)
-    if problem.is_boxes:
-        found[0] = max(found[0], _OWN * in_own_terms(problem, x, y))
+    if not problem.free.any():
+        found[0] = max(found[0], _OWN * in_own_terms(problem, system, x, y))
     return Residuals(*found.tolist()), y
 
 
@@ -148,15 +148,13 @@ def judge_rows(
     violations(
         x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
     )
-    if len(mu) == 0 and len(kept) == len(x):
-        for i in range(len(x)):
-            scratch[4, i] = scratch[5, i] = 0.0
-        own = own_violation(row_start, column, value, x, y, b, lower, upper, scratch[4:6])
+    if len(kept) == len(x):
+        own = own_violation(row_start, column, value, x, y, b, rate, mu, d, lower, upper, scratch[2:])
         found[0] = max(found[0], _OWN * own)
 
 
 class _Scales(NamedTuple):
-    """What the judge keeps of a problem: |A|, its rows where there are limits alone, the free rows, and units
+    """What the judge keeps of a problem: |A|, its rows where no unknown is free, the free rows, and units
     of free unknowns among themselves."""
 
     absolute: Matrix
@@ -175,7 +173,7 @@ def _scales(problem: Problem) -> _Scales:
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
             fitted(*compressed(part(absolute, free, free)), 0, 1, unit)
-        rows = compressed(absolute) if problem.is_boxes else (free, free, unit)
+        rows = (free, free, unit) if len(free) else compressed(absolute)
         found = _known[problem] = _Scales(absolute, rows, free, unit)
     return found
 
@@ -185,15 +183,17 @@ def absolute(problem: Problem) -> Matrix:
     return _scales(problem).absolute
 
 
-def in_own_terms(problem: Problem, x: Array, y: Array) -> float:
-    """The largest violation by x of a law of a problem of limits alone, whatever the units of its rows and of
-    its unknowns: a rate counts by the size of its terms, an unknown by what it does to the rows, over theirs.
+def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
+    """The largest violation by x of a law of a problem without free unknowns, whatever the units of its rows
+    and of its unknowns: rates count by the size of their terms, forces by what they do to the rows, over
+    theirs; each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all.
+    beside the norm of all. What is less than `_FAINT` of that counts beside it, and so rounding as nothing.
     """
-    rows = _scales(problem).rows
-    return float(own_violation(*rows, x, y, problem.b, problem.lower, problem.upper, np.zeros((2, len(x)))))
+    p, rows = problem, _scales(problem).rows
+    scratch = np.empty((4, len(x)))
+    return float(own_violation(*rows, x, y, p.b, system.rate, p.mu, p.directions, p.lower, p.upper, scratch))
 
 
 @kernel
@@ -204,26 +204,49 @@ def own_violation(
     x: Reals,
     y: Reals,
     b: Reals,
+    unit: Reals,
+    mu: Reals,
+    d: int,
     lower: Reals,
     upper: Reals,
     scratch: Reals,
 ) -> float:
-    """As `in_own_terms`, with A in rows; scratch (2, N) is zero before."""
-    rate, each, worst = scratch[0], scratch[1], 0.0
+    """As `in_own_terms`, with A in rows and units of rates; scratch (4, N)."""
+    rate, each, own, out = scratch[0], scratch[1], scratch[2], scratch[3]
+    worst, rows = 0.0, d * len(mu)
     for i in range(len(x)):
-        terms = abs(b[i])
+        each[i], rate[i] = 0.0, abs(b[i]) + _FAINT * unit[i]
         for k in range(row_start[i], row_start[i + 1]):
-            terms += abs(value[k] * x[column[k]])
-        per_row = 1.0 / terms if terms > 0.0 else 1.0
-        rate[i] = y[i] * per_row
-        for k in range(row_start[i], row_start[i + 1]):
-            each[column[k]] = max(each[column[k]], abs(value[k]) * per_row)
+            rate[i] += abs(value[k] * x[column[k]])
+    _largest_of_each(rate, rows, d)
     for i in range(len(x)):
-        above = (x[i] - lower[i]) * each[i] if lower[i] > -math.inf else math.inf
-        below = (upper[i] - x[i]) * each[i] if upper[i] < math.inf else math.inf
+        for k in range(row_start[i], row_start[i + 1]):
+            each[column[k]] = max(each[column[k]], abs(value[k]) / rate[i])
+    _largest_of_each(each, rows, d)
+    for i in range(len(x)):
+        own[i], rate[i] = x[i] * each[i], y[i] / rate[i]
+    for k in range(len(mu)):
+        contact_map(own, rate, mu[k], d, k * d, out)
+        for i in range(k * d, k * d + d):
+            worst = max(worst, abs(out[i]))
+    for j in range(len(lower)):
+        i = rows + j
+        above = (x[i] - lower[j]) * each[i] if lower[j] > -math.inf else math.inf
+        below = (upper[j] - x[i]) * each[i] if upper[j] < math.inf else math.inf
         room = above if rate[i] > 0.0 else below
         worst = max(worst, min(abs(rate[i]), abs(room)), -min(above, below))
     return worst
+
+
+@inner_kernel
+def _largest_of_each(values: Reals, rows: int, d: int) -> None:
+    """Make the values of each contact the largest of them."""
+    for first in range(0, rows, d):
+        largest = 0.0
+        for i in range(first, first + d):
+            largest = max(largest, values[i])
+        for i in range(first, first + d):
+            values[i] = largest
 
 
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:

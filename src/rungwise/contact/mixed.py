@@ -99,20 +99,31 @@ class Problem:
 
     @property
     def demands(self) -> Array:
-        """b (N - n,) of all rows but the balances of velocities: the rates that are demanded."""
-        return np.delete(self.b, np.s_[self.rows : self.rows + self.velocities])
+        """b of contacts and of other unknowns but velocities and fixed ones: the rates that are demanded."""
+        asked = self.lower < self.upper
+        asked[: self.velocities] = False
+        return np.asarray(self.b[np.concatenate([np.ones(self.rows, bool), asked])])
 
     @property
     def rows(self) -> int:
         """Contact rows k d; they come first."""
         return self.directions * len(self.mu)
 
+    def equals(self, other: Problem) -> bool:
+        """Whether all numbers of both are the same."""
+        if (self.directions, self.velocities) != (other.directions, other.velocities):
+            return False
+        vectors = ("b", "mu", "lower", "upper")
+        if not all(np.array_equal(getattr(self, name), getattr(other, name)) for name in vectors):
+            return False
+        return not abs(sp.csr_array(self.A) - sp.csr_array(other.A)).sum()
+
     @classmethod
     def local(cls, W: Matrix, q: ArrayLike, mu: ArrayLike, directions: int = 3) -> Problem:
         """u = W r + q: W (k d, k d) the Delassus matrix, symmetric or not, q (k d,), mu (k,)."""
         _known(directions)
         W, q, mu = matrix("W", W), vector("q", q), vector("mu", mu)
-        _sized("q", q, directions * len(mu))
+        sized("q", q, directions * len(mu))
         _shaped("W", W, (len(q), len(q)))
         return cls(W, q, mu, directions)
 
@@ -151,7 +162,7 @@ class Problem:
         ):  # fmt: skip
             _shaped(name, value, shape)
         for name, value, size in (("w", w, rows), ("R_s", yielding, limited), ("F", limit, limited)):
-            _sized(name, value, size)
+            sized(name, value, size)
         if (limit < 0.0).any():
             raise ValueError("F: a limit must not be negative")
         parts = [
@@ -183,9 +194,19 @@ class Problem:
     @classmethod
     def of_step(cls, step: ContactProblem) -> Problem:
         """The problem of a step, as assembled by a model; unknowns are x = (lambda, v, tau)."""
-        p, d = step, step.R.shape[-1]
-        if p.R.shape != (len(p.mu), d, d):
-            raise ValueError(f"R: has shape {p.R.shape}; mu makes it {(len(p.mu), d, d)}")
+        p = step
+        for name in ContactProblem.__annotations__:
+            given = getattr(p, name)
+            if given.dtype != np.float64 or given.ndim == 0:
+                raise ValueError(
+                    f"{name}: must be an array of float64, not {given.dtype} of shape {given.shape}"
+                )
+        quantum = vector("quantum", p.quantum)
+        if quantum.shape != (1,) or quantum[0] < 0.0:
+            raise ValueError("quantum: must be one number that is not negative")
+        k, d = len(p.mu), p.R.shape[-1] if p.R.ndim else 0
+        if p.R.shape != (k, d, d):
+            raise ValueError(f"R: has shape {p.R.shape}; mu makes it {(k, d, d)}")
         R = sp.block_diag(list(p.R), format="csr") if len(p.R) else None
         return cls.balance(p.H, p.c, p.W, p.w, p.mu, directions=d, R=R, S=p.S, w_s=p.w_s, R_s=p.R_s, F=p.F)
 
@@ -199,7 +220,7 @@ class Problem:
     def mlcp(cls, M: Matrix, q: ArrayLike, complementary: ArrayLike) -> Problem:
         """Rows where `complementary` (n,) holds as in `lcp`; the others M z + q = 0 with z free."""
         q, given = vector("q", q), vector("complementary", complementary)
-        _sized("complementary", given, len(q))
+        sized("complementary", given, len(q))
         if not np.isin(given, (0.0, 1.0)).all():
             raise ValueError("complementary: must be true or false for each row")
         law = given == 1.0
@@ -211,16 +232,13 @@ class Problem:
         M, q = matrix("M", M), vector("q", q)
         _shaped("M", M, (len(q), len(q)))
         lower, upper = vector("lower", lower, finite=False), vector("upper", upper, finite=False)
-        _sized("lower", lower, len(q))
+        sized("lower", lower, len(q))
         return cls(M, q, np.zeros(0), 3, lower, upper)
 
 
 def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
     """`value` (n,) as contiguous floats; ValueError naming the field when it is not."""
-    try:
-        array = _real(np.ascontiguousarray(value))
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: must be numbers") from None
+    array = numbers(name, value)
     if array.ndim != 1:
         raise ValueError(f"{name}: must have one dimension, not {np.ndim(value)}")
     known = np.isfinite(array) if finite else ~np.isnan(array)
@@ -229,32 +247,47 @@ def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
     return array
 
 
-def _real(values: NDArray[Any]) -> Array:
-    """The values as floats; TypeError where they are complex, so that no part is lost, text or dates."""
-    if values.dtype == np.float64:
-        return values
-    if values.dtype.kind not in "biufO":
-        raise TypeError
-    return values.astype(np.float64, copy=False)
+def numbers(name: str, value: object) -> Array:
+    """`value`, of one dimension or more, as contiguous floats; ValueError naming the field where a part would
+    be lost: complex or masked entries, text, dates."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked entries, which have no value")
+    try:
+        array = np.ascontiguousarray(value)
+        if array.dtype.kind not in "biufO":
+            raise TypeError
+        return array.astype(np.float64, copy=False)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: must be numbers") from None
+    except OverflowError:
+        raise ValueError(f"{name}: has entries beyond double precision") from None
 
 
 def matrix(name: str, value: Matrix) -> Matrix:
     """`value` (m, n) as contiguous floats, canonical CSR if sparse; ValueError naming the field otherwise."""
-    try:
-        if sp.issparse(value):
-            made = sp.csr_array(value)
-            made = made.astype(_real(made.data).dtype)
-            if not made.has_canonical_format:
-                made.sum_duplicates()
-            entries = made.data
-        else:
-            made = entries = _real(np.ascontiguousarray(value))
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: must be numbers") from None
+    if sp.issparse(value):
+        made = _rows(name, value)
+        entries = made.data
+    else:
+        made = entries = numbers(name, value)
     if made.ndim != 2:
         raise ValueError(f"{name}: must have two dimensions, not {np.ndim(value)}")
     if not np.isfinite(entries).all():
         raise ValueError(f"{name}: has entries that are not finite numbers")
+    return made
+
+
+def _rows(name: str, value: Any) -> sp.csr_array:
+    """Of a sparse matrix, whose indices are looked at: what reads them does not."""
+    try:
+        if value.format in ("csr", "csc", "bsr"):
+            value.check_format(full_check=True)
+        made = sp.csr_array(value)
+    except ValueError as error:
+        raise ValueError(f"{name}: is no sparse matrix ({error})") from None
+    made = made.astype(numbers(name, made.data).dtype)
+    if not made.has_canonical_format:
+        made.sum_duplicates()
     return made
 
 
@@ -269,6 +302,6 @@ def _shaped(name: str, value: Matrix, shape: tuple[int, int]) -> None:
         raise ValueError(f"{name}: has shape {value.shape}; the other fields make it {shape}")
 
 
-def _sized(name: str, value: NDArray[Any], size: int) -> None:
+def sized(name: str, value: NDArray[Any], size: int) -> None:
     if value.shape != (size,):
         raise ValueError(f"{name}: has {len(value)} entries; the other fields make it {size}")

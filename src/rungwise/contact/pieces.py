@@ -35,12 +35,13 @@ from rungwise.contact.farkas import (
     excludes,
     hull,
 )
+from rungwise.contact.judge import in_own_terms
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.monotone import demands, is_monotone, widest
 from rungwise.contact.system import System, scaled
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
-_NOTHING = 2.0**-46
+_NOTHING, _OWN = 2.0**-46, 1e-6
 _CONTACT = {OPEN: "open", CLOSED: "slide", STICK: "stick", 4: "forward", 5: "backward"}
 _OTHER = {HULL: "free", LOWER: "lower", INSIDE: "inside", UPPER: "upper"}
 
@@ -217,6 +218,11 @@ def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
     return moved, total - moved
 
 
+def holds_in_own_terms(problem: Problem, system: System, x: Array) -> bool:
+    """Whether x (N,) is a solution also where some rows are nothing beside others (see `judge`)."""
+    return bool(problem.free.any()) or in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
+
+
 def same(a: Array, b: Array, motion: Array | None = None) -> bool:
     """Whether two scaled points are the same, or have the same motion, to rounding."""
     step = b - a if motion is None else _in_own_units(motion) @ (b - a)
@@ -253,6 +259,8 @@ def check(found: Solutions) -> bool:
         if directions is None or dimensions(motion, directions) != (piece.motions, piece.forces):
             return False
         if not np.array_equal(piece.x, system.recover(piece.point * system.force)):
+            return False
+        if not holds_in_own_terms(problem, system, piece.x):
             return False
     if found.held and not is_monotone(system, motion):
         return False

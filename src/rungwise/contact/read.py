@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from rungwise.contact.fclib import read_fclib
-from rungwise.contact.mixed import Problem, matrix
+from rungwise.contact.mixed import Problem, matrix, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.textfile import KINDS, read_text
 
@@ -52,9 +52,10 @@ def _read_contactbench(path: Path) -> Problem:
     """G, g, mus of Simple-Robotics/ContactBench; there the normal comes last."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-            G, g, mu = matrix("G", file["G"]), np.ravel(file["g"]), np.ravel(file["mus"])
+            G, g, mu = file["G"], np.ravel(file["g"]), np.ravel(file["mus"])
     except _DAMAGED as error:
         raise ValueError(f"file: holds no G, g and mus ({' '.join(str(error).split())})") from None
+    G, g, mu = matrix("G", G), vector("g", g), vector("mus", mu)
     order = (3 * np.arange(len(mu))[:, None] + np.array([2, 0, 1])).ravel()
     if G.shape != (len(g), len(g)) or len(g) != len(order):
         raise ValueError(f"G: has shape {G.shape}; mus makes it {(len(order), len(order))}")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rungwise.contact.active import pieces
-from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.mixed import Array, Problem, numbers
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
@@ -62,7 +62,7 @@ class Sensitivity:
         p = self.problem = problem
         if not isinstance(active, int | float | np.number) or not 0.0 <= active < 1.0:
             raise ValueError(f"active: must be from 0 to 1, not {active!r}")
-        self.v, lam, t = (_numbers(*given) for given in (("v", v), ("force", force), ("tau", tau)))
+        self.v, lam, t = (numbers(*given) for given in (("v", v), ("force", force), ("tau", tau)))
         for name, value, like in (("v", self.v, p.c), ("force", lam, p.w), ("tau", t, p.w_s)):
             if value.shape != like.shape:
                 raise ValueError(f"{name}: has shape {value.shape}; the problem makes it {like.shape}")
@@ -173,7 +173,7 @@ class Sensitivity:
             )
         given = []
         for name, value, like in (("v", v, p.c), ("force", force, p.w), ("tau", tau, p.w_s)):
-            given.append(np.zeros(len(like)) if value is None else _numbers(name, value))
+            given.append(np.zeros(len(like)) if value is None else numbers(name, value))
             if given[-1].shape != like.shape:
                 raise ValueError(f"{name}: has shape {given[-1].shape}; the problem makes it {like.shape}")
             if not np.isfinite(given[-1]).all():
@@ -209,7 +209,7 @@ class Sensitivity:
         for name in data:
             if name not in DATA:
                 raise ValueError(f"{name}: is none of {', '.join(DATA)}")
-        given = {name: _numbers(name, value) for name, value in data.items()}
+        given = {name: numbers(name, value) for name, value in data.items()}
         count = 1
         for name, value in given.items():
             shape = getattr(self.problem, name).shape
@@ -288,13 +288,6 @@ class Sensitivity:
         return z
 
 
-def _numbers(name: str, value: ArrayLike) -> Array:
-    try:
-        return np.asarray(value, np.float64)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}: must be numbers") from None
-
-
 def _units(matrix: Array) -> Array:
     """Units of the unknowns in which the largest entry of every row is about one (Ruiz, RAL-TR-2001-034): a
     matrix that is singular in these is so whatever the masses and stiffnesses."""
@@ -306,9 +299,11 @@ def _units(matrix: Array) -> Array:
 
 
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
-    """Sensitivity at what `solve(problem)` found. Raises ValueError unless it is solved."""
+    """Sensitivity at what `solve(problem)` found. Raises ValueError unless it is solved, and of `problem`."""
     if not isinstance(problem, ContactProblem) or not isinstance(solution, ContactSolution):
         raise ValueError("problem, solution: must be a ContactProblem and what `solve` gives for it")
     if solution.status != Status.SOLVED:
         raise ValueError(f"solution: is {solution.status}, and has no derivative")
+    if not solution.problem.equals(Problem.of_step(problem)):
+        raise ValueError("solution: is that of another problem")
     return Sensitivity(problem, solution.v, solution.r, solution.z, active)

@@ -104,8 +104,9 @@ class ContactSolution:
             "certificate": None if self.certificate is None else self.certificate.kind,
         }
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write r, u, v, z to `path` (npz), atomically, by way of a file beside it."""
+        path = Path(path)
         partial = path.with_name(path.name + ".part")
         try:
             with partial.open("wb") as file:

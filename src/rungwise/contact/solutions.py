@@ -26,6 +26,7 @@ from rungwise.contact.pieces import (
     classify,
     dimensions,
     freedom,
+    holds_in_own_terms,
     motion_map,
     polyhedron,
     same,
@@ -78,7 +79,7 @@ def _moves(problem: Problem, system: System, piece: Piece) -> bool:
 def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, nodes: int) -> Solutions:
     motion, _ = motion_map(problem, system)
     waiting, done = [hull(system)], 0
-    known = _known(assembled, system, motion)
+    known = _known(assembled, problem, system, motion)
     leaves: list[Piece] = [] if known is None else [known]
     holding = None if known is None else _Holding(system, known)
     undecided: list[Mode] = []
@@ -98,7 +99,7 @@ def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, 
         parts = branching.divide(system, mode, np.zeros(system.size) if x is None else x, law)
         waiting += parts
         if not parts:
-            piece = _measure(system, motion, mode)
+            piece = _measure(problem, system, motion, mode)
             if piece is None:
                 undecided.append(mode)
             else:
@@ -112,15 +113,15 @@ def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, 
     )
 
 
-def _known(problem: Problem | ContactProblem, system: System, motion: Array) -> Piece | None:
+def _known(given: Problem | ContactProblem, problem: Problem, system: System, motion: Array) -> Piece | None:
     """The piece of one solution, in its widest mode, if it has one motion and the system is monotone."""
     if not is_monotone(system, motion):
         return None
-    solved = solve(problem)
+    solved = solve(given)
     if solved.status != Status.SOLVED:
         return None
     mode = widest(system, solved.x[system.kept] / system.force)
-    piece = _measure(system, motion, mode)
+    piece = _measure(problem, system, motion, mode)
     return piece if piece and not piece.motions and widest(system, piece.point) == mode else None
 
 
@@ -250,7 +251,7 @@ def _program(
     )
 
 
-def _measure(system: System, motion: Array, mode: Mode) -> Piece | None:
+def _measure(problem: Problem, system: System, motion: Array, mode: Mode) -> Piece | None:
     """The piece of a mode that divides no further, if there is one and its evidence holds."""
     shape = polyhedron(system, mode)
     found = _inside(shape)
@@ -265,6 +266,8 @@ def _measure(system: System, motion: Array, mode: Mode) -> Piece | None:
     if directions is None:
         return None
     x = system.recover(point * system.force)
+    if not holds_in_own_terms(problem, system, x):
+        return None
     return Piece(mode, x, *dimensions(motion, directions), point, multipliers)
 
 

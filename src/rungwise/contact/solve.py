@@ -133,7 +133,7 @@ def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
     answer = _judged(problem, system, system.recover(x * system.force))
-    if answer.residual > tol and problem.is_boxes and natural(system, x) <= tol:
+    if answer.residual > tol and not problem.free.any() and natural(system, x) <= tol:
         settled = x.copy()
         for _ in range(2):
             settle(settled, system.rows, system.lower, system.upper, tol)
@@ -179,8 +179,9 @@ def _without_inertia(
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
     """Whether what is demanded is next to nothing beside the rates without forces, and yet no noise."""
-    if isinstance(given, ContactProblem) and np.abs([*given.w, *given.w_s]).max(initial=0.0) <= given.quantum:
-        return False
+    if isinstance(given, ContactProblem):
+        rates = np.abs([*given.w, *given.w_s[given.F > 0.0]])
+        return bool(rates.max(initial=0.0) > given.quantum) and system.demanded < SMALL
     return system.demanded < SMALL
 
 

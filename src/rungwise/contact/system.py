@@ -216,6 +216,7 @@ def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array,
     loads = np.concatenate([s[first:last] * problem.b[first:last], limits[np.isfinite(limits)]])
     demands = s * problem.b
     demands[first:last] = 0.0
+    demands[problem.rows :][problem.lower == problem.upper] = 0.0
     ratio = np.linalg.norm(loads) / (np.linalg.norm(demands) or 1.0)
     if ratio > 0.0 and demands.any():
         s *= ratio**0.5

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from rungwise.contact.mixed import Array, Matrix
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _ROUNDS = 10
 _GREATEST, _LEAST = 1e140, 1e-290
@@ -117,33 +117,46 @@ def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Re
 def measured(
     s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
 ) -> bool:
-    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range."""
-    size, total, some, largest = 0.0, 0.0, False, 0.0
+    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range.
+
+    Of an unknown whose limits are the same its force counts, and not its rate, which nothing asks for.
+    """
+    size, total = 0.0, 0.0
     for i in range(len(s)):
-        size, some = max(size, abs(s[i] * b[i])), some or b[i] != 0.0
         if not 1.0 / _GREATEST < s[i] < _GREATEST:
             return False
+        size = max(size, _size_alone(i, s, b, lower, upper, rows))
     if not size < _GREATEST:
         return False
-    if some:  # squares of small numbers are zero
+    if size > 0.0:  # squares of small numbers are zero
         for i in range(len(s)):
-            total += (s[i] * b[i] / size) ** 2
+            total += (_size_alone(i, s, b, lower, upper, rows) / size) ** 2
         size *= math.sqrt(total)
     else:
         for j in range(len(lower)):
             for limit in (lower[j], upper[j]):
                 if not math.isinf(limit):
-                    largest = max(largest, abs(limit))
-        size = largest if largest > 0.0 else 1.0
+                    size = max(size, abs(limit) / s[rows + j])
+        size = size if size > 0.0 else 1.0
     for i in range(len(s)):
         force[i], rate[i] = s[i] * size, size / s[i]
         if not min(force[i], rate[i]) > _LEAST:
             return False
         offset[i] = b[i] / rate[i]
+        if not abs(offset[i]) < _GREATEST:
+            return False
     for j in range(len(lower)):
         lower[j] /= force[rows + j]
         upper[j] /= force[rows + j]
     return True
+
+
+@inner_kernel
+def _size_alone(i: int, s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int) -> float:
+    """What there is of unknown i without other forces, as rate or force in the unit s."""
+    if i >= rows and lower[i - rows] == upper[i - rows]:
+        return float(abs(lower[i - rows] / s[i]))
+    return float(abs(s[i] * b[i]))
 
 
 @kernel
