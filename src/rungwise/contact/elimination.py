@@ -150,11 +150,8 @@ def _largest(A: Array) -> float:
     return float(np.abs(A).max(initial=0.0))
 
 
-def _demanded(problem: Problem, kept: Ints, offset: Array) -> float:
-    """What is demanded of all but fixed unknowns, of which nothing is."""
-    fixed = np.concatenate([np.zeros(problem.rows, bool), problem.lower == problem.upper])
-    b, without_forces = np.where(fixed, 0.0, problem.b), np.where(fixed[kept], 0.0, offset)
-    return float(schur.demanded(b, problem.rows, problem.velocities, without_forces))
+def _demanded(p: Problem, kept: Ints, offset: Array) -> float:
+    return float(schur.demanded(p.b, p.rows, p.velocities, p.lower, p.upper, kept, offset))
 
 
 def _factors(own: sp.csr_array) -> Solve | None:

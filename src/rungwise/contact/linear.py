@@ -134,7 +134,7 @@ def _pivot(a: Reals, k: int, size: int, order: Ints) -> bool:
             a[k, j] = a[row, j]
             a[row, j] = x
     a[k, k] = 1.0 / a[k, k]
-    return largest > 0.0
+    return bool(largest > 0.0)
 
 
 @inner_kernel

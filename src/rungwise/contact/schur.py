@@ -205,14 +205,18 @@ def recover(
 
 
 @kernel
-def demanded(b: Reals, rows: int, velocities: int, offset: Reals) -> float:
-    """The largest rate demanded over that without forces; infinite where there is none, or no load."""
+def demanded(
+    b: Reals, rows: int, velocities: int, lower: Reals, upper: Reals, kept: Ints, offset: Reals
+) -> float:
+    """The largest rate demanded over that without forces, of all but fixed unknowns, of which nothing is
+    demanded; infinite where there is none, or no load."""
     loads, demands, largest = 0.0, 0.0, 0.0
     for i in range(len(b)):
         if rows <= i < rows + velocities:
             loads = max(loads, abs(b[i]))
-        else:
+        elif i < rows or lower[i - rows] != upper[i - rows]:
             demands = max(demands, abs(b[i]))
-    for i in range(len(offset)):
-        largest = max(largest, abs(offset[i]))
+    for i in range(len(kept)):
+        if kept[i] < rows or lower[kept[i] - rows] != upper[kept[i] - rows]:
+            largest = max(largest, abs(offset[i]))
     return demands / largest if loads > 0.0 and 0.0 < demands < largest else math.inf

@@ -89,7 +89,7 @@ def solve_dense(
         M, q = np.empty((k, k)), np.empty(k)
         if not schur.eliminate(A, b, kept, gone, M, q, factor, unit, order, scale):
             return REFUSED, done
-        if schur.demanded(b, rows, velocities, q) < LITTLE:
+        if schur.demanded(b, rows, velocities, lower, upper, kept, q) < LITTLE:
             return REFUSED, done
     row_start, column, entry = np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k)
     compress(M, row_start, column, entry)
