@@ -28,7 +28,7 @@ from rungwise.contact.solvers.one_contact import solve_contact
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.system import System
 from rungwise.contact.units import expand
-from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
@@ -141,7 +141,7 @@ def each(
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
-    square (2 n^2,), vectors (15 n or more,) and order (4 n,) are scratch, n the size of the largest island or
+    square (2 n^2,), vectors (16 n or more,) and order (4 n,) are scratch, n the size of the largest island or
     `SMALL` at most.
     """
     d, most = blocks.shape[1], 0
@@ -191,25 +191,39 @@ def alternate(
 ) -> int:
     """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
 
-    In space it begins with Newton steps where x is near a solution, and with one where most contacts will
-    stick, which often is enough (in the plane sweeps cost less). Where the steps end on a kink it goes back
-    to no forces: no start is worse than none.
+    In space it begins with Newton steps where x is near a solution, and goes back to no forces where these
+    end on a kink: no start is worse than none. Where most contacts will stick it tries one step first, which
+    often is enough (in the plane sweeps cost less).
     """
     d, n, done = blocks.shape[1], len(x), 0
     coupled = row_start[n] > row_start[0] + d * n
-    least, near, first = math.inf, False, 0
+    least, near = math.inf, False
     if d == 3:
         least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
         near = least < _NEAR
-        first = _STEPS if near else 1 if _mostly_sticks(x, vectors[0], mu) else 0
+    given = least
+    if d == 3 and not near and _mostly_sticks(x, vectors[0], mu):
+        start = vectors[VECTORS - 1]
+        copy(x, start)
+        done += descend_dense(
+            row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, 1, dampings, factors,
+            vectors, order,
+        )  # fmt: skip
+        found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+        if found < least:
+            least = found
+            copy(x, best)
+        if least <= tol:
+            return done
+        copy(start, x)
     for afresh in range(2 if near else 1):
-        reached = least
+        reached = given
         if afresh:
             reached = math.inf
             for i in range(n):
                 x[i] = 0.0
         for turn in range(_ROUNDS):
-            before, warm = reached, turn == 0 and first > 0 and not afresh
+            before, warm = reached, turn == 0 and near and not afresh
             if not warm:
                 accuracy = _ROUGH if turn < 2 and coupled else _EXACT
                 for _ in range(1 << turn):
@@ -219,17 +233,15 @@ def alternate(
                     )  # fmt: skip
                 done += 1 << turn
             if warm or turn > 0:
-                steps = first if warm else _STEPS
                 done += descend_dense(
-                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, steps, dampings,
+                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
                     factors, vectors, order,
                 )  # fmt: skip
             found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
             reached = min(reached, found)
             if found < least:
                 least = found
-                for i in range(n):
-                    best[i] = x[i]
+                copy(x, best)
             if least <= tol:
                 return done
             if turn > 1 and not reached < 0.5 * before:

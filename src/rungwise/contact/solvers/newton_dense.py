@@ -11,7 +11,8 @@ from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 HALVINGS, WINDOW, CHORDS = 7, 12, 3
 LEAST = 1e-9
 """Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
-VECTORS = 15
+VECTORS = 16
+"""Rows of scratch; the last is left alone."""
 
 
 @kernel
@@ -36,7 +37,7 @@ def descend_dense(
 ) -> int:
     """Move x (N,) by Newton steps while |F| falls; returns the steps. A (N, N) is the rows once more.
 
-    factors (N, N), vectors (15, N) and order (4 N,) are scratch.
+    factors (N, N), vectors (16, N) and order (4 N,) are scratch.
     """
     n, rho = len(x), 1.0 / (1.0 + shift)
     y, F, trial, step, ahead = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
