@@ -12,10 +12,9 @@ from numbers import Real
 import numpy as np
 from numpy.typing import NDArray
 
-RUNG = np.dtype(
-    [(name, np.int64) for name in ("metric", "loads", "friction", "compliant")]
-    + [(name, np.float64) for name in ("inertia", "theta")]
-)
+from rungwise.kernel import record_type
+
+RUNG = record_type("metric loads friction compliant", "inertia theta")
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-
-
-def _record(integers: str, reals: str) -> np.dtype[np.void]:
-    fields = [(name, np.int64) for name in integers.split()] + [(name, np.float64) for name in reals.split()]
-    return np.dtype((np.record, fields))
-
+from rungwise.kernel import record_type
 
 FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
 NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
@@ -22,45 +17,45 @@ WELDED, HINGED, SLIDING = 0, 1, 2
 ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
 
-WORLD = _record("", "gravity_x gravity_y tolerance duration step")
-BODY = _record(
+WORLD = record_type("", "gravity_x gravity_y tolerance duration step")
+BODY = record_type(
     "motion coordinate first_shape end_shape mass_given centre_given inertia_given",
     "x y angle axis_x axis_y pivot_x pivot_y mass density inertia centre_x centre_y"
     " force_x force_y torque gyration2",
 )
 """x, y, angle: the pose, then (bound) that of the centre of mass; gyration2: squared radius of gyration."""
 
-COORDINATE = _record(
+COORDINATE = record_type(
     "body drive has_target limited",
     "start speed lower upper damping dry_friction drive_speed force stiffness drive_damping"
     " target target_speed limit mass metric",
 )
 """mass: generalised inertia M; metric: the same per unit of the body's mass (kinematic rung)."""
 
-SHAPE = _record("body first end kind", "radius at_x at_y angle size_x size_y reach")
+SHAPE = record_type("body first end kind", "radius at_x at_y angle size_x size_y reach")
 """Vertices first..end, a rounding radius, and (bound) reach: the greatest distance from the body's centre."""
 
-VERTEX = _record("", "x y normal_x normal_y length")
+VERTEX = record_type("", "x y normal_x normal_y length")
 """Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""
 
-CONTACT = _record(
+CONTACT = record_type(
     "body_a body_b watched",
     "friction restitution stiffness tangential_stiffness coupling_stiffness"
     " damping tangential_damping coupling_damping",
 )
-PAIR = _record("contact shape_a shape_b", "")
-POTENTIAL = _record("", "stiffness target")
-TERM = _record("acts", "factor")
+PAIR = record_type("contact shape_a shape_b", "")
+POTENTIAL = record_type("", "stiffness target")
+TERM = record_type("acts", "factor")
 """Factor of a coordinate in a potential (one row per coordinate), and whether the potential acts on it."""
 
-JOINT = _record(
+JOINT = record_type(
     "body_a body_b kind",
     "at_x at_y axis_x axis_y a_x a_y b_x b_y angle lever",
 )
 """at: in the world at the poses. Bound, a and b: the same in the bodies' frames; axis: in that of a; angle:
 that of b less that of a; lever: a length that makes angles comparable with distances."""
 
-MEASURE = _record(
+MEASURE = record_type(
     "joint which held drive has_target limited",
     "stiffness damping dry_friction lower upper drive_speed force drive_damping target target_speed limit",
 )

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
 from rungwise.scene.bind import BOUND, bind, origin
 from rungwise.scene.records import Records
 from rungwise.simulation.loop import begin, step
@@ -15,13 +13,10 @@ from rungwise.simulation.memory import clear
 from rungwise.simulation.state import Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
 
-RESULT = np.dtype(
-    [(name, np.int64) for name in ("outcome", "steps", "attempts")]
-    + [(name, np.float64) for name in ("time", "margin", "worst_residual")]
-)
+RESULT = record_type("outcome steps attempts", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""
 
-OPTIONS = np.dtype([(name, np.float64) for name in ("step", "duration", "tol", "longest", "jam", "budget")])
+OPTIONS = record_type("", "step duration tol longest jam budget")
 """nan: the scene's own step or duration. tol 0: fixed steps; longest: in parts of the duration; jam: in parts
 of the goal's tolerance; budget: greatest number of steps of a run."""
 

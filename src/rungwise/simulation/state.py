@@ -9,7 +9,7 @@ import numpy as np
 from rungwise.block import Block
 from rungwise.contact.problem import ContactProblem, allocate_problem
 from rungwise.contact.solvers.planar import matrix_size
-from rungwise.kernel import Ints, Reals, RecordArray
+from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
 from rungwise.system.planar.manifold import ABSENT
@@ -23,24 +23,16 @@ Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
 ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
-CLOCK = np.dtype(
-    [(name, np.int64) for name in (
-        "steps", "attempts", "outcome", "limited", "contacts", "frames", "since", "stride", "free", "bounces",
-        "drives", "chooses", "leans",
-    )]
-    + [(name, np.float64) for name in (
-        "time", "taken", "tried", "next", "eps", "theta", "margin", "near", "least_gap", "residual",
-        "worst_residual", "reach", "size", "drive_work", "load_work", "contact_work", "support_work",
-        "joint_work",
-    )]
-)  # fmt: skip
+CLOCK = record_type(
+    "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans",
+    "time taken tried next eps theta margin near least_gap residual worst_residual reach size"
+    " drive_work load_work contact_work support_work joint_work",
+)
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
 `next` the one to try next; `reach` is the longest lever arm."""
 
-CONTROL = np.dtype(
-    [(name, np.float64) for name in ("step", "longest", "duration", "tolerance", "error", "jam")]
-)
+CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
 per step, 0 for steps of fixed length; jam: motion, of anything, in a step below which one without solution is
 a jam."""
