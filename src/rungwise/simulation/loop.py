@@ -55,9 +55,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.limited = 0
     if rung[0].loads:
         clock.limited = planar.constants(records.coordinates, records.potentials, records.terms, terms)
-    else:
-        for i in range(n):
-            terms.metric[i, i] = records.coordinates[i].metric
+    for i in range(n):
+        terms.metric[i, i] = records.coordinates[i].metric
     clock.drives = clock.limited
     clock.limited = joints.constants(records.joints, records.measures, rung[0].metric, clock.drives, terms)
     for c in range(records.contacts.shape[0]):
