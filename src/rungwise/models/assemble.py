@@ -24,6 +24,9 @@ from rungwise.system.terms import JOINT, Terms
 
 LIMIT = 1e-8
 """How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
+FAINT = 1e-3
+"""Damping that resists less than this part of the softest contact, as rates, leaves it to inertia which way
+nothing else decides: so far below the stiffness it would be lost in the rounding of contact forces."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest may be rounding, and counts as this part."""
 
@@ -260,8 +263,9 @@ def limit_inertia(
 
     Each resistance is a rate at which it stops inertia: damping over inertia, a row's resistance times what
     the row yields to a force, a load over the momentum of the fastest motion demanded. With `landing` eps is
-    so small that what closes any gap within the step still needs no force for it. Without loads, damping,
-    servos and compliance the limit does not depend on eps, and 1 is exact.
+    so small that what closes any gap within the step still needs no force for it, nor what moves against the
+    faintest damping. Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is
+    exact.
     """
     if rung[0].metric:
         return 0.0
@@ -269,11 +273,12 @@ def limit_inertia(
         return rung[0].inertia
     least, fastest = math.inf, _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
     force, acceleration = greatest_load(terms, n, free)
+    damped, soft = math.inf, math.inf
     for i in range(n):
         a = free[i]
         rate = (h * terms.stiffness[a, a] + terms.damping[a, a]) / terms.inertia[a, a]
         if rate > 0.0:
-            least = min(least, rate)
+            damped = min(damped, rate)
         if force > 0.0 and fastest > 0.0:
             momentum = terms.inertia[a, a] * fastest / math.sqrt(terms.metric[a, a])
             least = min(least, noticed_load(terms, a, force, acceleration) / momentum)
@@ -284,7 +289,10 @@ def limit_inertia(
             resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
             rate = resist * _mobility(terms.rows, r, terms, n, free)
             if 0.0 < rate < math.inf:
-                least = min(least, rate)
+                soft = min(soft, rate)
+    if not landing and soft < math.inf:
+        damped = max(damped, FAINT * soft)
+    least = min(least, damped, soft)
     for r in range(limited):
         mobility = _mobility(terms.limited, r, terms, n, free)
         rate = (h * terms.gains[r, 0] + terms.gains[r, 1]) * mobility
