@@ -164,6 +164,45 @@ def test_none_for_solvable_problems(random_problem, run, body):
     assert certify_unsupported(falling(body), np.eye(2)) is None
 
 
+@pytest.mark.parametrize("yields", [1e-30, 1e-24, 1e-18, 1e-12, 1e-6])
+@pytest.mark.parametrize("kind", ["kinematic", "frictional"])
+def test_no_certificate_rests_on_what_yields(body, kind, yields):
+    """However little a contact yields, by enough force it gives way."""
+    p, found = case(body, kind)
+    p.R[:] = yields * np.eye(2)
+    assert certify_infeasible(p) is None
+    assert not check(p, found)
+
+
+def test_no_certificate_for_compliant_problems(random_problem):
+    """Bodies squeezed from all sides, by contacts that yield over decades, and held by rows that yield."""
+    rng = np.random.default_rng(12)
+    for _ in range(60):
+        p = random_problem(rng)
+        p.w[::2] = -np.abs(p.w[::2]) - 1.0
+        for k in range(len(p.mu)):
+            p.R[k] = 10.0 ** rng.uniform(-25, 0) * np.diag(rng.uniform(0.1, 1.0, 2))
+        p.R_s[:] = 10.0 ** rng.uniform(-25, 0, len(p.F))
+        assert certify_infeasible(p) is None
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "frictional"])
+def test_what_yields_has_no_part_in_the_proof_of_a_jam(body, kind):
+    """A compliant contact beside a jam: the proof holds whatever its rates and stiffness are."""
+    jam, _ = case(body, kind)
+    n = jam.W.shape[1]
+    p = body(n, 3)
+    p.W[:4], p.w[:4], p.mu[:2] = jam.W, jam.w, jam.mu
+    p.W[4:], p.mu[2] = (np.array([[0.0, 1.0], [1.0, 0.0]]) if n == 2 else [[1.0], [0.0]]), 0.4
+    p.w[4:], p.R[2] = (-1.0, 0.3), 1e-9 * np.eye(2)
+    found = certify_infeasible(p)
+    assert found is not None and found.kind == kind
+    for w, yields in ((-1e6, 1e-25), (1e6, 1e25), (0.0, 1.0)):
+        p.w[4:], p.R[2] = w, yields * np.eye(2)
+        again = certify_infeasible(p)
+        assert again is not None and again.kind == kind
+
+
 def test_a_rate_of_rounding_size_does_not_prove_a_jam(body):
     """A block that a load pushes off the floor, with a gap of rounding size."""
     p = body(2, 1)

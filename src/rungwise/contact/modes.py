@@ -36,7 +36,8 @@ def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
     soft, soft_rows = yielding(problem)
     modes: list[tuple[int, ...]] = []
     for k, mu in enumerate(problem.mu):
-        modes.append((STICK,) if soft[k] else (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD))
+        rigid = (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD)
+        modes.append((STICK,) if soft[k] else rigid)
     for r, F in enumerate(problem.F):
         holds = soft_rows[r] or np.isinf(F)
         modes.append((STICK,) if holds else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))

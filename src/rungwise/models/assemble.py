@@ -28,7 +28,8 @@ FAINT = 1e-3
 """Damping that resists less than this part of the softest contact, as rates, leaves it to inertia which way
 nothing else decides: so far below the stiffness it would be lost in the rounding of contact forces."""
 _SMALL = 1e-3
-"""A load that is a smaller part of the greatest may be rounding, and counts as this part."""
+"""A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
+of what balances the greatest."""
 
 
 @kernel
@@ -281,7 +282,7 @@ def limit_inertia(
             damped = min(damped, rate)
         if force > 0.0 and fastest > 0.0:
             momentum = terms.inertia[a, a] * fastest / math.sqrt(terms.metric[a, a])
-            least = min(least, noticed_load(terms, a, force, acceleration) / momentum)
+            least = min(least, noticed_load(terms, a, force, acceleration, _SMALL) / momentum)
     if rung[0].compliant:
         d = terms.contact_stiffness.shape[1]
         for r in range(contacts * d):
@@ -312,7 +313,7 @@ def _demanded_pace(
     fastest, d = 0.0, terms.contact_stiffness.shape[1]
     for r in range(contacts * d):
         demanded = abs(_carried(terms.rows, r, speed))
-        if r % d == 0 and (landing or terms.gap[r // d] < 0.0):
+        if r % d == 0 and (landing or terms.gap[r // d] < -terms.rounding[0]):
             demanded = max(demanded, abs(terms.gap[r // d]) / h)
         fastest = max(fastest, demanded * _answer(terms.rows, r, terms, n, free))
     for r in range(limited):
@@ -367,13 +368,13 @@ def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
 
 
 @kernel
-def noticed_load(terms: Terms, a: int, force: float, acceleration: float) -> float:
+def noticed_load(terms: Terms, a: int, force: float, acceleration: float, least: float) -> float:
     """Load beside which what inertia is left of coordinate a must be small.
 
-    It is the coordinate's own, which counts as `_SMALL` of the greatest where it is less; where it has none
-    it is the greatest, as a force or as an acceleration, whichever is less here.
+    It is the coordinate's own, but no less than a part `least` of the greatest; where it has none it is the
+    greatest, as a force or as an acceleration, whichever is less here.
     """
     unit = math.sqrt(terms.metric[a, a])
     greatest = unit * min(force, terms.inertia[a, a] / terms.metric[a, a] * acceleration)
     own = abs(terms.load[a])
-    return max(own, _SMALL * greatest) if own > 0.0 else greatest
+    return max(own, least * greatest) if own > 0.0 else greatest

@@ -24,6 +24,9 @@ from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 _UNBALANCED = 1e-4
 """Part of the load and of what resists that inertia may make up in a balance without it."""
+_ROUNDING = 1e-6
+"""Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
+what `limit_inertia` leaves to inertia."""
 
 
 @kernel
@@ -178,7 +181,7 @@ def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> b
     for i in range(clock.free):
         a = state.free[i]
         left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
-        load = noticed_load(terms, a, force, acceleration)
+        load = noticed_load(terms, a, force, acceleration, _ROUNDING)
         resisted = (step * terms.stiffness[a, a] + terms.damping[a, a]) * abs(scratch.v_new[a])
         balanced &= force == 0.0 or left <= _UNBALANCED * (load + resisted)
     return balanced
