@@ -144,11 +144,11 @@ def _check_unsupported(
     problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
 ) -> bool:
     """The motion's power: loads less drives against what rates, contact forces and joint forces may still
-    do."""
+    do, forces counting beside the greatest load."""
     if motion.shape != problem.c.shape:
         return False
     d, units = problem.R.shape[1], natural_units(problem)
-    power = units.velocity * units.force
+    power = float(np.abs(problem.c * units.coordinates).max(initial=0.0)) or 1.0
     joints = np.isinf(problem.F)
     rates = problem.S @ motion
     slip = np.sqrt(sum((problem.W[i::d] @ motion) ** 2 for i in range(1, d))) if d > 1 else 0.0

@@ -31,16 +31,33 @@ def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Cert
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
     with np.errstate(all="ignore"):
-        certificate = _unsupported(problem, resisting)
-        return certificate if certificate is not None and check(problem, certificate, resisting) else None
+        for part in _apart(problem, resisting):
+            certificate = _unsupported(problem, resisting, part)
+            if certificate is not None and check(problem, certificate, resisting):
+                return certificate
+    return None
 
 
-def _unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
+def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
+    """Coordinates (n,) of each part that no row joins to another: what one carries says nothing of what
+    another must."""
+    from scipy.sparse.csgraph import connected_components
+
+    rows = np.vstack([problem.W, problem.S, resisting]) != 0.0
+    count, part = connected_components(rows.T.astype(int) @ rows, directed=False)
+    return [part == k for k in range(count)]
+
+
+def _unsupported(
+    problem: ContactProblem, resisting: NDArray[np.float64], part: NDArray[np.bool_]
+) -> Certificate | None:
+    """A motion of the coordinates of `part` (n,) alone."""
     units = natural_units(problem)
     n, d = len(problem.c), problem.R.shape[1]
     finite = np.isfinite(problem.F)
     limited, speed = int(finite.sum()), units.coordinates / units.velocity
-    cost = -np.concatenate([problem.c * speed, -problem.F[finite]]) / units.force
+    loads = np.where(part, problem.c * speed, 0.0)
+    cost = -np.concatenate([loads, -problem.F[finite]]) / max(float(np.abs(loads).max(initial=0.0)), 1e-300)
     normal, tangent, rows = problem.W[::d] * speed, problem.W[1::d] * speed, problem.S * speed
     upper = [
         np.hstack([-(normal + s * problem.mu[:, None] * tangent), np.zeros((len(normal), limited))])
@@ -52,7 +69,7 @@ def _unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Cer
     least = np.vstack(upper)
     found, _ = _minimise(
         cost,
-        [(-1.0, 1.0)] * n + [(0.0, 1e6)] * limited,
+        [(-1.0, 1.0) if own else (0.0, 0.0) for own in part] + [(0.0, 1e6)] * limited,
         np.hstack([still, np.zeros((len(still), limited))]),
         least,
     )
