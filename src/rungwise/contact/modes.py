@@ -24,7 +24,7 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 
 def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which contacts, and which limited rows, give way to their own force: no motion is impossible there."""
-    return problem.R.any(axis=(1, 2)), problem.R_s > 0.0
+    return (problem.R != 0.0).any(axis=(1, 2)), problem.R_s > 0.0
 
 
 def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
