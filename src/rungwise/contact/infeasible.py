@@ -14,14 +14,15 @@ MAX_NODES = 2000
 _SOLVES = 1e-9
 
 
-def certify_infeasible(problem: ContactProblem) -> Certificate | None:
+def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
+    Without `frictional`, only a kinematic one is looked for: for a problem that is one linear piece of a law.
     The search for a frictional one ends after `MAX_NODES` partial modes. There is none for a problem whose
     numbers, in its natural units, are beyond what floating point holds.
     """
     with np.errstate(all="ignore"):
-        for certificate in (_kinematic(problem), _frictional(problem)):
+        for certificate in (_kinematic(problem), _frictional(problem) if frictional else None):
             if certificate is not None and check(problem, certificate):
                 return certificate
     return None

@@ -68,6 +68,11 @@ class Assembly:
         simulation = Simulation(scene, model, parameters=values, step=h, theta=theta, frames=3)
         if simulation.workspace is None:
             raise ModelError(simulation.reason)
+        if simulation.workspace.state.clock[0]["surfaces"]:
+            raise ModelError(
+                "dry_friction: along several coordinates of a body it is no law that is differentiated yet;"
+                " leave it out, or give it along one"
+            )
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state
         self.records, self.rung, self.h = simulation._bound.records, simulation._rung, float(h)

@@ -28,6 +28,7 @@ from rungwise.simulation.verdicts import (
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
+from rungwise.system.terms import APART
 
 MAX_HALVINGS = 60
 PAUSE = 2.0
@@ -54,10 +55,14 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             state.v[i] = records.coordinates[i].drive_speed
     clock.limited = 0
     if rung[0].loads:
-        clock.limited = planar.constants(records.coordinates, records.potentials, records.terms, terms)
+        clock.limited = planar.constants(
+            records.bodies, records.coordinates, records.potentials, records.terms, terms
+        )
     else:
         for i in range(n):
             terms.metric[i, i] = records.coordinates[i].metric
+    for r in range(clock.limited):
+        clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited
     clock.limited = joints.constants(records.joints, records.measures, rung[0].metric, clock.drives, terms)
     for c in range(records.contacts.shape[0]):

@@ -8,6 +8,7 @@ from rungwise.simulation.nearby import look
 from rungwise.simulation.state import Snapshot, State, Workspace
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
+from rungwise.system.terms import APART
 
 
 @kernel
@@ -90,3 +91,4 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     terms.gains[:, :] = 0.0
     terms.error[:, :] = 0.0
     terms.account[:] = 0
+    terms.surface[:] = APART

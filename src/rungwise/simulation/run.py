@@ -247,7 +247,7 @@ class Simulation:
             self._give_up()
             return
         if self.outcome == Code.JAMMED:
-            self.certificate = certify_infeasible(self.problem)
+            self.certificate = certify_infeasible(self.problem, not clock["surfaces"])
         else:
             self.certificate = certify_unsupported(self.problem, self._resisting())
         if self.certificate is not None:

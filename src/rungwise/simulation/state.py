@@ -24,13 +24,18 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans",
+    "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans surfaces",
     "time taken tried next eps theta margin near least_gap residual worst_residual reach size"
     " drive_work load_work contact_work support_work joint_work",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
 `next` the one to try next; `reach` is the longest lever arm."""
+
+SUPPORT = record_type("piece", "offset force power along scale yields")
+"""A row of dry friction that shares a limit surface (see `simulation.support`): rate at rest, force over its
+limit, power at its limit, and the direction of the force. The first row of a surface also has the piece of
+the law, the greatest power yet, and by how much the rows across the force yield."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
@@ -102,6 +107,7 @@ class Scratch(Block):
     ended: Reals
     undefined: Ints
     hard: Reals
+    support: RecordArray
 
 
 class Whole(Block):
@@ -217,6 +223,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
         hard=np.zeros(max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0),
+        support=np.zeros(limited, SUPPORT),
     )
     before, kept = (
         Snapshot(

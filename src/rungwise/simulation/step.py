@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.modes import OPEN
+from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import assemble, deform, lean, limit_inertia
 from rungwise.simulation.notes import note
 from rungwise.simulation.state import Scratch, State
-from rungwise.system.terms import DRIVE, SUPPORT, Terms
+from rungwise.simulation.support import solve_supported
+from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 _UNBALANCED, _SMALL = 1e-4, 1e-3
@@ -74,7 +75,7 @@ def _solve_in_turn(
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
-        status = _solve(contacts, limited, n, state, scratch, problem)
+        status = _solve(contacts, limited, n, terms, state, scratch, problem)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
         elif status == SOLVED or not bounced:
@@ -103,7 +104,7 @@ def _take_over(
 
 @kernel
 def _solve(
-    contacts: int, limited: int, n: int, state: State, scratch: Scratch, problem: ContactProblem
+    contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> int:
     for k in range(contacts):
         slot = scratch.slots[k]
@@ -112,10 +113,13 @@ def _solve(
             scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
-    status, found, stage = solve_planar(
-        problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force,
-        scratch.matrix, scratch.order,
-    )  # fmt: skip
+    if state.clock[0].surfaces:
+        status, found, stage = solve_supported(contacts, limited, n, terms, state, scratch, problem)
+    else:
+        status, found, stage = solve_planar(
+            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
+            scratch.limited_force, scratch.matrix, scratch.order,
+        )  # fmt: skip
     state.clock[0].residual = found
     if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
         note(problem, n, contacts, limited, status, stage, state, scratch)
@@ -134,7 +138,10 @@ def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> boo
         held |= math.isinf(terms.contact_stiffness[k, 0, 0]) and scratch.contact_force[k * d] > 0.0
     for r in range(limited):
         yields = 0.0 < terms.gains[r, 0] < math.inf or terms.gains[r, 1] > 0.0
-        held |= not yields and abs(scratch.limited_force[r]) < terms.limit[r]
+        holds = abs(scratch.limited_force[r]) < terms.limit[r]
+        if terms.surface[r] != APART:
+            holds = scratch.mode[contacts + r] == STICK
+        held |= not yields and holds
     return held
 
 

@@ -15,6 +15,8 @@ from rungwise.block import Block
 
 DRIVE, SUPPORT, JOINT = 0, 1, 2
 """Accounts of energy that the work of a limited row may belong to."""
+APART = -1
+"""Surface of a row whose force has an interval of its own."""
 
 
 class Terms(Block):
@@ -36,6 +38,7 @@ class Terms(Block):
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
     account    (b,)      whose work that of the row is: DRIVE, SUPPORT or JOINT
+    surface    (b,)      rows of the same number share a limit surface, sum (tau / F)^2 <= 1; APART: none
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     """
@@ -57,6 +60,7 @@ class Terms(Block):
     gains: NDArray[np.float64]
     error: NDArray[np.float64]
     account: NDArray[np.int64]
+    surface: NDArray[np.int64]
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
 
@@ -82,6 +86,7 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         gains=np.zeros((b, 2)),
         error=np.zeros((b, 2)),
         account=np.zeros(b, np.int64),
+        surface=np.full(b, APART),
         rounding=np.zeros(1),
         pause=np.zeros(1),
     )

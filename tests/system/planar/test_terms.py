@@ -38,7 +38,7 @@ def at_rest(placed: Any) -> tuple[Terms, NDArray[np.float64]]:
     """Terms and passive loads at placed.q; servos want their start."""
     records, n = placed.records, len(placed.q)
     terms, passive = allocate_terms(n, 8, 2 * n), np.zeros(n)
-    planar_terms.constants(records.coordinates, records.potentials, records.terms, terms)
+    planar_terms.constants(records.bodies, records.coordinates, records.potentials, records.terms, terms)
     placed.place(placed.q)
     planar_terms.loads(
         records.world, records.bodies, records.coordinates, records.potentials, records.terms, placed.pose,

@@ -13,7 +13,7 @@ from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import ALONG, ANGLE, FIXED, FORCE, FREE, HINGE, NO_DRIVE, SERVO, SPEED
 from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever
 from rungwise.system.planar.terms import stop
-from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
+from rungwise.system.terms import APART, DRIVE, JOINT, SUPPORT, Terms
 
 
 @kernel
@@ -107,6 +107,7 @@ def _row(count: int, limit: float, stiff: float, damp: float, account: int, term
     terms.limit[count] = limit
     terms.gains[count, 0], terms.gains[count, 1] = stiff, damp
     terms.account[count] = account
+    terms.surface[count] = APART
     return count + 1
 
 

@@ -9,11 +9,17 @@ from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import X, Y
-from rungwise.system.terms import DRIVE, SUPPORT, Terms
+from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 
 @kernel
-def constants(coordinates: RecordArray, potentials: RecordArray, factors: RecordArray, terms: Terms) -> int:
+def constants(
+    bodies: RecordArray,
+    coordinates: RecordArray,
+    potentials: RecordArray,
+    factors: RecordArray,
+    terms: Terms,
+) -> int:
     """Inertia, metric, stiffness, damping and force-limited rows; returns how many such rows there are."""
     n, count = coordinates.shape[0], 0
     for i in range(n):
@@ -28,12 +34,13 @@ def constants(coordinates: RecordArray, potentials: RecordArray, factors: Record
             terms.limited[count, i] = 1.0
             terms.limit[count] = c.limit
             terms.gains[count, 0], terms.gains[count, 1] = c.stiffness, c.drive_damping
-            terms.account[count] = DRIVE
+            terms.account[count], terms.surface[count] = DRIVE, APART
             count += 1
         if c.dry_friction > 0.0 and c.drive != SPEED:
             terms.limited[count, i] = 1.0
             terms.limit[count] = c.dry_friction
             terms.account[count] = SUPPORT
+            terms.surface[count] = c.body if _slides_any_way(bodies[c.body], coordinates) else APART
             count += 1
     for p in range(potentials.shape[0]):
         for i in range(n):
@@ -42,6 +49,17 @@ def constants(coordinates: RecordArray, potentials: RecordArray, factors: Record
                 if a.acts and b.acts:
                     terms.stiffness[i, j] += potentials[p].stiffness * a.factor * b.factor
     return count
+
+
+@kernel
+def _slides_any_way(body: Record, coordinates: RecordArray) -> bool:
+    """Whether dry friction acts on a body along several coordinates: it is one force then, and opposes the
+    motion whatever its heading."""
+    rubbed = 0
+    if body.motion == FREE:
+        for i in range(body.coordinate, body.coordinate + 3):
+            rubbed += coordinates[i].dry_friction > 0.0 and coordinates[i].drive != SPEED
+    return rubbed > 1
 
 
 @kernel

@@ -1,0 +1,202 @@
+"""Dry friction of a body along several coordinates: one force in an ellipsoid, against the motion.
+
+    t in argmin over |t| <= 1 of t . u,   t_i = tau_i / F_i,   u_i = F_i s_i  (power)
+
+for the rows i of one limit surface, at most three. Algorithm: semismooth Newton on t = P(t - u / c), P the
+projection on the unit ball. Each of its linear pieces is a step's problem with force-limited rows, which the
+chain solves: while the body sticks, the rows as they are (a box, about the ball); while it slips, the row
+along the force, limited, and across it rows that yield, u_across + rho t_across = 0. Where directions do not
+settle, all rows yield by the power of the solution before (Weiszfeld's iteration, which descends). Source:
+Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart and Curnier, Comput. Methods Appl.
+Mech. Eng. 92 (1991) 353-375.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.modes import BACKWARD, FORWARD, STICK
+from rungwise.contact.problem import ContactProblem
+from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
+from rungwise.kernel import Reals, kernel
+from rungwise.simulation.state import Scratch, State
+from rungwise.system.terms import APART, Terms
+
+STUCK, SLIPS, YIELDS = 0, 1, 2
+"""Pieces of the law that a problem is made of."""
+DIRECTIONS, ROUNDS = 12, 200
+"""Problems after which directions count as not settled, and after which the law counts as not met."""
+EXACT = 1e-10
+"""Distance of t from its projection, in the ball of radius 1, up to which the law is met."""
+
+
+@kernel
+def solve_supported(
+    contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+) -> tuple[int, float, int]:
+    """As `solve_planar` for the assembled `problem`, whose rows that share a surface it changes; forces and
+    modes are those of the rows of `terms`. It starts from the direction of `state.v`, or sticking."""
+    for r in range(limited):
+        row = scratch.support[r]
+        row.offset = problem.w_s[r]
+        row.scale = 0.0
+    _measure(limited, n, state.v, False, terms, state, scratch)
+    _aim(limited, False, terms, scratch)
+    status, found, stage = NO_SOLUTION, math.inf, 0
+    for turn in range(ROUNDS):
+        _fill(contacts, limited, n, terms, state, scratch, problem)
+        status, found, stage = solve_planar(
+            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
+            scratch.limited_force, scratch.matrix, scratch.order,
+        )  # fmt: skip
+        if status != SOLVED:
+            break
+        for i in range(n):
+            scratch.v_new[state.free[i]] = scratch.x[i]
+        _measure(limited, n, scratch.v_new, True, terms, state, scratch)
+        apart = _aim(limited, turn >= DIRECTIONS, terms, scratch)
+        if apart <= EXACT:
+            _hand_over(contacts, limited, terms, scratch)
+            return SOLVED, max(found, apart), stage
+    return NO_SOLUTION, found, stage
+
+
+@kernel
+def leads(first: int, limited: int, terms: Terms) -> int:
+    """How many rows the surface has whose first row this is; 0 if it is not the first, or stands apart."""
+    if terms.surface[first] == APART:
+        return 0
+    count = 0
+    for r in range(limited):
+        if terms.surface[r] == terms.surface[first]:
+            if r < first:
+                return 0
+            count += 1
+    return count
+
+
+@kernel
+def _member(first: int, j: int, terms: Terms) -> int:
+    """Row number j of the surface that begins with row `first`."""
+    r = first
+    for _ in range(j):
+        r += 1
+        while terms.surface[r] != terms.surface[first]:
+            r += 1
+    return r
+
+
+@kernel
+def _measure(
+    limited: int, n: int, v: Reals, solved: bool, terms: Terms, state: State, scratch: Scratch
+) -> None:
+    """Powers of the rows at v (n_v,), and the forces t: those that were `solved` for, or those against v."""
+    for first in range(limited):
+        size, power = leads(first, limited, terms), 0.0
+        for j in range(size):
+            r = _member(first, j, terms)
+            row = scratch.support[r]
+            row.power = row.offset
+            for i in range(n):
+                row.power += terms.limited[r, state.free[i]] * v[state.free[i]]
+            row.power *= terms.limit[r]
+            power += row.power**2
+            if solved:
+                row.force = 0.0
+                for m in range(size):
+                    own = _member(first, m, terms)
+                    unit = terms.limit[own if scratch.support[first].piece == STUCK else first]
+                    row.force += _turned(first, m, j, terms, scratch) * scratch.limited_force[own] / unit
+        for j in range(size):
+            row = scratch.support[_member(first, j, terms)]
+            if not solved:
+                row.force = -row.power / math.sqrt(power) if power > 0.0 else 0.0
+
+
+@kernel
+def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float:
+    """Part of row j of the surface in direction m of the problem: Householder's reflection takes the first
+    direction to the force."""
+    same = 1.0 if m == j else 0.0
+    if scratch.support[first].piece != SLIPS:
+        return same
+    lead = math.copysign(1.0, scratch.support[first].along)
+    a = scratch.support[_member(first, m, terms)].along + (lead if m == 0 else 0.0)
+    b = scratch.support[_member(first, j, terms)].along + (lead if j == 0 else 0.0)
+    return float(same - a * b / (1.0 + abs(scratch.support[first].along)))
+
+
+@kernel
+def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> float:
+    """The piece of the law that each surface asks for; returns the greatest distance from it."""
+    worst = 0.0
+    for first in range(limited):
+        size = leads(first, limited, terms)
+        if size == 0:
+            continue
+        lead, power = scratch.support[first], 0.0
+        for j in range(size):
+            power += scratch.support[_member(first, j, terms)].power ** 2
+        power = math.sqrt(power)
+        lead.scale = max(lead.scale, power)
+        length, apart = 0.0, 0.0
+        for j in range(size):
+            row = scratch.support[_member(first, j, terms)]
+            row.along = row.force - (row.power / lead.scale if lead.scale > 0.0 else 0.0)
+            length += row.along * row.along
+        length = math.sqrt(length)
+        for j in range(size):
+            row = scratch.support[_member(first, j, terms)]
+            apart += (row.force - row.along / max(length, 1.0)) ** 2
+            row.along /= length if length > 0.0 else 1.0
+        worst = max(worst, math.sqrt(apart))
+        lead.piece = SLIPS if length > 1.0 - EXACT else STUCK
+        lead.yields = lead.scale * max(length - 1.0, 0.0)
+        if unsettled and power > EXACT * lead.scale:
+            lead.piece, lead.yields = YIELDS, power
+    return worst
+
+
+@kernel
+def _fill(
+    contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+) -> None:
+    """Rows of the surfaces as their pieces ask for; each direction in the unit of the first row's force."""
+    p = problem
+    for first in range(limited):
+        size = leads(first, limited, terms)
+        lead = scratch.support[first]
+        for m in range(size):
+            r = _member(first, m, terms)
+            unit = terms.limit[r if lead.piece == STUCK else first]
+            p.R_s[r] = p.w_s[r] = 0.0
+            p.F[r] = math.inf if lead.piece == YIELDS else unit
+            scratch.limited_force[r], scratch.mode[contacts + r] = 0.0, STICK
+            for i in range(n):
+                p.S[r, i] = 0.0
+            for j in range(size):
+                own = _member(first, j, terms)
+                part = _turned(first, m, j, terms, scratch) * terms.limit[own] / unit
+                p.w_s[r] += part * scratch.support[own].offset
+                for i in range(n):
+                    p.S[r, i] += part * terms.limited[own, state.free[i]]
+            if lead.piece == YIELDS or (lead.piece == SLIPS and m > 0):
+                p.R_s[r] = lead.yields / (unit * unit)
+        if size > 0 and lead.piece == SLIPS:
+            # The reflection takes the first direction to the opposite of the force if that is positive.
+            side = -math.copysign(1.0, lead.along)
+            scratch.limited_force[first] = side * terms.limit[first]
+            scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
+
+
+@kernel
+def _hand_over(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> None:
+    """Forces, and whether they hold, in the rows of `terms`."""
+    for first in range(limited):
+        size, force = leads(first, limited, terms), 0.0
+        for j in range(size):
+            force += scratch.support[_member(first, j, terms)].force ** 2
+        for j in range(size):
+            r = _member(first, j, terms)
+            scratch.limited_force[r] = scratch.support[r].force * terms.limit[r]
+            scratch.mode[contacts + r] = STICK if math.sqrt(force) < 1.0 - EXACT else FORWARD
