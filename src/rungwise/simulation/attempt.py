@@ -82,7 +82,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = ABSORBED
             break
         again = linearisation > 0 or _is_pushed(state, scratch.v_new)
-        if rung[0].metric and again and reach > LEAP * clock.size:
+        if rung[0].metric and again and reach > LEAP * clock.smallest:
             status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
@@ -90,7 +90,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.size)
+        overlap = (EXACT if rung[0].metric else OVERLAP) * clock.smallest
+        allowed = min(gap_before - terms.rounding[0], -overlap)
         closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
             _finish(records, rung, h, contacts, workspace)
@@ -196,7 +197,8 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
-    account(rung, h, terms, contacts, state, scratch, state.v)
+    if not rung[0].metric:
+        account(rung, h, terms, contacts, state, scratch, state.v)
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
     for c in range(state.pushes.shape[0]):

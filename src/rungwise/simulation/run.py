@@ -277,7 +277,7 @@ class Simulation:
         for i, name in enumerate(self.scene.template.coordinates):
             servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
             far = state.speed[i] * state.clock[0]["tried"]
-            if servo and abs(far) > least:
+            if servo and abs(far) * self._bound.records.coordinates["lever"][i] > least:
                 body, coordinate = name.split(".")
                 return (
                     f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"
