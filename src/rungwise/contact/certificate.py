@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.modes import ANY, choices, linear_system, natural_units
+from rungwise.contact.modes import ANY, choices, linear_system, natural_units, yielding
 from rungwise.contact.problem import ContactProblem
 
 REACH = 1e3
@@ -66,8 +66,8 @@ def check(
 def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
     """Rows and offsets of what cannot yield: rigid contacts' normals, then joints; and how many contacts."""
     d = problem.R.shape[1]
-    rigid = np.array([not problem.R[k].any() for k in range(len(problem.mu))], bool)
-    joints = np.isinf(problem.F) & (problem.R_s == 0.0)
+    soft, soft_rows = yielding(problem)
+    rigid, joints = ~soft, np.isinf(problem.F) & ~soft_rows
     rows = np.vstack([problem.W[::d][rigid], problem.S[joints]])
     offset = np.concatenate([problem.w[::d][rigid], problem.w_s[joints]])
     return rows, offset, int(rigid.sum())

@@ -22,13 +22,24 @@ Inequalities = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
 """E, e, G, g of the system E x = e, G x >= g."""
 
 
+def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which contacts, and which limited rows, give way to their own force: no motion is impossible there."""
+    return problem.R.any(axis=(1, 2)), problem.R_s > 0.0
+
+
 def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
-    """The modes that each contact, then each limited row, of a planar problem can be in."""
-    modes: list[tuple[int, ...]] = [
-        (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD) for mu in problem.mu
-    ]
-    for F in problem.F:
-        modes.append((STICK,) if np.isinf(F) else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))
+    """The modes that each contact, then each limited row, of a planar problem can be in.
+
+    What yields has one, STICK: whatever its mode, its force is in the cone or interval that `linear_system`
+    then gives it.
+    """
+    soft, soft_rows = yielding(problem)
+    modes: list[tuple[int, ...]] = []
+    for k, mu in enumerate(problem.mu):
+        modes.append((STICK,) if soft[k] else (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD))
+    for r, F in enumerate(problem.F):
+        holds = soft_rows[r] or np.isinf(F)
+        modes.append((STICK,) if holds else (STICK, FORWARD, BACKWARD) if F > 0.0 else (FORWARD,))
     return modes
 
 
@@ -66,7 +77,8 @@ def natural_units(problem: ContactProblem) -> Units:
 
 def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
     """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY, those
-    that it satisfies in every mode.
+    that it satisfies in every mode. So for what yields, and its rates are left out: by so much force that a
+    float no longer tells the difference it gives way to any motion.
 
     Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
     units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
@@ -98,10 +110,12 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
             equal.append(row[None, :])
             value.append(np.array([right]))
 
+    soft, soft_rows = yielding(p)
     for k in range(contacts):
         normal, tangent = own_force[2 * k], own_force[2 * k + 1]
-        if mode[k] == ANY:
-            add(rates[2 * k], -offset[2 * k], True)
+        if mode[k] == ANY or soft[k]:
+            if not soft[k]:
+                add(rates[2 * k], -offset[2 * k], True)
             add(normal, 0.0, True)
             if p.mu[k] > 0.0:
                 add(p.mu[k] * normal - tangent, 0.0, True)
@@ -128,8 +142,8 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
     for r in range(limited):
         row, own, limit = rates[2 * contacts + r], own_force[2 * contacts + r], p.F[r] / force
         right = -offset[2 * contacts + r]
-        if mode[contacts + r] in (ANY, STICK) and limit > 0.0:
-            if mode[contacts + r] == STICK:
+        if soft_rows[r] or (mode[contacts + r] in (ANY, STICK) and limit > 0.0):
+            if mode[contacts + r] == STICK and not soft_rows[r]:
                 add(row, right)
             if np.isfinite(limit):
                 add(own, -limit, True)

@@ -24,6 +24,8 @@ from rungwise.system.terms import JOINT, Terms
 
 LIMIT = 1e-8
 """How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
+_SMALL = 1e-3
+"""A load that is a smaller part of the greatest may be rounding, and counts as this part."""
 
 
 @kernel
@@ -256,38 +258,114 @@ def limit_inertia(
 ) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
-    With `landing` it is so small that what closes any gap within the step still needs no force for it.
-    Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is exact.
+    Each resistance is a rate at which it stops inertia: damping over inertia, a row's resistance times what
+    the row yields to a force, a load over the momentum of the fastest motion demanded. With `landing` eps is
+    so small that what closes any gap within the step still needs no force for it. Without loads, damping,
+    servos and compliance the limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
         return 0.0
     if rung[0].inertia > 0.0:
         return rung[0].inertia
-    heaviest, fastest, least = 0.0, 0.0, math.inf
-    for j in range(speed.shape[0]):
-        fastest = max(fastest, abs(speed[j]))
-    for k in range(contacts):
-        if landing or terms.gap[k] < 0.0:
-            fastest = max(fastest, abs(terms.gap[k]) / h)
+    least, fastest = math.inf, _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
+    force, acceleration = greatest_load(terms, n, free)
     for i in range(n):
         a = free[i]
-        heaviest = max(heaviest, terms.inertia[a, a])
-        resist = h * terms.stiffness[a, a] + terms.damping[a, a]
-        if resist > 0.0:
-            least = min(least, resist)
-        if terms.load[a] != 0.0 and fastest > 0.0:
-            least = min(least, abs(terms.load[a]) / fastest)
+        rate = (h * terms.stiffness[a, a] + terms.damping[a, a]) / terms.inertia[a, a]
+        if rate > 0.0:
+            least = min(least, rate)
+        if force > 0.0 and fastest > 0.0:
+            momentum = terms.inertia[a, a] * fastest / math.sqrt(terms.metric[a, a])
+            least = min(least, noticed_load(terms, a, force, acceleration) / momentum)
     if rung[0].compliant:
-        for k in range(contacts):
-            resist = h * terms.contact_stiffness[k, 0, 0] + terms.contact_damping[k, 0, 0]
-            if math.isfinite(resist):
-                least = min(least, resist)
+        d = terms.contact_stiffness.shape[1]
+        for r in range(contacts * d):
+            k, j = r // d, r % d
+            resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
+            rate = resist * _mobility(terms.rows, r, terms, n, free)
+            if 0.0 < rate < math.inf:
+                least = min(least, rate)
     for r in range(limited):
-        resist = h * terms.gains[r, 0] + terms.gains[r, 1]
-        if resist > 0.0:
-            least = min(least, resist)
-        if terms.limit[r] > 0.0 and fastest > 0.0:
-            least = min(least, terms.limit[r] / fastest)
-    if not math.isfinite(least):
-        return 1.0
-    return min(1.0, LIMIT * least * h / heaviest)
+        mobility = _mobility(terms.limited, r, terms, n, free)
+        rate = (h * terms.gains[r, 0] + terms.gains[r, 1]) * mobility
+        if rate > 0.0:
+            least = min(least, rate)
+        pace = fastest * _reach(terms.limited, r, terms, n, free)
+        if terms.limit[r] > 0.0 and pace > 0.0:
+            least = min(least, terms.limit[r] * mobility / pace)
+    return min(1.0, LIMIT * least * h)
+
+
+@kernel
+def _demanded_pace(
+    h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
+) -> float:
+    """Fastest motion, as a length per time, by which a free body alone would meet what one row demands."""
+    fastest, d = 0.0, terms.contact_stiffness.shape[1]
+    for r in range(contacts * d):
+        demanded = abs(_carried(terms.rows, r, speed))
+        if r % d == 0 and (landing or terms.gap[r // d] < 0.0):
+            demanded = max(demanded, abs(terms.gap[r // d]) / h)
+        fastest = max(fastest, demanded * _answer(terms.rows, r, terms, n, free))
+    for r in range(limited):
+        demanded = abs(_carried(terms.limited, r, speed))
+        if math.isinf(terms.gains[r, 0]):
+            demanded = max(demanded, abs(terms.error[r, 0]) / h)
+        fastest = max(fastest, demanded * _answer(terms.limited, r, terms, n, free))
+    return fastest
+
+
+@kernel
+def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """W M^-1 W^T of a row, by the diagonal of M: what its force does to its own rate."""
+    total = 0.0
+    for i in range(n):
+        a = free[i]
+        total += rows[r, a] * rows[r, a] / terms.inertia[a, a]
+    return total
+
+
+@kernel
+def _reach(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """Rate of a row per speed of the bodies, at most; what turns moves by its radius of gyration."""
+    total = 0.0
+    for i in range(n):
+        a = free[i]
+        total += abs(rows[r, a]) / math.sqrt(terms.metric[a, a])
+    return total
+
+
+@kernel
+def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """Greatest speed of a body per rate of a row, in the motion of least energy that has this rate."""
+    greatest, mobility = 0.0, _mobility(rows, r, terms, n, free)
+    for i in range(n):
+        a = free[i]
+        own = abs(rows[r, a]) / terms.inertia[a, a] * math.sqrt(terms.metric[a, a])
+        greatest = max(greatest, own)
+    return greatest / mobility if mobility > 0.0 else 0.0
+
+
+@kernel
+def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
+    """The greatest load as a force, and as an acceleration; what turns counts by its radius of gyration."""
+    force, acceleration = 0.0, 0.0
+    for i in range(n):
+        a = free[i]
+        own = abs(terms.load[a]) / math.sqrt(terms.metric[a, a])
+        force = max(force, own)
+        acceleration = max(acceleration, own * terms.metric[a, a] / terms.inertia[a, a])
+    return force, acceleration
+
+
+@kernel
+def noticed_load(terms: Terms, a: int, force: float, acceleration: float) -> float:
+    """Load beside which what inertia is left of coordinate a must be small.
+
+    It is the coordinate's own, which counts as `_SMALL` of the greatest where it is less; where it has none
+    it is the greatest, as a force or as an acceleration, whichever is less here.
+    """
+    unit = math.sqrt(terms.metric[a, a])
+    greatest = unit * min(force, terms.inertia[a, a] / terms.metric[a, a] * acceleration)
+    own = abs(terms.load[a])
+    return max(own, _SMALL * greatest) if own > 0.0 else greatest

@@ -60,9 +60,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         clock.limited = planar.constants(
             records.bodies, records.coordinates, records.potentials, records.terms, terms
         )
-    else:
-        for i in range(n):
-            terms.metric[i, i] = records.coordinates[i].metric
+    for i in range(n):
+        terms.metric[i, i] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited

@@ -8,14 +8,22 @@ from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
-from rungwise.models.assemble import assemble, deform, lean, limit_inertia
+from rungwise.models.assemble import (
+    assemble,
+    deform,
+    greatest_load,
+    lean,
+    limit_inertia,
+    noticed_load,
+)
 from rungwise.simulation.notes import note
 from rungwise.simulation.state import Scratch, State
 from rungwise.simulation.support import solve_supported
 from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-_UNBALANCED, _SMALL = 1e-4, 1e-3
+_UNBALANCED = 1e-4
+"""Part of the load and of what resists that inertia may make up in a balance without it."""
 
 
 @kernel
@@ -164,18 +172,16 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 @kernel
 def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
     """Whether what inertia the limit eps -> 0+ leaves in the balance of each coordinate is negligible beside
-    what springs and dampers resist there and the load, which counts as a small part of the greatest where it
-    is less, and as the greatest where there is none."""
+    what springs and dampers resist there and the load."""
     clock = state.clock[0]
-    greatest, balanced = 0.0, True
-    for i in range(clock.free):
-        greatest = max(greatest, abs(terms.load[state.free[i]]))
+    force, acceleration = greatest_load(terms, clock.free, state.free)
+    balanced = True
     for i in range(clock.free):
         a = state.free[i]
         left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
-        load = max(abs(terms.load[a]), _SMALL * greatest) if terms.load[a] != 0.0 else greatest
+        load = noticed_load(terms, a, force, acceleration)
         resisted = (step * terms.stiffness[a, a] + terms.damping[a, a]) * abs(scratch.v_new[a])
-        balanced &= greatest == 0.0 or left <= _UNBALANCED * (load + resisted)
+        balanced &= force == 0.0 or left <= _UNBALANCED * (load + resisted)
     return balanced
 
 

@@ -146,7 +146,8 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
 @kernel
 def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
-    H has a unit diagonal."""
+    H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms what
+    yields, if that takes more."""
     called, greatest = 0.0, 0.0
     for i in range(n):
         called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
@@ -159,7 +160,9 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
         if bodies > 0.0:
             unit = math.sqrt(bodies)
             greatest = max(greatest, abs(force[r] if c < 0 else tau[c]) * unit)
-            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) / unit)
+            own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
+            least = min(own, bodies) if own > 0.0 else bodies
+            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) * unit / least)
             if c >= 0 and math.isfinite(p.F[c]):
                 called = max(called, p.F[c] * unit)
     return greatest / called if greatest > 0.0 else 0.0
