@@ -21,6 +21,7 @@ from rungwise.scene import records as rec
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.hard import HardSteps
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
+from rungwise.simulation.remarks import remarks
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import CONTROL, Workspace, allocate
 
@@ -87,6 +88,7 @@ class Simulation:
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
         self._turn = 10
+        self.theta = theta
         self.hard: HardSteps | None = None
         if save_hard is not None:
             try:
@@ -206,6 +208,9 @@ class Simulation:
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,
+            notes=()
+            if self.workspace is None
+            else remarks(self.model, self.theta, self._control, self.workspace.state.clock),
         )
 
     def _overlap(self) -> str:
