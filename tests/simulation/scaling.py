@@ -177,14 +177,15 @@ def recorded(run: Run, units: Units) -> dict[str, Any]:
     q = np.array([units.factor(place) for place in where])
     rate = np.array([units.factor(over(place, TIME)) for place in where])
     force = np.array([units.factor(over(ENERGY, place)) for place in where])
-    pairs = len(run.workspace.state.points)
+    pairs = len(state.points)
     report["time"] = frames.time[cut] / units.time
     report["q"] = frames.q[cut] / q
     report["v"] = frames.v[cut] / rate
     report["gap"] = frames.gap[cut] / units.length
     report["mode"] = frames.mode[cut].copy()
-    report["force"] = frames.force[cut, :pairs] / units.factor(FORCE)
-    report["impulse"] = frames.impulse[cut, :pairs] / units.factor(times(FORCE, TIME))
+    if run.model.loads:
+        report["force"] = frames.force[cut, :pairs] / units.factor(FORCE)
+        report["impulse"] = frames.impulse[cut, :pairs] / units.factor(times(FORCE, TIME))
     report["reaction"] = frames.reaction[cut] / force
     report["deformation"] = state.deformation / units.length
     scalars = frames.scalars[cut]

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 
 SHORTENED = 2.0
 """How many times as many steps as asked for are worth a remark."""
+FINE, COARSE = 1e-9, 1e-2
+"""The goal's tolerance in reaches of the smallest shape: below the first lies what counts as rounding where
+bodies touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second
+bodies would count as touching that are apart to the eye."""
 
 
 def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) -> tuple[str, ...]:
@@ -14,7 +20,7 @@ def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) 
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
     """
-    found = (_theta(rung, theta), _step(control, clock))
+    found = (_theta(rung, theta), _step(control, clock), _tolerance(control, clock))
     return tuple(remark for remark in found if remark)
 
 
@@ -40,3 +46,16 @@ def _step(control: RecordArray, clock: RecordArray) -> str:
     if steps > SHORTENED * max(1.0, time / min(step, duration)):
         lines.append(f"{steps} steps were taken, on average of {time / steps:.3g}: shorter where it must be")
     return "step: " + "; ".join(lines) if lines else ""
+
+
+def _tolerance(control: RecordArray, clock: RecordArray) -> str:
+    """A tolerance that is out of proportion to the shapes: most often one left at its default."""
+    tolerance, smallest = float(control[0]["tolerance"]), float(clock[0]["smallest"])
+    if not math.isfinite(smallest) or FINE * smallest <= tolerance <= COARSE * smallest:
+        return ""
+    fine = tolerance < FINE * smallest
+    why = "gaps are not known so well" if fine else "what is apart would count as touching"
+    return (
+        f"tolerance: {tolerance:.3g} is out of proportion to the smallest shape, whose reach is"
+        f" {smallest:.3g}: {why}; {1e-6 * smallest:.1g} would fit"
+    )
