@@ -23,6 +23,8 @@ class _Maker:
         self.bodies: dict[str, Any] = {}
         self.places: dict[str, tuple[float, float]] = {}
         self.value = float(rng.uniform(0.5, 2.0))
+        self.kinds = SHAPES
+        """Shapes to choose from: one body of several shapes is enough, or most time goes into certificates."""
         self.rubs = self.chance(0.5)
         """Whether everything is damped: a quasistatic motion has an answer then."""
 
@@ -53,7 +55,7 @@ class _Maker:
         if self.chance(0.7):
             self.bodies["floor"] = {"role": "obstacle", "shape": {"kind": "halfplane"}}
         edge = 0.0
-        for k in range(int(self.rng.integers(1, 4))):
+        for k in range(int(self.rng.integers(1, 3))):
             edge = self.body(f"o{k}", "object", edge)
         for k in range(int(self.rng.integers(0, 3))):
             edge = self.body(f"r{k}", "robot", edge)
@@ -124,7 +126,7 @@ class _Maker:
 
     def shape(self) -> tuple[Any, np.ndarray[Any, Any], float]:
         """A shape, the places whose hull it is, and how far it is grown."""
-        kind, a, b = self.of(*SHAPES), self.between(0.05, 0.2), self.between(0.05, 0.2)
+        kind, a, b = self.of(*self.kinds), self.between(0.05, 0.2), self.between(0.05, 0.2)
         box = np.array([[-a, -b], [a, -b], [a, b], [-a, b]])
         if kind == "point":
             return {"kind": "point"}, np.zeros((1, 2)), 0.0
@@ -141,8 +143,10 @@ class _Maker:
             places = np.array([[-a, -b], [a, -b], [0.3 * a, b]])
             return {"kind": "polygon", "vertices": places.tolist()}, places, 0.0
         if kind == "outline":
+            self.kinds = SHAPES[:-2]
             places = np.array([[-a, -b], [a, -b], [a, 0.0], [0.0, 0.0], [0.0, b], [-a, b]])
             return {"kind": "outline", "vertices": places.tolist()}, places, 0.0
+        self.kinds = SHAPES[:-2]
         discs = [{"kind": "disc", "radius": 0.5 * a, "at": [side * a, 0.0]} for side in (-1, 1)]
         return discs, np.array([[-a, 0.0], [a, 0.0]]), 0.5 * a
 

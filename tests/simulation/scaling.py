@@ -194,8 +194,15 @@ def recorded(run: Run, units: Units) -> dict[str, Any]:
     return report
 
 
+NOTHING = 1e-250
+"""Below this, products run out of the range of numbers, and of digits with it."""
+
+
 def differing(one: dict[str, Any], two: dict[str, Any]) -> list[str]:
     """Names of what is not the same in two reports, bit for bit."""
-    return [
-        name for name in one | two if not np.array_equal(np.array(one.get(name)), np.array(two.get(name)))
-    ]
+    return [name for name in one | two if not np.array_equal(_kept(one.get(name)), _kept(two.get(name)))]
+
+
+def _kept(value: Any) -> Any:
+    array = np.asarray(value)
+    return np.where(np.abs(array) < NOTHING, 0.0, array) if array.dtype == np.float64 else array
