@@ -62,7 +62,7 @@ class Units:
 
     def factor(self, dimension: Dimension) -> float:
         l, m, t = dimension
-        return self.length**l * self.mass**m * self.time**t
+        return float(self.length**l * self.mass**m * self.time**t)
 
 
 def scaled(scene: rw.Scene, units: Units) -> dict[str, Any]:
@@ -145,8 +145,9 @@ class _Names(ast.NodeTransformer):
 
     def visit_Call(self, node: ast.Call) -> ast.expr:
         name = ast.unparse(node.func)
-        if name in ("gap", "force"):
-            return self.old(node, LENGTH if name == "gap" else FORCE)
+        between = {"gap": LENGTH, "force": FORCE, "impulse": times(FORCE, TIME)}
+        if name in between:
+            return self.old(node, between[name])
         if name == "speed":
             return self.old(node, over(self.scaler.places[ast.unparse(node.args[0])], TIME))
         node.args = [self.visit(one) for one in node.args]

@@ -156,9 +156,9 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 @pytest.mark.parametrize("name", SCENES)
 def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
     scene = SCENES[name]
-    here = recorded(taken(scene, model, tol, Units(), 150), Units())
+    here = recorded(taken(scene, model, tol, Units(), 100), Units())
     for units in FAR:
-        there = recorded(taken(scene, model, tol, units, 150), units)
+        there = recorded(taken(scene, model, tol, units, 100), units)
         assert not differing(here, there), units
 
 

@@ -197,8 +197,7 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
-    if not rung[0].metric:
-        account(rung, h, terms, contacts, state, scratch, state.v)
+    account(rung, h, terms, contacts, state, scratch, state.v)
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
     for c in range(state.pushes.shape[0]):

@@ -234,8 +234,10 @@ def account(
     """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
     With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
-    rounding.
+    rounding. On the kinematic rung there is neither force nor work.
     """
+    if rung[0].metric:
+        return
     clock = state.clock[0]
     n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
     momentum = rung[0].inertia > 0.0
