@@ -24,7 +24,7 @@ class _Maker:
         self.places: dict[str, tuple[float, float]] = {}
         self.value = float(rng.uniform(0.5, 2.0))
         self.kinds = SHAPES
-        """Shapes to choose from: one body of several shapes is enough, or most time goes into certificates."""
+        """Shapes to choose from; after one body of several shapes all others have one."""
         self.rubs = self.chance(0.5)
         """Whether everything is damped: a quasistatic motion has an answer then."""
 
@@ -47,7 +47,7 @@ class _Maker:
             size,
             self.number(size),
             f"{size!r} * cos(30 * t)",
-            f"{size!r} if t < 4e-3 else {-0.5 * size!r}",
+            f"{size!r} if t < 4.5e-3 else {-0.5 * size!r}",
             f"p * {size!r} * min(1, 100 * t)",
         )
 
@@ -85,13 +85,13 @@ class _Maker:
             ]
         if self.chance(0.3):
             scene["goal"] = self.of(
-                "o0.x > 0.01 and abs(speed(o0.angle)) <= 0.2", "t >= 4e-3 and abs(o0.angle) > 1e-4",
-                "speed(o0.x) < 1e3 * tolerance and t > 5e-3",
+                "o0.x > 0.01 and abs(speed(o0.angle)) <= 0.2", "t >= 4.5e-3 and abs(o0.angle) > 1e-4",
+                "speed(o0.x) < 1e3 * tolerance and t > 5.5e-3",
             )  # fmt: skip
         if "floor" in self.bodies and self.chance(0.3):
             scene["unsafe"] = "force(o0, floor) > 300 or gap(o0, floor) > 0.05"
         step = self.of(1e-3, 1e-3, 4e-3)
-        scene |= {"step": step, "duration": self.number(12 * step), "tolerance": self.of(1e-6, 1e-5)}
+        scene |= {"step": step, "duration": self.number(12.5 * step), "tolerance": self.of(1e-6, 1e-5)}
         return scene
 
     def body(self, name: str, role: str, edge: float) -> float:
@@ -168,7 +168,8 @@ class _Maker:
     def drive(self, size: float) -> dict[str, Any]:
         speed = self.between(0.05, 1.0)
         servo: dict[str, Any] = {
-            "kind": "servo", "stiffness": 500 * size, "damping": self.of(0.0, 20 * size), "target": self.timed(0.03),
+            "kind": "servo", "stiffness": 500 * size, "damping": self.of(0.0, 20 * size),
+            "target": self.timed(0.03),
         }  # fmt: skip
         rate = {"kind": "servo", "stiffness": 200 * size, "target_speed": speed}
         return self.of(

@@ -27,7 +27,8 @@ def over(a: Dimension, b: Dimension) -> Dimension:
 
 SHAPE = dict.fromkeys(("at", "radius", "length", "width", "height", "vertices"), LENGTH)
 BODY = {
-    "mass": MASS, "density": (-2, 1, 0), "centre": LENGTH, "inertia": (2, 1, 0), "force": FORCE, "torque": ENERGY,
+    "mass": MASS, "density": (-2, 1, 0), "centre": LENGTH, "inertia": (2, 1, 0),
+    "force": FORCE, "torque": ENERGY,
 }  # fmt: skip
 JOINT = {
     "at": LENGTH, "stiffness": (0, 1, -2), "damping": (0, 1, -1),

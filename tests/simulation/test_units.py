@@ -15,6 +15,7 @@ import rungwise as rw
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 
+from . import scaling
 from .conftest import MOVING
 from .random_scenes import random_scene
 from .scaling import Units, differing, recorded, scaled
@@ -108,7 +109,8 @@ def thrown(mu: float) -> dict[str, Any]:
     """A rod thrown at a floor."""
     rod = {
         "role": "object", "shape": [{"kind": "point", "at": [side, 0]} for side in (-0.5, 0.5)], "mass": 1,
-        "centre": [0, 0], "inertia": 1 / 12, "pose": {"x": 0, "y": 0.36, "angle": 0.8}, "motion": {"kind": "free"},
+        "centre": [0, 0], "inertia": 1 / 12, "pose": {"x": 0, "y": 0.36, "angle": 0.8},
+        "motion": {"kind": "free"},
         "coordinates": {"y": {"speed": -2}, "angle": {"speed": 0.3}},
     }  # fmt: skip
     floor = {"role": "obstacle", "shape": {"kind": "halfplane"}}
@@ -143,8 +145,8 @@ def linkage() -> dict[str, Any]:
 
 
 ORDINARY = {
-    "slid": pushed(0.05), "tipped": pushed(0.3), "held": squeezed(0.5), "ejected": squeezed(0.2), "slabs": slabs(),
-    "thrown": thrown(0.5), "linkage": linkage(),
+    "slid": pushed(0.05), "tipped": pushed(0.3), "held": squeezed(0.5), "ejected": squeezed(0.2),
+    "slabs": slabs(), "thrown": thrown(0.5), "linkage": linkage(),
 }  # fmt: skip
 SCENES = {name: rw.load(name) for name in rw.shipped()} | {
     name: rw.load(data) for name, data in ORDINARY.items()
@@ -181,3 +183,68 @@ def test_random_scenes_run() -> None:
         long = [run for run in runs if run.steps > 5]
         touching = [run for run in long if run.workspace is not None and run.workspace.state.modes.any()]
         assert len(long) > 25 and len(touching) > 15, (model.name, len(long), len(touching))
+
+
+SETTLED = 1e-11
+"""What rounding may do to a run that powers of ten are to leave as it is."""
+SAME = 1e-9
+
+
+def apart(one: dict[str, Any], two: dict[str, Any]) -> float:
+    """Greatest distance of two reports: places in the size of the bodies, speeds beside the fastest."""
+    if any(one[name] != two[name] for name in ("outcome", "steps")) or one.keys() != two.keys():
+        return np.inf
+    if "q" not in one:
+        return 0.0
+    fastest = float(np.abs(one["v"]).max(initial=1e-12))
+    sizes = {"q": 0.1, "deformation": 0.1, "v": fastest}
+    return max(float(np.abs(one[name] - two[name]).max(initial=0.0)) / size for name, size in sizes.items())
+
+
+def test_powers_of_ten() -> None:
+    """In units near one, which round every number but hide nothing, a run shows what rounding does to it."""
+    settled = 0
+    for number in range(200):
+        scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 2])
+        model = MOVING[number % len(MOVING)]
+        here = recorded(taken(scene, model, None, Units()), Units())
+        near = [Units(*(float(x) for x in rng.uniform(0.6, 1.7, 3))) for _ in range(2)]
+        if max(apart(here, recorded(taken(scene, model, None, units), units)) for units in near) > SETTLED:
+            continue
+        settled += 1
+        units = drawn(rng, 10.0, 9)
+        assert apart(here, recorded(taken(scene, model, None, units), units)) <= SAME, (
+            number,
+            model.name,
+            units,
+        )
+    assert settled > 150
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_batch(model: rw.Rung) -> None:
+    units, points = FAR[3], np.linspace([0.5, 0.1], [1.5, 0.9], 6)
+    options: dict[str, Any] = {"over": ("v2", "mu"), "threads": 1}
+    scenes = [rw.load(scaled(SCENES["two_finger_free"], own)) for own in (Units(), units)]
+    here = rw.Batch(scenes[0], model, tol=1e-2, **options).run(points)
+    there = rw.Batch(scenes[1], model, tol=1e-2 * units.length, **options).run(points)
+    assert np.array_equal(here.outcome, there.outcome) and np.array_equal(here.steps, there.steps)
+    places = np.array([units.factor(place) for place in scaling.places(SCENES["two_finger_free"]).values()])
+    assert np.array_equal(here.final, there.final / places)
+    assert np.array_equal(here.time, there.time / units.time)
+
+
+def test_tolerance_out_of_proportion_is_told() -> None:
+    for tolerance, told in ((1e-6, 0), (1e-12, 1), (0.1, 1)):
+        run = rw.simulate(pushed(0.05) | {"tolerance": tolerance, "duration": 2e-3}, rw.DYNAMIC_RIGID)
+        assert sum(note.startswith("tolerance") for note in run.notes) == told
+
+
+@pytest.mark.parametrize("length", [1e-5, 3e4, 1e5])
+def test_a_default_tolerance_neither_sinks_nor_hangs(length: float) -> None:
+    """On the quasistatic rung the motion is similar at every length, whatever the tolerance."""
+    there = scaled(rw.load(pushed(0.05)), Units(length)) | {"tolerance": 1e-6, "gravity": [0, -9.81]}
+    runs = [rw.simulate(scene, rw.QUASISTATIC_RIGID, duration=0.05) for scene in (pushed(0.05), there)]
+    places = [list(run.final["box"].values()) for run in runs]
+    assert runs[0].steps == runs[1].steps == 50
+    assert np.array(places[1]) / [length, length, 1.0] == pytest.approx(places[0], abs=1e-9)
