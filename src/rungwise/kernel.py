@@ -33,7 +33,9 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def record_type(integers: str, reals: str) -> np.dtype[np.void]:
     """Type of a record array with these fields, each 8 bytes wide: `array[0].name` reads and writes one, in
-    compiled code and in plain Python alike."""
+    compiled code and in plain Python alike, but for names that numpy's own records have."""
+    taken = set(dir(np.record)) & {*integers.split(), *reals.split()}
+    assert not taken, f"numpy's records have attributes of their own: {taken}"
     fields = [(name, np.int64) for name in integers.split()] + [(name, np.float64) for name in reals.split()]
     return np.dtype((np.record, fields))
 

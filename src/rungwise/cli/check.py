@@ -9,7 +9,6 @@ from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
     from rungwise.models.ladder import KINEMATIC
-    from rungwise.outcome import Code
     from rungwise.report.describe import describe, describe_text
     from rungwise.simulation.run import Simulation
 
@@ -17,8 +16,11 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
         loaded = load_scene(scene)
         parameters = parameters_of(loaded, values)
         report = describe(loaded, parameters)
-        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3)
-    if start.outcome == Code.INVALID:
+        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3).result()
+    if start.outcome.name == "invalid":
         refuse(start.reason)
-    show_json(report) if as_json else show(describe_text(report))
+    if as_json:
+        show_json(report | {"notes": list(start.notes)})
+    else:
+        show("\n".join([describe_text(report), *start.notes]))
     return 0

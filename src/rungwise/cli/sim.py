@@ -122,4 +122,4 @@ def _sentence(run: Run) -> str:
             f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can;"
             " a compliant rung cannot"
         )
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"  {note}" for note in run.notes)])

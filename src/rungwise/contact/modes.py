@@ -56,17 +56,19 @@ class Units(NamedTuple):
 def natural_units(problem: ContactProblem) -> Units:
     """Units from the problem's own rates and loads, whatever units its coordinates have.
 
-    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded
-    (1 when none is). A coordinate that no row feels has the unit that its inertia gives beside the others'.
+    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded,
+    or where none is that which the loads give to what is heaviest. A coordinate that no row feels has the
+    unit that its inertia gives beside the others'.
     """
     p = problem
     inertia = np.sqrt(np.diag(p.H))
     lever = np.abs(np.vstack([p.W, p.S])).max(axis=0, initial=0.0)
     longest = float((lever / inertia).max(initial=0.0)) or 1.0
     lever = np.where(lever > 1e-9 * longest * inertia, lever, longest * inertia)
-    velocity = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0))) or 1.0
     load = float((np.abs(p.c) / lever).max(initial=0.0))
     heaviest = float((inertia / lever).max(initial=0.0))
+    demand = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)))
+    velocity = demand or (load / heaviest**2 if heaviest > 0.0 else 0.0) or 1.0
     return Units(
         velocity / lever,
         velocity,

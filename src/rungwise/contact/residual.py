@@ -43,22 +43,22 @@ def residual(
         velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
     for r in range(limited):
         velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
-    if velocity == 0.0:
-        velocity = 1.0
     for k in range(contacts):
         largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
         largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
     worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
-    per_force = 1.0 / largest if largest > 0.0 else 1.0
+    # Where all velocities, or all forces, are zero, nothing is left to be measured.
+    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
-        worst = _worse(worst, _contact(p, k, n, v, force, 1.0 / velocity, per_force))
+        worst = _worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
             s += p.S[r, i] * v[i]
-        x, bound = tau[r] * per_force, p.F[r] * per_force
-        worst = _worse(worst, abs(x - min(max(x - s / velocity, -bound), bound)) + 0.0 * s)
+        x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
+        worst = _worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
     return worst
 
 

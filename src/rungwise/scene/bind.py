@@ -329,6 +329,7 @@ def _motion(body: Record, coordinates: RecordArray) -> int:
 @kernel
 def _inertia(body: Record, coordinate: Record, metric: float) -> int:
     coordinate.metric = metric
+    coordinate.lever = math.sqrt(metric)
     coordinate.mass = body.mass * metric
     if coordinate.drive == SPEED or coordinate.mass > 0.0:
         return BOUND
@@ -367,6 +368,11 @@ def _joints(
         joint.angle = b.angle - a.angle
         joint.lever = max(_longest(a, shapes), _longest(b, shapes))
         if not joint.lever > 0.0:
+            joint.lever = max(math.hypot(joint.a_x, joint.a_y), math.hypot(joint.b_x, joint.b_y))
+        if not joint.lever > 0.0:
+            joint.lever = math.sqrt(max(a.gyration2, b.gyration2))
+        if not joint.lever > 0.0:
+            # Nothing that could turn has a size: every row of the angle is zero.
             joint.lever = 1.0
     for m in range(measures.shape[0]):
         if measures[m].drive == SERVO:

@@ -28,9 +28,10 @@ BODY = record_type(
 COORDINATE = record_type(
     "body drive has_target limited",
     "start speed lower upper damping dry_friction drive_speed force stiffness drive_damping"
-    " target target_speed limit mass metric",
+    " target target_speed limit mass metric lever",
 )
-"""mass: generalised inertia M; metric: the same per unit of the body's mass (kinematic rung)."""
+"""mass: generalised inertia M; metric: the same per unit of the body's mass (kinematic rung); lever:
+its root, a length that makes an angle comparable with distances, and 1 for a distance."""
 
 SHAPE = record_type("body first end kind", "radius at_x at_y angle size_x size_y reach")
 """Vertices first..end, a rounding radius, and (bound) reach: the greatest distance from the body's centre."""

@@ -82,7 +82,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = ABSORBED
             break
         again = linearisation > 0 or _is_pushed(state, scratch.v_new)
-        if rung[0].metric and again and reach > LEAP * clock.size:
+        if rung[0].metric and again and reach > LEAP * clock.smallest:
             status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
@@ -90,7 +90,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.size)
+        overlap = (EXACT if rung[0].metric else OVERLAP) * clock.smallest
+        allowed = min(gap_before - terms.rounding[0], -overlap)
         closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
             _finish(records, rung, h, contacts, workspace)

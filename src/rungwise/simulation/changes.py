@@ -12,6 +12,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.records import FREE, HINGE
 from rungwise.simulation.differences import Assembly, Held, Start
+from rungwise.simulation.state import ROUNDING
 
 Array: TypeAlias = NDArray[np.float64]
 Data: TypeAlias = dict[str, Array]
@@ -31,12 +32,13 @@ class Changes:
         names: tuple[str, ...], kinds: Sequence[str],
     ) -> None:  # fmt: skip
         self.here, self.names, self.kinds = here, names, tuple(kind for kind in KINDS if kind in kinds)
-        n, reach = len(here.state.q), float(here.state.clock[0]["reach"]) or 1.0
+        n, extent = len(here.state.q), float(here.workspace.terms.rounding[0]) / ROUNDING
+        reach = float(here.state.clock[0]["reach"]) or extent or 1.0
         bodies = here.records.bodies
         first = bodies["coordinate"]
         angles = [*first[bodies["motion"] == HINGE], *(first[bodies["motion"] == FREE] + 2)]
         self.reach = reach
-        self.length = _STEP * np.where(np.isin(np.arange(n), angles), 1.0, reach)
+        self.lever = np.where(np.isin(np.arange(n), angles), reach, 1.0)
         self.varied: list[list[tuple[float, Assembly]]] = []
         for name in names if "parameters" in kinds else ():
             declared = scene.file.parameters[name]
@@ -111,10 +113,11 @@ class Changes:
 
     def _size(self, kind: str, i: int, start: Start) -> float:
         if kind == "q":
-            return float(self.length[i])
+            return float(_STEP * self.reach / self.lever[i])
         if kind == "deformation":
             return _STEP * self.reach
-        return _STEP * max(float(np.abs(start.v).max(initial=0.0)), 1e-3 * self.reach / self.here.h)
+        fastest = float(np.abs(self.lever * start.v).max(initial=0.0))
+        return float(_STEP * max(fastest, 1e-3 * self.reach / self.here.h) / self.lever[i])
 
     def _moved(
         self, kind: str, i: int, s: float, start: Start, trial: Array | None

@@ -13,10 +13,10 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Record, RecordArray, copy, kernel
-from rungwise.scene.records import HINGE, NO_DRIVE, Records
+from rungwise.scene.records import NO_DRIVE, Records
 from rungwise.simulation.state import ROUNDING, State, Workspace
 from rungwise.simulation.step import SUPPORTED, solve_step
-from rungwise.system.planar.place import coordinate_count
+from rungwise.system.planar.place import coordinate_count, turns
 
 SUDDEN = 5
 """Beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in so long a step."""
@@ -116,21 +116,15 @@ def _pace(records: Records, workspace: Workspace) -> float:
     """Greatest speed of any coordinate in the slowest motion."""
     fastest = 0.0
     for i in range(records.coordinates.shape[0]):
-        fastest = max(fastest, abs(workspace.scratch.v_new[i]) * _unit(records.coordinates[i]))
+        fastest = max(fastest, abs(workspace.scratch.v_new[i]) * records.coordinates[i].lever)
     return fastest
-
-
-@kernel
-def _unit(coordinate: Record) -> float:
-    """Distance per unit of a coordinate: 1, or the radius of gyration of what turns."""
-    return math.sqrt(coordinate.metric) if coordinate.metric > 0.0 else 1.0
 
 
 @kernel
 def _rests(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
     rests = True
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
-        rests &= abs(workspace.scratch.slowest[i]) * _unit(records.coordinates[i]) <= REST * pace
+        rests &= abs(workspace.scratch.slowest[i]) * records.coordinates[i].lever <= REST * pace
     return rests
 
 
@@ -140,7 +134,7 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
     is one step, however many it takes here. One that has gone too far ends."""
     state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
-        unit = _unit(records.coordinates[i])
+        unit = records.coordinates[i].lever
         along += state.prefer[i] * state.v[i] * unit
         asked += state.prefer[i] * state.prefer[i] * pace
         fastest = max(fastest, abs(state.v[i]) * unit)
@@ -152,9 +146,8 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
 @kernel
 def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
     """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
-    body = records.bodies[records.coordinates[i].body]
-    turns = body.motion == HINGE or i == body.coordinate + 2
-    far = 2.0 * math.pi if turns else FAR * workspace.terms.rounding[0] / ROUNDING
+    is_angle = turns(records.bodies[records.coordinates[i].body], i)
+    far = 2.0 * math.pi if is_angle else FAR * workspace.terms.rounding[0] / ROUNDING
     return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)
 
 
@@ -184,17 +177,17 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
     for i in range(state.q.shape[0]):
         held = state.prescribed[i] or workspace.scratch.held[i]
         if not held and not _has_gone_far(records, i, workspace):
-            state.wish[i] = state.prefer[i] * pace / _unit(records.coordinates[i])
+            state.wish[i] = state.prefer[i] * pace / records.coordinates[i].lever
 
 
 @kernel
 def _is_sudden(records: Records, h: float, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion begins in this step, or goes far in it."""
     state, scratch = workspace.state, workspace.scratch
-    size = min(state.clock[0].size, workspace.terms.rounding[0] / ROUNDING)
+    size = min(state.clock[0].smallest, workspace.terms.rounding[0] / ROUNDING)
     sudden = False
     for i in range(state.q.shape[0]):
-        unit = _unit(records.coordinates[i])
+        unit = records.coordinates[i].lever
         beyond = unit * abs(scratch.v_new[i] - scratch.slowest[i])
         if beyond > REST * pace:
             begins = abs(state.v[i]) * unit <= REST * pace

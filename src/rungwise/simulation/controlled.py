@@ -11,13 +11,13 @@ import math
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.modes import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel
-from rungwise.scene.records import HINGE, Records
+from rungwise.scene.records import Records
 from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.memory import bring_back, keep, remember, restore
-from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.nearby import fastest_pair, gather, look, swing, widen
 from rungwise.simulation.state import Timed, Workspace
-from rungwise.system.planar.place import coordinate_count, place
+from rungwise.system.planar.place import place, turns
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
@@ -85,7 +85,7 @@ def take(
     if allowed == 0.0:
         return TAKEN, h, following
     error = _disagreement(records, rung, control, workspace)
-    factor = min(max(0.9 * math.sqrt(allowed / max(error, 1e-300)), 0.1), 4.0)
+    factor = min(max(0.9 * math.sqrt(allowed / error), 0.1), 4.0) if error > 0.0 else 4.0
     if error > allowed and h > 1e-12 * control[0].duration:
         restore(records, workspace)
         return TOO_COARSE, h, min(factor, 0.5) * h
@@ -107,45 +107,47 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
     if later > 0.0 and records.joints.shape[0] > 0:
         join(records, rung, workspace, control[0].step)
         _keep_joints_closed(workspace, change)
-    for b in range(records.bodies.shape[0]):
-        body = records.bodies[b]
-        for j in range(coordinate_count(body)):
-            i = body.coordinate + j
-            turns = body.motion == HINGE or j == 2
-            lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
-            worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
-            worst = max(worst, lever * later * abs(change[i]))
+    for i in range(state.q.shape[0]):
+        lever = swing(records, state, i)
+        worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
+        worst = max(worst, lever * later * abs(change[i]))
     return worst
 
 
 @kernel
 def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
     """Take from a change of velocity what would open rigid joints: the next step does so itself, by impulses
-    along their rows, M change' - J^T y = M change, J change' = 0."""
+    along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in which M
+    has a unit diagonal."""
     state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
     clock = state.clock[0]
     free = clock.free
     size = free
     for r in range(clock.drives, clock.limited):
         size += math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0])
-    heaviest = 0.0
+    root = workspace.scratch.x
     for i in range(free):
-        heaviest = max(heaviest, terms.inertia[state.free[i], state.free[i]])
+        root[i] = math.sqrt(terms.inertia[state.free[i], state.free[i]])
     a[:size, : size + 1] = 0.0
     for i in range(free):
         for j in range(free):
-            a[i, j] = terms.inertia[state.free[i], state.free[j]] / heaviest
-            a[i, size] += a[i, j] * change[state.free[j]]
+            a[i, j] = terms.inertia[state.free[i], state.free[j]] / (root[i] * root[j])
+            a[i, size] += a[i, j] * root[j] * change[state.free[j]]
     row = free
     for r in range(clock.drives, clock.limited):
         if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
+            length = 0.0
             for i in range(free):
-                a[row, i] = terms.limited[r, state.free[i]]
+                length += (terms.limited[r, state.free[i]] / root[i]) ** 2
+            length = math.sqrt(length)
+            for i in range(free):
+                if length > 0.0:
+                    a[row, i] = terms.limited[r, state.free[i]] / (root[i] * length)
                 a[i, row] = -a[row, i]
             row += 1
     solve_in_place(a, size, 1, workspace.scratch.order)
     for i in range(free):
-        change[state.free[i]] = a[i, size]
+        change[state.free[i]] = a[i, size] / root[i]
 
 
 @kernel
@@ -164,16 +166,13 @@ def _is_uniform(
             return False
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
-    for b in range(records.bodies.shape[0]):
-        body = records.bodies[b]
-        for j in range(coordinate_count(body)):
-            i = body.coordinate + j
-            turns = body.motion == HINGE or j == 2
-            lever = state.clock[0].reach if turns and state.clock[0].reach > 0.0 else 1.0
-            if lever * span * abs(state.v[i] - kept.v[i]) > allowed:
-                return False
-            if turns and touches and lever * h * abs(state.v[i]) > allowed:
-                return False
+    for i in range(state.v.shape[0]):
+        lever = swing(records, state, i)
+        if lever * span * abs(state.v[i] - kept.v[i]) > allowed:
+            return False
+        is_angle = turns(records.bodies[records.coordinates[i].body], i)
+        if is_angle and touches and lever * h * abs(state.v[i]) > allowed:
+            return False
     return True
 
 

@@ -7,6 +7,7 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
+from rungwise.simulation.nearby import swing
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.simulation.verdicts import time_slot
 from rungwise.system.planar import joints
@@ -18,7 +19,7 @@ def set_speeds(
     records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
     """Numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns the
-    step that ends at the first travel limit, and the greatest prescribed speed, joints included.
+    step that ends at the first travel limit, and the greatest prescribed speed of anything, joints included.
 
     Where one of the numbers is not finite, its place in `buffer` goes to `scratch.undefined`, and nothing
     else is done.
@@ -49,7 +50,7 @@ def set_speeds(
         if math.isfinite(stop) and room <= 1e-12 * (abs(stop) + abs(speed) * h):
             continue
         state.speed[i] = speed
-        moving = max(moving, abs(speed))
+        moving = max(moving, abs(speed) * swing(records, state, i))
         if abs(speed) * shortest > room:
             shortest = room / abs(speed)
     return shortest, moving

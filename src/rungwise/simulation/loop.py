@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel
-from rungwise.scene.records import SERVO, SPEED, Records
+from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.controlled import take, until_contact
 from rungwise.simulation.drives import set_speeds
@@ -31,6 +31,8 @@ from rungwise.system.planar.place import place, start
 from rungwise.system.terms import APART
 
 MAX_HALVINGS = 60
+CLOSED = 1e-9
+"""Overlap, or opening of a joint, at the start that counts as rounding, over the longest lever."""
 PAUSE = 2.0
 """An approach no faster than what loads cause in so many nominal steps does not bounce."""
 
@@ -67,11 +69,11 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
-    clock.size = math.inf
+    clock.smallest = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach
         if reach > 0.0 and math.isfinite(reach):
-            clock.size = min(clock.size, reach)
+            clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
     extent = clock.reach
@@ -82,7 +84,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.margin = control[0].tolerance
     look(records, workspace)
     clock.next = control[0].step
-    if clock.least_gap < -1e-9 * clock.reach or _comes_apart(records, workspace):
+    if clock.least_gap < -max(CLOSED * clock.reach, terms.rounding[0]) or _comes_apart(records, workspace):
         return INVALID
     return RUNNING
 
@@ -96,7 +98,9 @@ def _comes_apart(records: Records, workspace: Workspace) -> bool:
         records.joints, measures, records.bodies, state.pose, state.q, workspace.scratch.row, places
     )
     for m in range(measures.shape[0]):
-        slack = 1e-9 * state.clock[0].reach
+        slack = max(CLOSED * state.clock[0].reach, workspace.terms.rounding[0])
+        if measures[m].which == ANGLE:
+            slack /= records.joints[measures[m].joint].lever
         low, high = (0.0, 0.0) if measures[m].held else (measures[m].lower, measures[m].upper)
         apart |= not low - slack <= places[m] <= high + slack
     return apart

@@ -10,7 +10,7 @@ from rungwise.simulation.state import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.place import coordinate_count
+from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.terms import Terms
 
 NEAR = 1e-4
@@ -56,6 +56,14 @@ def gather(records: Records, workspace: Workspace) -> int:
 
 
 @kernel
+def swing(records: Records, state: State, i: int) -> float:
+    """What measures coordinate i as a distance: 1, or the longest lever that an angle has."""
+    coordinate = records.coordinates[i]
+    is_angle = turns(records.bodies[coordinate.body], i)
+    return float(max(state.clock[0].reach, coordinate.lever)) if is_angle else 1.0
+
+
+@kernel
 def fastest_pair(
     records: Records, rung: RecordArray, terms: Terms, state: State, v: Reals, h: float
 ) -> float:
@@ -69,8 +77,7 @@ def fastest_pair(
             rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
             if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
                 rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
-            turns = body.motion == HINGE or j == 2
-            if turns:
+            if turns(body, i):
                 rate *= state.clock[0].reach + (
                     math.hypot(state.pose[b, 0] - body.pivot_x, state.pose[b, 1] - body.pivot_y)
                     if body.motion == HINGE

@@ -34,7 +34,8 @@ class Run:
     `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
     last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
     was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
-    compile them; `workspace` holds the arrays as the run left them.
+    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was changed,
+    left out or is unusual (see `simulation.remarks`).
     """
 
     scene: Scene
@@ -52,6 +53,7 @@ class Run:
     problem: ContactProblem | None
     workspace: Workspace | None
     hard: HardSteps | None = None
+    notes: tuple[str, ...] = ()
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
@@ -104,6 +106,7 @@ class Run:
             "worst_residual": self.worst_residual,
             "certificate": None if self.certificate is None else self.certificate.kind,
             "energy_gained": self.energy_gained,
+            "notes": list(self.notes),
             "wall_s": round(self.wall_s, 6),
             **({} if self.hard is None else {"hard": self.hard.summary()}),
         }

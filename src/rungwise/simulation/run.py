@@ -21,6 +21,7 @@ from rungwise.scene import records as rec
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.hard import HardSteps
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
+from rungwise.simulation.remarks import remarks
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import CONTROL, Workspace, allocate
 
@@ -87,6 +88,7 @@ class Simulation:
         self.problem: ContactProblem | None = None
         self.workspace: Workspace | None = None
         self._turn = 10
+        self.theta = theta
         self.hard: HardSteps | None = None
         if save_hard is not None:
             try:
@@ -206,6 +208,9 @@ class Simulation:
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,
+            notes=()
+            if self.workspace is None
+            else remarks(self.model, self.theta, self._control, self.workspace.state.clock),
         )
 
     def _overlap(self) -> str:
@@ -277,7 +282,7 @@ class Simulation:
         for i, name in enumerate(self.scene.template.coordinates):
             servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
             far = state.speed[i] * state.clock[0]["tried"]
-            if servo and abs(far) > least:
+            if servo and abs(far) * self._bound.records.coordinates["lever"][i] > least:
                 body, coordinate = name.split(".")
                 return (
                     f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"

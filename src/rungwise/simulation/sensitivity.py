@@ -169,7 +169,8 @@ def differentiated(
         turn = data["speed"].copy()
         turn[free] = change.v
         trial = speed
-        if np.abs(speed - went).max(initial=0.0) <= _SAME * np.abs(went).max(initial=0.0) + quantum:
+        off, size = (np.abs(changes.lever * x).max(initial=0.0) for x in (speed - went, went))
+        if off <= _SAME * size + quantum:
             break
         if not here.rung[0]["metric"]:
             raise ModelError("step: it could not be repeated")

@@ -25,12 +25,12 @@ ROUNDING = 1e-12
 
 CLOCK = record_type(
     "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans surfaces",
-    "time taken tried next eps theta margin near least_gap residual worst_residual reach size"
+    "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest"
     " drive_work load_work contact_work support_work joint_work",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
-`next` the one to try next; `reach` is the longest lever arm."""
+`next` the one to try next; `reach` is the longest lever arm, `smallest` the reach of the smallest shape."""
 
 SUPPORT = record_type("piece", "offset force power along scale yields")
 """A row of dry friction that shares a limit surface (see `simulation.support`): rate at rest, force over its

@@ -121,7 +121,8 @@ def _solve(
         slot = scratch.slots[k]
         scratch.mode[k] = state.modes[slot]
         for i in range(2):
-            scratch.contact_force[2 * k + i] = state.force[slot, i] if state.modes[slot] != OPEN else 0.0
+            force = state.force[slot, i] / terms.lever[k] if state.modes[slot] != OPEN else 0.0
+            scratch.contact_force[2 * k + i] = force
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     if state.clock[0].surfaces:
@@ -207,7 +208,7 @@ def accept_forces(
         slot = slots[k]
         state.modes[slot] = scratch.mode[k]
         for i in range(d):
-            state.force[slot, i] = force[k * d + i]
+            state.force[slot, i] = terms.lever[k] * force[k * d + i]
     for r in range(state.clock[0].limited):
         scratch.limited_mode[r] = scratch.mode[contacts + r]
 
@@ -223,7 +224,7 @@ def _relax(
 ) -> None:
     """New deformations. A slot that is too far away to be among the contacts is at rest."""
     for k in range(contacts):
-        if terms.contact_stiffness[k, 0, 0] < 1e300:
+        if math.isfinite(terms.contact_stiffness[k, 0, 0]):
             deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
             for i in range(scratch.after.shape[0]):
                 state.deformation[scratch.slots[k], i] = scratch.after[i]
@@ -236,8 +237,10 @@ def account(
     """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
     With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
-    rounding.
+    rounding. On the kinematic rung there is neither force nor work.
     """
+    if rung[0].metric:
+        return
     clock = state.clock[0]
     n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
     momentum = rung[0].inertia > 0.0

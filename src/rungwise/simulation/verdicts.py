@@ -8,6 +8,7 @@ from rungwise.kernel import RecordArray, copy, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import FORCE, SERVO, Records
+from rungwise.simulation.nearby import swing
 from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
 from rungwise.system.planar import joints
 
@@ -101,7 +102,7 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
 def has_sunk(state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
     for slot in range(state.features.shape[0]):
-        if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].size:
+        if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].smallest:
             return True
     return False
 
@@ -126,7 +127,8 @@ def spent(
         return RUNNING
     for i in range(state.q.shape[0]):
         drive = records.coordinates[i].drive
-        if abs(state.v[i]) * control[0].duration > 1e-6 * control[0].tolerance:
+        speed = swing(records, state, i) * abs(state.v[i])
+        if speed * control[0].duration > 1e-6 * control[0].tolerance:
             return RUNNING
         if not state.prescribed[i] and drive in (SERVO, FORCE):
             return RUNNING

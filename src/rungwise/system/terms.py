@@ -29,11 +29,12 @@ class Terms(Block):
     load       (n,)      all non-contact force at (t + h, q, v = 0)
     gap        (c,)      psi
     rows       (c d, n)  d(psi)/dt and tangential speed per unit of v: rows of W^T
+    lever      (c,)      length per unit of the angle that a travel limit bounds; 1 for other contacts
     friction   (c,)      mu
     restitution (c,)     e
     contact_stiffness, contact_damping (c, d, d)  K, C
     deformation (c d,)   delta at the start of the step
-    limited    (b, n)    rows S^T of force-limited drives and dry friction
+    limited    (b, n)    rows S^T of force-limited drives and dry friction: lengths, as those of contacts
     limit      (b,)      F
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
@@ -50,6 +51,7 @@ class Terms(Block):
     load: NDArray[np.float64]
     gap: NDArray[np.float64]
     rows: NDArray[np.float64]
+    lever: NDArray[np.float64]
     friction: NDArray[np.float64]
     restitution: NDArray[np.float64]
     contact_stiffness: NDArray[np.float64]
@@ -76,6 +78,7 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         load=np.zeros(n),
         gap=np.zeros(c),
         rows=np.zeros((c * d, n)),
+        lever=np.ones(c),
         friction=np.zeros(c),
         restitution=np.zeros(c),
         contact_stiffness=np.zeros((c, d, d)),

@@ -25,7 +25,7 @@ def bounds(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
                 high = np.maximum(high, at.max(axis=1) + outline.radius)
     if not np.isfinite(low).all():
         low, high = -np.ones(2), np.ones(2)
-    least = 0.05 * max(float((high - low).max()), 1e-9)
+    least = 0.05 * (float((high - low).max()) or 1.0)
     pad = np.maximum(least - (high - low), 0.0)
     low, high = low - pad, high + pad
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])

@@ -70,7 +70,7 @@ def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Real
 
     Both directions of a contact share one unit, so that friction coefficients stay what they are.
     """
-    x, y = np.ones(n), np.ones(2 * contacts + limited)
+    x, y, most = np.ones(n), np.zeros(2 * contacts + limited), 0.0
     for i in range(n):
         x[i] = 1.0 / math.sqrt(p.H[i, i])
     for k in range(contacts):
@@ -80,14 +80,18 @@ def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Real
             for i in range(n):
                 own += (p.W[r, i] * x[i]) ** 2
             yields = max(yields, own)
-        if yields > 0.0:
-            y[2 * k] = y[2 * k + 1] = 1.0 / math.sqrt(yields)
+        y[2 * k] = y[2 * k + 1] = yields
+        most = max(most, yields)
     for r in range(limited):
         yields = p.R_s[r]
         for i in range(n):
             yields += (p.S[r, i] * x[i]) ** 2
-        if yields > 0.0:
-            y[2 * contacts + r] = 1.0 / math.sqrt(yields)
+        y[2 * contacts + r] = yields
+        most = max(most, yields)
+    for r in range(2 * contacts + limited):
+        # What nothing yields to is in the unit of another.
+        yields = y[r] if y[r] > 0.0 else most
+        y[r] = 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
     return x, y
 
 

@@ -7,8 +7,6 @@ NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to loo
 
 from __future__ import annotations
 
-import math
-
 from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.residual import residual
@@ -113,17 +111,17 @@ def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
             a, b = 2 * i, 2 * j
             across, own, other = 0.0, 0.0, 0.0
             for k in range(n):
-                across += p.W[a, k] * p.W[b, k]
-                own += p.W[a, k] * p.W[a, k]
-                other += p.W[b, k] * p.W[b, k]
+                across += p.W[a, k] * p.W[b, k] / p.H[k, k]
+                own += p.W[a, k] * p.W[a, k] / p.H[k, k]
+                other += p.W[b, k] * p.W[b, k] / p.H[k, k]
             if across >= 0.0 or p.R[i, 0, 0] != 0.0 or p.R[j, 0, 0] != 0.0:
                 continue
             ratio, left = -across / other, 0.0
             for k in range(n):
-                left = max(left, abs(p.W[a, k] + ratio * p.W[b, k]))
+                left = max(left, (p.W[a, k] + ratio * p.W[b, k]) ** 2 / p.H[k, k])
             demand = p.w[a] + ratio * p.w[b]
             sure = demand < -_OPPOSITE * (abs(p.w[a]) + ratio * abs(p.w[b]))
-            if sure and left <= _OPPOSITE * math.sqrt(own):
+            if sure and left <= _OPPOSITE**2 * own:
                 return True
     return False
 

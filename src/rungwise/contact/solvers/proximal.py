@@ -56,14 +56,17 @@ def solve_proximal(
     centre, give, rate = vectors[0], vectors[1], vectors[2]
     at += 3 * rows
     push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
+    at += 2 * rows + n
+    unit = flat[at : at + n]
     for i in range(n):
         v[i] = 0.0
+        unit[i] = 1.0 / math.sqrt(problem.H[i, i])
     collect(contacts, limited, force, tau, centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
         if not _settle(
-            problem, n, contacts, limited, mode, rho, factored, centre, give, push, factors, order, v, force,
-            tau, rate, step,
+            problem, n, contacts, limited, mode, rho, factored, unit, centre, give, push, factors, order, v,
+            force, tau, rate, step,
         ):  # fmt: skip
             if rho >= MOST:
                 break
@@ -96,6 +99,7 @@ def _settle(
     mode: Ints,
     rho: float,
     factored: bool,
+    unit: Reals,
     centre: Reals,
     give: Reals,
     push: Reals,
@@ -108,17 +112,18 @@ def _settle(
     step: Reals,
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors are
-    those of `mode` and `rho`."""
+    those of `mode` and `rho`; `unit` (n,): of velocities, in which H has a unit diagonal."""
     for flips in range(2 * MAX_FLIPS):
         if not factored:
             _impose(problem, contacts, limited, mode, force, tau)
             _give(problem, n, contacts, limited, rho, give)
             _push(problem, contacts, limited, mode, give, push)
-            if not _factorise(problem, n, contacts, limited, push, factors, order):
+            if not _factorise(problem, n, contacts, limited, unit, push, factors, order):
                 return False
         for _ in range(2):
             _correct(
-                problem, n, contacts, limited, give, centre, push, factors, order, v, force, tau, rate, step
+                problem, n, contacts, limited, unit, give, centre, push, factors, order, v, force, tau, rate,
+                step,
             )  # fmt: skip
         # Many flips at once may cycle.
         most = contacts + limited if flips < MAX_FLIPS else 1
@@ -165,14 +170,21 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
 
 @kernel
 def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
-    """What each row must yield to its own force beside R: at least rho of what the bodies yield."""
+    """What each row must yield to its own force beside R: at least rho of what the bodies yield, or those of
+    another row where no body of its own does."""
+    most = 0.0
     for r in range(2 * contacts + limited):
-        c = r - 2 * contacts
-        own, bodies = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c], 0.0
+        c, bodies = r - 2 * contacts, 0.0
         for i in range(n):
             row = p.W[r, i] if c < 0 else p.S[c, i]
             bodies += row * row / p.H[i, i]
-        give[r] = max(rho * (bodies if bodies > 0.0 else 1.0) - own, 0.0)
+        give[r] = bodies
+        most = max(most, bodies)
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
+        bodies = give[r] if give[r] > 0.0 else (most if most > 0.0 else 1.0)
+        give[r] = max(rho * bodies - own, 0.0)
 
 
 @kernel
@@ -231,9 +243,16 @@ def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Real
 
 @kernel
 def _factorise(
-    p: ContactProblem, n: int, contacts: int, limited: int, push: Reals, factors: Reals, order: Ints
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    unit: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
 ) -> bool:
-    """Factors of H + W^T push W + S^T push S."""
+    """Factors of H + W^T push W + S^T push S in these units: pivots are chosen by size."""
     for i in range(n):
         for j in range(n):
             factors[i, j] = p.H[i, j]
@@ -257,6 +276,9 @@ def _factorise(
             if a != 0.0:
                 for j in range(n):
                     factors[i, j] += a * p.S[r, j]
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] *= unit[i] * unit[j]
     return factorise(factors, n, order)
 
 
@@ -266,6 +288,7 @@ def _correct(
     n: int,
     contacts: int,
     limited: int,
+    unit: Reals,
     give: Reals,
     centre: Reals,
     push: Reals,
@@ -305,8 +328,11 @@ def _correct(
         x = tau[r] - push[4 * contacts + r] * x
         for i in range(n):
             step[i] += p.S[r, i] * x
+    for i in range(n):
+        step[i] *= unit[i]
     substitute(factors, n, order, step)
     for i in range(n):
+        step[i] *= unit[i]
         v[i] += step[i]
     for k in range(contacts):
         normal, tangential = rate[2 * k], rate[2 * k + 1]

@@ -258,7 +258,7 @@ def stops(
             limit = unit * (kind.lower if side == 0 else kind.upper)
             if math.isfinite(limit):
                 sign = 1.0 - 2.0 * side
-                stop(sign * (value - limit), count, terms)
+                stop(sign * (value - limit), unit, count, terms)
                 for i in range(row.shape[0]):
                     terms.rows[2 * count, i] = sign * row[i]
                 slots[count] = slot + 2 * m + side

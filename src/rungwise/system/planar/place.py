@@ -87,6 +87,12 @@ def lever(body: Record, pose: Reals, i: int, x: float, y: float) -> tuple[float,
 
 
 @kernel
+def turns(body: Record, i: int) -> bool:
+    """Whether the body's coordinate i is an angle."""
+    return bool(body.motion == HINGE or i == body.coordinate + 2)
+
+
+@kernel
 def coordinate_count(body: Record) -> int:
     """How many coordinates the body has."""
     if body.motion == FREE:

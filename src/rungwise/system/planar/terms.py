@@ -31,14 +31,15 @@ def constants(
             terms.stiffness[i, i] += c.stiffness
             terms.damping[i, i] += c.drive_damping
         elif c.drive == SERVO:
-            terms.limited[count, i] = 1.0
-            terms.limit[count] = c.limit
-            terms.gains[count, 0], terms.gains[count, 1] = c.stiffness, c.drive_damping
+            terms.limited[count, i] = c.lever
+            terms.limit[count] = c.limit / c.lever
+            terms.gains[count, 0] = c.stiffness / (c.lever * c.lever)
+            terms.gains[count, 1] = c.drive_damping / (c.lever * c.lever)
             terms.account[count], terms.surface[count] = DRIVE, APART
             count += 1
         if c.dry_friction > 0.0 and c.drive != SPEED:
-            terms.limited[count, i] = 1.0
-            terms.limit[count] = c.dry_friction
+            terms.limited[count, i] = c.lever
+            terms.limit[count] = c.dry_friction / c.lever
             terms.account[count] = SUPPORT
             terms.surface[count] = c.body if _slides_any_way(bodies[c.body], coordinates) else APART
             count += 1
@@ -108,8 +109,8 @@ def loads(
             error = target(c, start[i], time) - q[i]
             terms.load[i] += c.stiffness * error + c.drive_damping * c.target_speed
         elif c.drive == SERVO:
-            terms.error[count, 0] = target(c, start[i], time) - q[i]
-            terms.error[count, 1] = c.target_speed
+            terms.error[count, 0] = c.lever * (target(c, start[i], time) - q[i])
+            terms.error[count, 1] = c.lever * c.target_speed
             count += 1
         if c.dry_friction > 0.0 and c.drive != SPEED:
             terms.error[count, 0] = terms.error[count, 1] = 0.0
@@ -175,6 +176,7 @@ def gather(
                 contact = contacts[pairs[p].contact]
                 a, b = contact.body_a, contact.body_b
                 contact_rows(bodies[a], bodies[b], a, b, pose, points[slot], terms.rows, 2 * count)
+                terms.lever[count] = 1.0
                 terms.gap[count] = points[slot, GAP]
                 terms.friction[count] = contact.friction
                 terms.restitution[count] = contact.restitution
@@ -192,23 +194,24 @@ def gather(
                 count += 1
     for i in range(coordinates.shape[0]):
         if not prescribed[i]:
-            slot = 2 * pairs.shape[0] + 2 * i
+            slot, lever = 2 * pairs.shape[0] + 2 * i, coordinates[i].lever
             if math.isfinite(coordinates[i].lower):
-                stop(q[i] - coordinates[i].lower, count, terms)
-                terms.rows[2 * count, i] = 1.0
+                stop(lever * (q[i] - coordinates[i].lower), lever, count, terms)
+                terms.rows[2 * count, i] = lever
                 slots[count] = slot
                 count += 1
             if math.isfinite(coordinates[i].upper):
-                stop(coordinates[i].upper - q[i], count, terms)
-                terms.rows[2 * count, i] = -1.0
+                stop(lever * (coordinates[i].upper - q[i]), lever, count, terms)
+                terms.rows[2 * count, i] = -lever
                 slots[count] = slot + 1
                 count += 1
     return count
 
 
 @kernel
-def stop(gap: float, count: int, terms: Terms) -> None:
+def stop(gap: float, lever: float, count: int, terms: Terms) -> None:
     """A travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to fill."""
+    terms.lever[count] = lever
     terms.rows[2 * count, :] = 0.0
     terms.rows[2 * count + 1, :] = 0.0
     terms.gap[count] = gap

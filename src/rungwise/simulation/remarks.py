@@ -1,0 +1,61 @@
+"""Remarks on a run: what was changed, left out or is unusual, one line each, for `Run.notes`."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import RecordArray
+from rungwise.models.ladder import Rung
+
+SHORTENED = 2.0
+"""How many times as many steps as asked for are worth a remark."""
+FINE, COARSE = 1e-9, 1e-2
+"""The goal's tolerance in reaches of the smallest shape: below the first lies what counts as rounding where
+bodies touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second
+bodies would count as touching that are apart to the eye."""
+
+
+def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) -> tuple[str, ...]:
+    """All that is to be said about a run so far, beside its verdict; add a line here for a new kind.
+
+    `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
+    """
+    found = (_theta(rung, theta), _step(control, clock), _tolerance(control, clock))
+    return tuple(remark for remark in found if remark)
+
+
+def _theta(rung: Rung, theta: float) -> str:
+    if theta == 1.0 or rung.record(theta)["theta"][0] == theta:
+        return ""
+    return f"theta: {theta:g} has no effect on the {rung.name} rung: its steps are fully implicit"
+
+
+def _step(control: RecordArray, clock: RecordArray) -> str:
+    """A step of fixed length that was far too long for the scene."""
+    step, duration, steps, time = (
+        float(control[0]["step"]),
+        float(control[0]["duration"]),
+        int(clock[0]["steps"]),
+        float(clock[0]["time"]),
+    )
+    if control[0]["error"] > 0.0 or steps == 0:
+        return ""
+    lines = []
+    if step > duration:
+        lines.append(f"{step:g} is longer than the whole run ({duration:g})")
+    if steps > SHORTENED * max(1.0, time / min(step, duration)):
+        lines.append(f"{steps} steps were taken, on average of {time / steps:.3g}: shorter where it must be")
+    return "step: " + "; ".join(lines) if lines else ""
+
+
+def _tolerance(control: RecordArray, clock: RecordArray) -> str:
+    """A tolerance that is out of proportion to the shapes: most often one left at its default."""
+    tolerance, smallest = float(control[0]["tolerance"]), float(clock[0]["smallest"])
+    if not math.isfinite(smallest) or FINE * smallest <= tolerance <= COARSE * smallest:
+        return ""
+    fine = tolerance < FINE * smallest
+    why = "gaps are not known so well" if fine else "what is apart would count as touching"
+    return (
+        f"tolerance: {tolerance:.3g} is out of proportion to the smallest shape, whose reach is"
+        f" {smallest:.3g}: {why}; {1e-6 * smallest:.1g} would fit"
+    )
