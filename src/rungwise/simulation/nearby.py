@@ -24,7 +24,7 @@ def look(records: Records, workspace: Workspace) -> None:
     state.clock[0].least_gap = find_contacts(
         records.shapes, records.contacts, records.pairs, state.pose, state.outline,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
-        workspace.scratch.fresh,
+        workspace.scratch.fresh, workspace.seams,
     )  # fmt: skip
 
 

@@ -1,0 +1,225 @@
+"""Contact points of two shapes of which one or both have seams: those of the common pieces, each in one pair.
+
+Faces linked over seams are one face, whose ends are the outer ones; the corners between are no vertices,
+and what neighbours cover separates nothing. A point of the common piece belongs to the pair of the shape that
+has its vertex and the shape over whose part of the face that vertex is, so that pairs share the points that
+there would be without seams.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Ints, Reals, Record, kernel
+from rungwise.scene.records import HALFPLANE
+from rungwise.system.planar.manifold import (
+    ABSENT,
+    TIE,
+    VERTICES,
+    along,
+    are_parallel,
+    closest_vertices,
+    facing_edge,
+    has_area,
+    put,
+    span,
+)
+from rungwise.system.planar.seams import NONE, Seams, height, outer_ends
+
+
+@kernel
+def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
+    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points are theirs."""
+    features[0] = features[1] = ABSENT
+    gap_a, edge_a, vertex_b = _best_edge(a, b, outline, seams)
+    gap_b, edge_b, vertex_a = _best_edge(b, a, outline, seams)
+    if edge_a < 0 and edge_b < 0:
+        return _closest_vertices(b, a, 1.0, outline, seams, points, features)
+    if gap_a >= gap_b:
+        return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
+    return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
+
+
+@kernel
+def _best_edge(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, int, int]:
+    """Best separating edge of `shape` among the exposed: least height of the other's piece, the edge, and the
+    deepest vertex of `other`."""
+    best, best_edge, best_vertex = -math.inf, -1, -1
+    if other.kind == HALFPLANE or shape.end - shape.first == 1:
+        return best, best_edge, best_vertex
+    for i in range(shape.first, shape.first + 1 if shape.kind == HALFPLANE else shape.end):
+        least, deepest = math.inf, other.first
+        for j in range(other.first, other.end):
+            d = height(i, j, outline)
+            if d < least:
+                least, deepest = d, j
+        if seams.dead[deepest] != 0:
+            least = min(least, _least_along(i, deepest, other, outline, seams))
+        exposed = shape.kind == HALFPLANE or _is_exposed(i, deepest, other, outline, seams)
+        if least > best and exposed:
+            best, best_edge, best_vertex = least, i, deepest
+    return best, best_edge, best_vertex
+
+
+@kernel
+def _least_along(edge: int, vertex: int, other: Record, outline: Reals, seams: Seams) -> float:
+    """Least height over the edge of the faces that meet at the dead vertex."""
+    before = vertex - 1 if vertex > other.first else other.end - 1
+    least = math.inf
+    for face in (before, vertex):
+        start, end = outer_ends(face, seams)
+        least = min(least, height(edge, start, outline), height(edge, end, outline))
+    return least
+
+
+@kernel
+def _is_exposed(i: int, deepest: int, other: Record, outline: Reals, seams: Seams) -> bool:
+    """Whether what of `other` is next to edge i lies beside its exposed part."""
+    low, high = seams.exposed[i, 0], seams.exposed[i, 1]
+    length = along(i, seams.ends[i], outline)
+    if low <= 0.0 and high >= length:
+        return True
+    if not low < high:
+        return False
+    first = last = along(i, deepest, outline)
+    if other.end - other.first > 1:
+        facing = facing_edge(other, i, deepest, outline)
+        if are_parallel(i, facing, outline):
+            ends = along(i, facing, outline), along(i, seams.ends[facing], outline)
+            first, last = min(ends[0], ends[1]), max(ends[0], ends[1])
+    return not ((low > 0.0 and last <= low) or (high < length and first >= high))
+
+
+@kernel
+def _from_edge(
+    shape: Record,
+    other: Record,
+    edge: int,
+    vertex: int,
+    gap: float,
+    sign: float,
+    outline: Reals,
+    seams: Seams,
+    points: Reals,
+    features: Ints,
+) -> int:
+    """As in `manifold`, with the whole faces that the edge and the facing one are parts of."""
+    apart = gap > 0.0 or not (has_area(shape) or has_area(other))
+    plane = shape.kind == HALFPLANE
+    single = other.end - other.first == 1
+    facing = vertex if single else facing_edge(other, edge, vertex, outline)
+    first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
+    ends = 4 if not plane and not single and are_parallel(edge, facing, outline) else 2
+    deepest, least = -1, math.inf
+    for k in range(1 if single else ends):
+        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+        distance = height(e, j, outline)
+        if over and distance < least:
+            deepest, least = k, distance
+    lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
+    nearest = first_vertex if lower else last_vertex
+    gap = height(edge, nearest, outline)
+    if deepest < 0 or (gap > 0.0 and least > gap + TIE * span(edge, nearest, outline)):
+        if apart:
+            return _closest_vertices(shape, other, sign, outline, seams, points, features)
+        if not (other.first <= nearest < other.end) or _is_beyond_seam(edge, nearest, plane, outline, seams):
+            return 0
+        features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
+        return 1
+    count = _put_end(
+        deepest, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[0],
+        features, 0,
+    )  # fmt: skip
+    second, farthest = -1, 0.0
+    _, _, j0 = _end(deepest, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+    for k in range(1 if single else ends):
+        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+        if over and k != deepest:
+            away = abs(along(edge, j, outline) - along(edge, j0, outline))
+            if away > farthest:
+                second, farthest = k, away
+    if second < 0:
+        return count
+    return _put_end(
+        second, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[count],
+        features, count,
+    )  # fmt: skip
+
+
+@kernel
+def _end(
+    k: int, plane: bool, edge: int, facing: int, first: int, last: int, outline: Reals, seams: Seams
+) -> tuple[bool, int, int]:
+    """Candidate k = 0..3: (is it over the whole face, edge, vertex). Ends of the facing face, then of the
+    best edge's."""
+    if k < 2:
+        j = first if k == 0 else last
+        return plane or _is_over(edge, j, outline, seams), edge, j
+    start, end = outer_ends(edge, seams)
+    j = start if k == 2 else end
+    return _is_over(facing, j, outline, seams), facing, j
+
+
+@kernel
+def _is_over(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex projects onto the whole face of the edge, with rounding at its ends."""
+    start, end = outer_ends(edge, seams)
+    low, high, place = along(edge, start, outline), along(edge, end, outline), along(edge, vertex, outline)
+    slack = TIE * (high - low)
+    return place >= low - slack and place <= high + slack
+
+
+@kernel
+def _is_own(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex is over this part of the whole face. At a seam it is over just one of both."""
+    before, after = seams.before[edge], seams.after[edge]
+    if before != NONE and along(before, vertex, outline) < along(before, edge, outline):
+        return False
+    return not (after != NONE and not along(edge, vertex, outline) < along(edge, after, outline))
+
+
+@kernel
+def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, seams: Seams) -> bool:
+    return not plane and not _is_own(edge, vertex, outline, seams)
+
+
+@kernel
+def _put_end(
+    k: int,
+    shape: Record,
+    other: Record,
+    edge: int,
+    facing: int,
+    first: int,
+    last: int,
+    sign: float,
+    outline: Reals,
+    seams: Seams,
+    point: Reals,
+    features: Ints,
+    at: int,
+) -> int:
+    """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
+    plane = shape.kind == HALFPLANE
+    _, e, j = _end(k, plane, edge, facing, first, last, outline, seams)
+    owner = other if k < 2 else shape
+    if not (owner.first <= j < owner.end) or (not plane and not _is_own(e, j, outline, seams)):
+        return at
+    if k < 2:
+        features[at] = put(e, j, shape.radius, other.radius, sign, outline, point)
+    else:
+        features[at] = put(e, j, other.radius, shape.radius, -sign, outline, point)
+    return at + 1
+
+
+@kernel
+def _closest_vertices(
+    shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, points: Reals, features: Ints
+) -> int:
+    """The two vertices nearest to each other, unless one is a corner between flush faces."""
+    closest_vertices(shape, other, sign, outline, points, features)
+    first, second = features[0] // VERTICES - VERTICES, features[0] % VERTICES
+    if seams.dead[first] != 0 or seams.dead[second] != 0:
+        features[0] = ABSENT
+        return 0
+    return 1

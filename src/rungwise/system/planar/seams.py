@@ -1,0 +1,223 @@
+"""Seams: faces of neighbouring shapes that lie flush, and what of their outlines lies inside the neighbours.
+
+Two shapes that do not move relative to each other, and that touch the same bodies, are one piece to these
+bodies. A face that continues flush into the neighbour's is *linked* to it; the corners between the two are
+*dead*: no vertex of the common piece. Parts of edges inside neighbours are *covered*, the rest is exposed.
+Source: ghost vertices of collision detection along chains of edges (Catto, Box2D), for any neighbours.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.scene.records import FIXED, HALFPLANE, Records
+from rungwise.system.planar.manifold import ABSENT, VERTICES
+
+NONE = -1
+FLUSH = 1e-9
+"""Distance, over the smaller reach of two shapes, up to which they are flush: a start that overlaps by no
+more is admitted, too."""
+
+
+class Seams(Block):
+    """Seams of a scene, per edge (or the vertex where it starts), shape, and pair of shapes.
+
+    ends        (vertices,)     vertex where the edge ends
+    before      (vertices,)     edge that the face of this one continues, or NONE
+    after       (vertices,)     edge into which the face of this one continues, or NONE
+    dead        (vertices,)     whether the vertex is a corner between flush faces
+    exposed     (vertices, 2)   part of the edge that is not covered: places along it from its start
+    neighbours  (k, 2)          shapes that may lie flush
+    seamed      (shapes,)       whether any of this holds for the shape
+    joined      (1,)            whether it holds for any shape
+    features, deformation, modes   per slot, before contacts are looked for again
+    """
+
+    ends: Ints
+    before: Ints
+    after: Ints
+    dead: Ints
+    exposed: Reals
+    neighbours: Ints
+    seamed: Ints
+    joined: Ints
+    features: Ints
+    deformation: Reals
+    modes: Ints
+
+
+def allocate_seams(records: Records) -> Seams:
+    """The seams of a scene, yet to be found."""
+    shapes, count, slots = records.shapes, len(records.vertices), 2 * len(records.pairs)
+    ends = np.arange(1, count + 1)
+    ends[shapes["end"] - 1] = shapes["first"]
+    return Seams(
+        ends=ends,
+        before=np.full(count, NONE, np.int64),
+        after=np.full(count, NONE, np.int64),
+        dead=np.zeros(count, np.int64),
+        exposed=np.zeros((count, 2)),
+        neighbours=_neighbours(records),
+        seamed=np.zeros(len(shapes), np.int64),
+        joined=np.zeros(1, np.int64),
+        features=np.full(slots, ABSENT, np.int64),
+        deformation=np.zeros((slots, 2)),
+        modes=np.zeros(slots, np.int64),
+    )
+
+
+def _neighbours(records: Records) -> NDArray[np.int64]:
+    """Pairs of shapes at rest relative to each other whose bodies touch the same bodies."""
+    partners: dict[int, set[int]] = {}
+    for a, b in zip(records.contacts["body_a"].tolist(), records.contacts["body_b"].tolist(), strict=True):
+        partners.setdefault(a, set()).add(b)
+        partners.setdefault(b, set()).add(a)
+    groups: dict[object, list[int]] = {}
+    for s, (body, kind, first, end) in enumerate(records.shapes[["body", "kind", "first", "end"]].tolist()):
+        if kind != HALFPLANE and end - first > 1 and body in partners:
+            fixed = records.bodies[body]["motion"] == FIXED
+            group = ("fixed", *sorted(partners[body])) if fixed else body
+            groups.setdefault(group, []).append(s)
+    pairs = [(s, t) for group in groups.values() for s in group for t in group if s < t]
+    return np.array(pairs, np.int64).reshape(-1, 2)
+
+
+@kernel
+def find_seams(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
+    """Find the seams between neighbours at the placed outlines."""
+    seams.seamed[:] = 0
+    seams.joined[0] = 0
+    if seams.neighbours.shape[0] == 0:
+        return
+    seams.dead[:] = 0
+    seams.before[:] = NONE
+    seams.after[:] = NONE
+    for s in range(shapes.shape[0]):
+        for i in range(shapes[s].first, shapes[s].end):
+            seams.exposed[i, 0], seams.exposed[i, 1] = 0.0, _length(i, outline, seams)
+    for k in range(seams.neighbours.shape[0]):
+        s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
+        a, b = shapes[s], shapes[t]
+        if a.radius == b.radius:
+            near = FLUSH * min(a.reach, b.reach)
+            found = False
+            for i in range(a.first, a.end):
+                for m in range(b.first, b.end):
+                    found |= _link(i, m, near, outline, seams)
+                    found |= _link(m, i, near, outline, seams)
+            for i in range(a.first, a.end):
+                found |= _cover(i, b.first, b.end, near, outline, seams)
+            for m in range(b.first, b.end):
+                found |= _cover(m, a.first, a.end, near, outline, seams)
+            if found:
+                seams.seamed[s] = seams.seamed[t] = seams.joined[0] = 1
+
+
+@kernel
+def _length(i: int, outline: Reals, seams: Seams) -> float:
+    j = seams.ends[i]
+    return math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
+
+
+@kernel
+def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
+    """Link edge i to edge m if it continues there in the same line."""
+    j = seams.ends[i]
+    if not math.hypot(outline[m, 0] - outline[j, 0], outline[m, 1] - outline[j, 1]) <= near:
+        return False
+    same = outline[i, 2] * outline[m, 2] + outline[i, 3] * outline[m, 3] > 0.0
+    off_i, off_m = height(i, seams.ends[m], outline), height(m, i, outline)
+    if not same or max(abs(off_i), abs(off_m)) > near or seams.after[i] != NONE or seams.before[m] != NONE:
+        return False
+    seams.after[i], seams.before[m] = m, i
+    seams.dead[m] = seams.dead[j] = 1
+    return True
+
+
+@kernel
+def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Seams) -> bool:
+    """Cover what of edge i lies in the polygon of vertices first..end, or along its boundary."""
+    length = _length(i, outline, seams)
+    j = seams.ends[i]
+    low, high = 0.0, length
+    for m in range(first, end):
+        begins, stops = height(m, i, outline) - near, height(m, j, outline) - near
+        if begins > 0.0 and stops > 0.0:
+            return False
+        alike = outline[i, 2] * outline[m, 2] + outline[i, 3] * outline[m, 3] > 0.0
+        if alike and max(abs(begins + near), abs(stops + near)) <= near:
+            return False
+        if begins > 0.0:
+            low = max(low, length * begins / (begins - stops))
+        elif stops > 0.0:
+            high = min(high, length * begins / (begins - stops))
+    if not high - low > 4.0 * near or end - first < 3:
+        return False
+    if low <= 2.0 * near:
+        seams.exposed[i, 0] = max(seams.exposed[i, 0], high)
+    if high >= length - 2.0 * near:
+        seams.exposed[i, 1] = min(seams.exposed[i, 1], low)
+    return True
+
+
+@kernel
+def height(edge: int, vertex: int, outline: Reals) -> float:
+    """Distance of the vertex from the line of the edge, positive outside."""
+    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
+    return outline[edge, 2] * dx + outline[edge, 3] * dy
+
+
+@kernel
+def keep_slots(features: Ints, deformation: Reals, modes: Ints, seams: Seams) -> None:
+    """Keep what `carry_over` looks up."""
+    for slot in range(features.shape[0]):
+        seams.features[slot], seams.modes[slot] = features[slot], modes[slot]
+        for d in range(deformation.shape[1]):
+            seams.deformation[slot, d] = deformation[slot, d]
+
+
+@kernel
+def carry_over(features: Ints, deformation: Reals, modes: Ints, seams: Seams) -> None:
+    """Give each point that has come over a seam the deformation and mode that it had on the other side."""
+    for slot in range(features.shape[0]):
+        if features[slot] != ABSENT and _is_new(slot, features, seams):
+            for old in range(features.shape[0]):
+                if old // 2 != slot // 2 and _is_continued(seams.features[old], features[slot], seams):
+                    modes[slot] = seams.modes[old]
+                    for d in range(deformation.shape[1]):
+                        deformation[slot, d] = seams.deformation[old, d]
+
+
+@kernel
+def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
+    first = slot - slot % 2
+    return features[slot] != seams.features[first] and features[slot] != seams.features[first + 1]
+
+
+@kernel
+def _is_continued(old: int, new: int, seams: Seams) -> bool:
+    """Whether both features are the same vertex over parts of one face."""
+    if old == ABSENT or old % VERTICES != new % VERTICES:
+        return False
+    edge, other = old // VERTICES, new // VERTICES
+    if edge >= VERTICES or other >= VERTICES:
+        return False
+    first, last = outer_ends(edge, seams)
+    start, end = outer_ends(other, seams)
+    return first == start and last == end
+
+
+@kernel
+def outer_ends(edge: int, seams: Seams) -> tuple[int, int]:
+    """Vertices at the start and at the end of the whole face that the edge is a part of."""
+    first = last = edge
+    while seams.before[first] != NONE:
+        first = seams.before[first]
+    while seams.after[last] != NONE:
+        last = seams.after[last]
+    return first, seams.ends[last]
