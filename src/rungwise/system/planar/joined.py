@@ -14,6 +14,8 @@ from rungwise.kernel import Ints, Reals, Record, kernel
 from rungwise.scene.records import HALFPLANE
 from rungwise.system.planar.manifold import (
     ABSENT,
+    NORMAL_X,
+    NORMAL_Y,
     TIE,
     VERTICES,
     along,
@@ -24,41 +26,92 @@ from rungwise.system.planar.manifold import (
     put,
     span,
 )
-from rungwise.system.planar.seams import NONE, Seams, height, outer_ends
+from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, SHARP, Seams, height, outer_ends
 
 
 @kernel
 def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
     """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points are theirs."""
     features[0] = features[1] = ABSENT
-    gap_a, edge_a, vertex_b = _best_edge(a, b, outline, seams)
-    gap_b, edge_b, vertex_a = _best_edge(b, a, outline, seams)
+    inside = max(_covered_gap(a, b, outline, seams), _covered_gap(b, a, outline, seams))
+    beyond = inside > FLUSH * min(a.reach, b.reach)
+    gap_a, edge_a, vertex_b = _best_edge(a, b, inside, beyond, outline, seams)
+    gap_b, edge_b, vertex_a = _best_edge(b, a, inside, beyond, outline, seams)
     if edge_a < 0 and edge_b < 0:
-        return _closest_vertices(b, a, 1.0, outline, seams, points, features)
+        return 0
     if gap_a >= gap_b:
         return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
     return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
 
 
 @kernel
-def _best_edge(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, int, int]:
-    """Best separating edge of `shape` among the exposed: least height of the other's piece, the edge, and the
-    deepest vertex of `other`."""
-    best, best_edge, best_vertex = -math.inf, -1, -1
+def _edge_count(shape: Record, other: Record) -> int:
+    """How many edges of `shape` may separate it from `other`."""
     if other.kind == HALFPLANE or shape.end - shape.first == 1:
-        return best, best_edge, best_vertex
-    for i in range(shape.first, shape.first + 1 if shape.kind == HALFPLANE else shape.end):
-        least, deepest = math.inf, other.first
-        for j in range(other.first, other.end):
-            d = height(i, j, outline)
-            if d < least:
-                least, deepest = d, j
-        if seams.dead[deepest] != 0:
+        return 0
+    return 1 if shape.kind == HALFPLANE else shape.end - shape.first
+
+
+@kernel
+def _deepest(i: int, other: Record, outline: Reals) -> tuple[float, int]:
+    """Least height of a vertex of `other` over edge i, and the vertex."""
+    least, deepest = math.inf, other.first
+    for j in range(other.first, other.end):
+        d = height(i, j, outline)
+        if d < least:
+            least, deepest = d, j
+    return least, deepest
+
+
+@kernel
+def _covered_gap(shape: Record, other: Record, outline: Reals, seams: Seams) -> float:
+    """Gap to the best separating edge of `shape` among the covered."""
+    best = -math.inf
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = _deepest(i, other, outline)
+        if shape.kind != HALFPLANE and not _is_exposed(i, deepest, other, outline, seams):
+            best = max(best, least)
+    return best
+
+
+@kernel
+def _best_edge(
+    shape: Record, other: Record, inside: float, beyond: bool, outline: Reals, seams: Seams
+) -> tuple[float, int, int]:
+    """Best separating edge of `shape` among the exposed: least height of the other's piece, the edge, and the
+    deepest vertex of `other`; edge -1 if there is none.
+
+    Where a covered edge separates better (its gap is `inside`), what overlaps may do so from within the
+    neighbour: all of it if the covered edge has all of `other` `beyond` it, else what is deeper than the
+    middle.
+    """
+    best, best_edge, best_vertex = -math.inf, -1, -1
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = _deepest(i, other, outline)
+        if shape.kind != HALFPLANE:
+            if not _is_exposed(i, deepest, other, outline, seams):
+                continue
+            if least < min(inside, 0.0) and (beyond or least < _middle(i, shape, outline)):
+                continue
+        if seams.corner[deepest] == REFLEX or (
+            seams.corner[deepest] == SHARP
+            and not _is_in_cone(deepest, -outline[i, 2], -outline[i, 3], outline, seams)
+        ):
+            continue
+        if seams.corner[deepest] == DEAD:
             least = min(least, _least_along(i, deepest, other, outline, seams))
-        exposed = shape.kind == HALFPLANE or _is_exposed(i, deepest, other, outline, seams)
-        if least > best and exposed:
+        if least > best:
             best, best_edge, best_vertex = least, i, deepest
     return best, best_edge, best_vertex
+
+
+@kernel
+def _middle(i: int, shape: Record, outline: Reals) -> float:
+    """Height of the mean of the vertices over edge i of the shape."""
+    total = 0.0
+    for j in range(shape.first, shape.end):
+        total += height(i, j, outline)
+    return total / (shape.end - shape.first)
 
 
 @kernel
@@ -74,20 +127,24 @@ def _least_along(edge: int, vertex: int, other: Record, outline: Reals, seams: S
 
 @kernel
 def _is_exposed(i: int, deepest: int, other: Record, outline: Reals, seams: Seams) -> bool:
-    """Whether what of `other` is next to edge i lies beside its exposed part."""
-    low, high = seams.exposed[i, 0], seams.exposed[i, 1]
-    length = along(i, seams.ends[i], outline)
-    if low <= 0.0 and high >= length:
-        return True
-    if not low < high:
-        return False
+    """Whether edge i and what faces it lie beside each other where both are exposed."""
     first = last = along(i, deepest, outline)
     if other.end - other.first > 1:
         facing = facing_edge(other, i, deepest, outline)
         if are_parallel(i, facing, outline):
             ends = along(i, facing, outline), along(i, seams.ends[facing], outline)
             first, last = min(ends[0], ends[1]), max(ends[0], ends[1])
-    return not ((low > 0.0 and last <= low) or (high < length and first >= high))
+            ends = along(facing, i, outline), along(facing, seams.ends[i], outline)
+            if not _reaches(facing, min(ends[0], ends[1]), max(ends[0], ends[1]), seams):
+                return False
+    return _reaches(i, first, last, seams)
+
+
+@kernel
+def _reaches(i: int, first: float, last: float, seams: Seams) -> bool:
+    """Whether the stretch from `first` to `last` along edge i is not beside or beyond its covered parts."""
+    low, high = seams.exposed[i, 0], seams.exposed[i, 1]
+    return low < high and not ((low > 0.0 and last <= low) or first >= high)
 
 
 @kernel
@@ -203,7 +260,9 @@ def _put_end(
     plane = shape.kind == HALFPLANE
     _, e, j = _end(k, plane, edge, facing, first, last, outline, seams)
     owner = other if k < 2 else shape
-    if not (owner.first <= j < owner.end) or (not plane and not _is_own(e, j, outline, seams)):
+    if not (owner.first <= j < owner.end) or seams.owner[j] != j:
+        return at
+    if not plane and not _is_own(e, j, outline, seams):
         return at
     if k < 2:
         features[at] = put(e, j, shape.radius, other.radius, sign, outline, point)
@@ -216,10 +275,31 @@ def _put_end(
 def _closest_vertices(
     shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, points: Reals, features: Ints
 ) -> int:
-    """The two vertices nearest to each other, unless one is a corner between flush faces."""
+    """The two vertices nearest to each other, where they are corners of the common pieces and face each
+    other."""
     closest_vertices(shape, other, sign, outline, points, features)
-    first, second = features[0] // VERTICES - VERTICES, features[0] % VERTICES
-    if seams.dead[first] != 0 or seams.dead[second] != 0:
-        features[0] = ABSENT
-        return 0
-    return 1
+    second, first = features[0] // VERTICES - VERTICES, features[0] % VERTICES
+    nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
+    if _is_corner(first, nx, ny, outline, seams) and _is_corner(second, -nx, -ny, outline, seams):
+        return 1
+    features[0] = ABSENT
+    return 0
+
+
+@kernel
+def _is_corner(vertex: int, nx: float, ny: float, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex, or its twin that owns it, may touch something in this direction."""
+    kind = seams.corner[vertex]
+    if kind == DEAD or kind == REFLEX or seams.owner[vertex] != vertex:
+        return False
+    return kind == PLAIN or _is_in_cone(vertex, nx, ny, outline, seams)
+
+
+@kernel
+def _is_in_cone(vertex: int, nx: float, ny: float, outline: Reals, seams: Seams) -> bool:
+    """Whether the direction lies between the normals of the two exposed edges that meet in the corner."""
+    low, high = seams.cone[vertex, 0], seams.cone[vertex, 1]
+    return (
+        outline[low, 2] * ny - outline[low, 3] * nx >= -TIE
+        and nx * outline[high, 3] - ny * outline[high, 2] >= -TIE
+    )

@@ -19,6 +19,7 @@ from rungwise.scene.records import FIXED, HALFPLANE, Records
 from rungwise.system.planar.manifold import ABSENT, VERTICES
 
 NONE = -1
+PLAIN, DEAD, SHARP, REFLEX = range(4)
 FLUSH = 1e-9
 """Distance, over the smaller reach of two shapes, up to which they are flush: a start that overlaps by no
 more is admitted, too."""
@@ -30,8 +31,12 @@ class Seams(Block):
     ends        (vertices,)     vertex where the edge ends
     before      (vertices,)     edge that the face of this one continues, or NONE
     after       (vertices,)     edge into which the face of this one continues, or NONE
-    dead        (vertices,)     whether the vertex is a corner between flush faces
-    exposed     (vertices, 2)   part of the edge that is not covered: places along it from its start
+    corner      (vertices,)     PLAIN, DEAD (between flush faces, or inside), or shared with neighbours:
+                                 SHARP where they stand out together, REFLEX where not
+    cone        (vertices, 2)   the exposed edges, before and after, that meet in a SHARP corner
+    owner       (vertices,)     the vertex that stands for all that meet in this SHARP corner, or itself
+    exposed     (vertices, 2)   part of the edge that is not covered: places along it from its start, the
+                                 last infinite where its end is not covered
     neighbours  (k, 2)          shapes that may lie flush
     seamed      (shapes,)       whether any of this holds for the shape
     joined      (1,)            whether it holds for any shape
@@ -41,7 +46,9 @@ class Seams(Block):
     ends: Ints
     before: Ints
     after: Ints
-    dead: Ints
+    corner: Ints
+    cone: Ints
+    owner: Ints
     exposed: Reals
     neighbours: Ints
     seamed: Ints
@@ -60,7 +67,9 @@ def allocate_seams(records: Records) -> Seams:
         ends=ends,
         before=np.full(count, NONE, np.int64),
         after=np.full(count, NONE, np.int64),
-        dead=np.zeros(count, np.int64),
+        corner=np.zeros(count, np.int64),
+        cone=np.zeros((count, 2), np.int64),
+        owner=np.arange(count),
         exposed=np.zeros((count, 2)),
         neighbours=_neighbours(records),
         seamed=np.zeros(len(shapes), np.int64),
@@ -94,12 +103,13 @@ def find_seams(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
     seams.joined[0] = 0
     if seams.neighbours.shape[0] == 0:
         return
-    seams.dead[:] = 0
+    seams.corner[:] = PLAIN
     seams.before[:] = NONE
     seams.after[:] = NONE
     for s in range(shapes.shape[0]):
         for i in range(shapes[s].first, shapes[s].end):
-            seams.exposed[i, 0], seams.exposed[i, 1] = 0.0, _length(i, outline, seams)
+            seams.owner[i] = seams.cone[seams.ends[i], 0] = seams.cone[i, 1] = i
+            seams.exposed[i, 0], seams.exposed[i, 1] = 0.0, math.inf
     for k in range(seams.neighbours.shape[0]):
         s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
         a, b = shapes[s], shapes[t]
@@ -116,12 +126,8 @@ def find_seams(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
                 found |= _cover(m, a.first, a.end, near, outline, seams)
             if found:
                 seams.seamed[s] = seams.seamed[t] = seams.joined[0] = 1
-
-
-@kernel
-def _length(i: int, outline: Reals, seams: Seams) -> float:
-    j = seams.ends[i]
-    return math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
+    if seams.joined[0] != 0:
+        _share_corners(shapes, outline, seams)
 
 
 @kernel
@@ -135,15 +141,15 @@ def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
     if not same or max(abs(off_i), abs(off_m)) > near or seams.after[i] != NONE or seams.before[m] != NONE:
         return False
     seams.after[i], seams.before[m] = m, i
-    seams.dead[m] = seams.dead[j] = 1
+    seams.corner[m] = seams.corner[j] = DEAD
     return True
 
 
 @kernel
 def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Seams) -> bool:
     """Cover what of edge i lies in the polygon of vertices first..end, or along its boundary."""
-    length = _length(i, outline, seams)
     j = seams.ends[i]
+    length = math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
     low, high = 0.0, length
     for m in range(first, end):
         begins, stops = height(m, i, outline) - near, height(m, j, outline) - near
@@ -163,6 +169,58 @@ def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Sea
     if high >= length - 2.0 * near:
         seams.exposed[i, 1] = min(seams.exposed[i, 1], low)
     return True
+
+
+@kernel
+def _share_corners(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
+    """Which edges bound the corners that neighbours have in common, and who owns them."""
+    for k in range(seams.neighbours.shape[0]):
+        s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
+        if seams.seamed[s] != 0 and seams.seamed[t] != 0 and shapes[s].radius == shapes[t].radius:
+            near = FLUSH * min(shapes[s].reach, shapes[t].reach)
+            for i in range(shapes[s].first, shapes[s].end):
+                for m in range(shapes[t].first, shapes[t].end):
+                    dx, dy = outline[m, 0] - outline[i, 0], outline[m, 1] - outline[i, 1]
+                    if math.hypot(dx, dy) <= near:
+                        _share(i, m, seams)
+                        _share(m, i, seams)
+    for s in range(shapes.shape[0]):
+        for i in range(shapes[s].first, shapes[s].end):
+            low, high = seams.cone[i, 0], seams.cone[i, 1]
+            if seams.corner[i] == SHARP:
+                turn = outline[low, 2] * outline[high, 3] - outline[low, 3] * outline[high, 2]
+                if _is_covered_at_end(low, seams) or seams.exposed[high, 0] > 0.0:
+                    seams.corner[i] = DEAD
+                elif turn <= 0.0:
+                    seams.corner[i] = REFLEX
+            if seams.corner[i] != SHARP:
+                seams.owner[i] = i
+
+
+@kernel
+def _share(i: int, m: int, seams: Seams) -> None:
+    """Let vertex i have the exposed edges at vertex m of a neighbour where its own are covered."""
+    if seams.corner[i] != DEAD and _is_inner(i, seams) and _is_inner(m, seams):
+        seams.corner[i] = SHARP
+        seams.owner[i] = min(seams.owner[i], seams.owner[m])
+        before, after = seams.cone[m, 0], seams.cone[m, 1]
+        if _is_covered_at_end(seams.cone[i, 0], seams) and not _is_covered_at_end(before, seams):
+            seams.cone[i, 0] = before
+        if seams.exposed[seams.cone[i, 1], 0] > 0.0 and not seams.exposed[after, 0] > 0.0:
+            seams.cone[i, 1] = after
+
+
+@kernel
+def _is_inner(i: int, seams: Seams) -> bool:
+    """Whether a part of the shape's boundary next to the vertex is covered."""
+    return (
+        seams.corner[i] != PLAIN or seams.exposed[i, 0] > 0.0 or _is_covered_at_end(seams.cone[i, 0], seams)
+    )
+
+
+@kernel
+def _is_covered_at_end(i: int, seams: Seams) -> bool:
+    return seams.exposed[i, 1] < math.inf
 
 
 @kernel
