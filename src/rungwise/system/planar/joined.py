@@ -21,7 +21,6 @@ from rungwise.system.planar.manifold import (
     along,
     are_parallel,
     closest_vertices,
-    facing_edge,
     has_area,
     put,
     span,
@@ -130,7 +129,7 @@ def _is_exposed(i: int, deepest: int, other: Record, outline: Reals, seams: Seam
     """Whether edge i and what faces it lie beside each other where both are exposed."""
     first = last = along(i, deepest, outline)
     if other.end - other.first > 1:
-        facing = facing_edge(other, i, deepest, outline)
+        facing = _facing_edge(i, deepest, outline, seams)
         if are_parallel(i, facing, outline):
             ends = along(i, facing, outline), along(i, seams.ends[facing], outline)
             first, last = min(ends[0], ends[1]), max(ends[0], ends[1])
@@ -145,6 +144,16 @@ def _reaches(i: int, first: float, last: float, seams: Seams) -> bool:
     """Whether the stretch from `first` to `last` along edge i is not beside or beyond its covered parts."""
     low, high = seams.exposed[i, 0], seams.exposed[i, 1]
     return low < high and not ((low > 0.0 and last <= low) or first >= high)
+
+
+@kernel
+def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
+    """The edge at the vertex, or at its corner of the common piece, that is most opposed to `edge`."""
+    nx, ny = outline[edge, 2], outline[edge, 3]
+    before, after = seams.cone[vertex, 0], seams.cone[vertex, 1]
+    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[after, 2] + ny * outline[after, 3]:
+        return before
+    return after
 
 
 @kernel
@@ -164,7 +173,7 @@ def _from_edge(
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE
     single = other.end - other.first == 1
-    facing = vertex if single else facing_edge(other, edge, vertex, outline)
+    facing = vertex if single else _facing_edge(edge, vertex, outline, seams)
     first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
     ends = 4 if not plane and not single and are_parallel(edge, facing, outline) else 2
     deepest, least = -1, math.inf
@@ -210,10 +219,10 @@ def _end(
     """Candidate k = 0..3: (is it over the whole face, edge, vertex). Ends of the facing face, then of the
     best edge's."""
     if k < 2:
-        j = first if k == 0 else last
+        j = seams.owner[first if k == 0 else last]
         return plane or _is_over(edge, j, outline, seams), edge, j
     start, end = outer_ends(edge, seams)
-    j = start if k == 2 else end
+    j = seams.owner[start if k == 2 else end]
     return _is_over(facing, j, outline, seams), facing, j
 
 
@@ -259,8 +268,8 @@ def _put_end(
     """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
     plane = shape.kind == HALFPLANE
     _, e, j = _end(k, plane, edge, facing, first, last, outline, seams)
-    owner = other if k < 2 else shape
-    if not (owner.first <= j < owner.end) or seams.owner[j] != j:
+    own, against = (other, shape) if k < 2 else (shape, other)
+    if not (own.first <= j < own.end and against.first <= e < against.end):
         return at
     if not plane and not _is_own(e, j, outline, seams):
         return at
@@ -290,7 +299,7 @@ def _closest_vertices(
 def _is_corner(vertex: int, nx: float, ny: float, outline: Reals, seams: Seams) -> bool:
     """Whether the vertex, or its twin that owns it, may touch something in this direction."""
     kind = seams.corner[vertex]
-    if kind == DEAD or kind == REFLEX or seams.owner[vertex] != vertex:
+    if kind in (DEAD, REFLEX) or seams.owner[vertex] != vertex:
         return False
     return kind == PLAIN or _is_in_cone(vertex, nx, ny, outline, seams)
 

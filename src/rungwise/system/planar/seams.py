@@ -152,17 +152,17 @@ def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Sea
     length = math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
     low, high = 0.0, length
     for m in range(first, end):
-        begins, stops = height(m, i, outline) - near, height(m, j, outline) - near
-        if begins > 0.0 and stops > 0.0:
+        begins, stops = height(m, i, outline), height(m, j, outline)
+        if max(abs(begins), abs(stops)) <= near:
+            if outline[i, 2] * outline[m, 2] + outline[i, 3] * outline[m, 3] > 0.0:
+                return False
+        elif begins > 0.0 and stops > 0.0:
             return False
-        alike = outline[i, 2] * outline[m, 2] + outline[i, 3] * outline[m, 3] > 0.0
-        if alike and max(abs(begins + near), abs(stops + near)) <= near:
-            return False
-        if begins > 0.0:
+        elif begins > 0.0:
             low = max(low, length * begins / (begins - stops))
         elif stops > 0.0:
             high = min(high, length * begins / (begins - stops))
-    if not high - low > 4.0 * near or end - first < 3:
+    if not high - low > 2.0 * near or end - first < 3:
         return False
     if low <= 2.0 * near:
         seams.exposed[i, 0] = max(seams.exposed[i, 0], high)
