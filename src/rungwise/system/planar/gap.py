@@ -63,7 +63,7 @@ def find_contacts(
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)
     if seams.joined[0] != 0:
-        carry_over(features, deformation, modes, seams)
+        carry_over(features, deformation, modes, outline, seams)
     return least
 
 

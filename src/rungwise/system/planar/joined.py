@@ -14,6 +14,7 @@ from rungwise.kernel import Ints, Reals, Record, kernel
 from rungwise.scene.records import HALFPLANE
 from rungwise.system.planar.manifold import (
     ABSENT,
+    GAP,
     NORMAL_X,
     NORMAL_Y,
     TIE,
@@ -32,15 +33,35 @@ from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, SHARP
 def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
     """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points are theirs."""
     features[0] = features[1] = ABSENT
-    inside = max(_covered_gap(a, b, outline, seams), _covered_gap(b, a, outline, seams))
-    beyond = inside > FLUSH * min(a.reach, b.reach)
-    gap_a, edge_a, vertex_b = _best_edge(a, b, inside, beyond, outline, seams)
-    gap_b, edge_b, vertex_a = _best_edge(b, a, inside, beyond, outline, seams)
+    apart_a, inside_a = _separation(a, b, outline, seams)
+    apart_b, inside_b = _separation(b, a, outline, seams)
+    inside = max(inside_a, inside_b)
+    gap_a, edge_a, vertex_b = _best_edge(a, b, inside, outline, seams)
+    gap_b, edge_b, vertex_a = _best_edge(b, a, inside, outline, seams)
     if edge_a < 0 and edge_b < 0:
         return 0
     if gap_a >= gap_b:
-        return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
-    return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
+        count = _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
+    else:
+        count = _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
+    slack = FLUSH * min(a.reach, b.reach)
+    if max(apart_a, apart_b) > slack:
+        count = _drop_overlaps(count, -slack - a.radius - b.radius, points, features)
+    return count
+
+
+@kernel
+def _drop_overlaps(count: int, least: float, points: Reals, features: Ints) -> int:
+    """Leave out points with gaps below `least`: between shapes that are apart they belong to others."""
+    kept = 0
+    for k in range(count):
+        if points[k, GAP] >= least:
+            points[kept, :] = points[k, :]
+            features[kept] = features[k]
+            kept += 1
+    for k in range(kept, 2):
+        features[k] = ABSENT
+    return kept
 
 
 @kernel
@@ -63,39 +84,44 @@ def _deepest(i: int, other: Record, outline: Reals) -> tuple[float, int]:
 
 
 @kernel
-def _covered_gap(shape: Record, other: Record, outline: Reals, seams: Seams) -> float:
-    """Gap to the best separating edge of `shape` among the covered."""
-    best = -math.inf
+def _separation(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, float]:
+    """Gap to the best separating edge of `shape`, and to the best of those that the seams rule out."""
+    best, best_inside = -math.inf, -math.inf
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
         least, deepest = _deepest(i, other, outline)
-        if shape.kind != HALFPLANE and not _is_exposed(i, deepest, other, outline, seams):
-            best = max(best, least)
-    return best
+        best = max(best, least)
+        if not _is_admitted(i, deepest, shape, other, outline, seams):
+            best_inside = max(best_inside, least)
+    return best, best_inside
+
+
+@kernel
+def _is_admitted(i: int, deepest: int, shape: Record, other: Record, outline: Reals, seams: Seams) -> bool:
+    """Whether edge i and its normal at the deepest vertex of `other` belong to the outside of the pieces."""
+    kind = seams.corner[deepest]
+    if kind == REFLEX:
+        return False
+    if kind == SHARP and not _is_in_cone(deepest, -outline[i, 2], -outline[i, 3], outline, seams):
+        return False
+    return shape.kind == HALFPLANE or _is_exposed(i, deepest, other, outline, seams)
 
 
 @kernel
 def _best_edge(
-    shape: Record, other: Record, inside: float, beyond: bool, outline: Reals, seams: Seams
+    shape: Record, other: Record, inside: float, outline: Reals, seams: Seams
 ) -> tuple[float, int, int]:
-    """Best separating edge of `shape` among the exposed: least height of the other's piece, the edge, and the
+    """Best separating edge of `shape` that seams admit: least height of the other's piece, the edge, and the
     deepest vertex of `other`; edge -1 if there is none.
 
-    Where a covered edge separates better (its gap is `inside`), what overlaps may do so from within the
-    neighbour: all of it if the covered edge has all of `other` `beyond` it, else what is deeper than the
-    middle.
+    Where an edge that they rule out separates better (its gap is `inside`), what overlaps has come through
+    the neighbour, and an edge from which it is deeper than the middle is one on the far side.
     """
     best, best_edge, best_vertex = -math.inf, -1, -1
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
         least, deepest = _deepest(i, other, outline)
-        if shape.kind != HALFPLANE:
-            if not _is_exposed(i, deepest, other, outline, seams):
-                continue
-            if least < min(inside, 0.0) and (beyond or least < _middle(i, shape, outline)):
-                continue
-        if seams.corner[deepest] == REFLEX or (
-            seams.corner[deepest] == SHARP
-            and not _is_in_cone(deepest, -outline[i, 2], -outline[i, 3], outline, seams)
-        ):
+        if not _is_admitted(i, deepest, shape, other, outline, seams):
+            continue
+        if least < min(inside, 0.0) and shape.kind != HALFPLANE and least < _middle(i, shape, outline):
             continue
         if seams.corner[deepest] == DEAD:
             least = min(least, _least_along(i, deepest, other, outline, seams))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, kernel
 from rungwise.scene.records import FIXED, HALFPLANE, Records
-from rungwise.system.planar.manifold import ABSENT, VERTICES
+from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel
 
 NONE = -1
 PLAIN, DEAD, SHARP, REFLEX = range(4)
@@ -240,12 +240,14 @@ def keep_slots(features: Ints, deformation: Reals, modes: Ints, seams: Seams) ->
 
 
 @kernel
-def carry_over(features: Ints, deformation: Reals, modes: Ints, seams: Seams) -> None:
+def carry_over(features: Ints, deformation: Reals, modes: Ints, outline: Reals, seams: Seams) -> None:
     """Give each point that has come over a seam the deformation and mode that it had on the other side."""
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and _is_new(slot, features, seams):
             for old in range(features.shape[0]):
-                if old // 2 != slot // 2 and _is_continued(seams.features[old], features[slot], seams):
+                if old // 2 != slot // 2 and _is_continued(
+                    seams.features[old], features[slot], outline, seams
+                ):
                     modes[slot] = seams.modes[old]
                     for d in range(deformation.shape[1]):
                         deformation[slot, d] = seams.deformation[old, d]
@@ -258,16 +260,22 @@ def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
 
 
 @kernel
-def _is_continued(old: int, new: int, seams: Seams) -> bool:
-    """Whether both features are the same vertex over parts of one face."""
-    if old == ABSENT or old % VERTICES != new % VERTICES:
+def _is_continued(old: int, new: int, outline: Reals, seams: Seams) -> bool:
+    """Whether both features are the same vertex over parts of one face, or the same end of the stretch where
+    two faces meet, whose vertex is now over the other's."""
+    if old == ABSENT:
         return False
-    edge, other = old // VERTICES, new // VERTICES
+    edge, vertex, other, corner = old // VERTICES, old % VERTICES, new // VERTICES, new % VERTICES
     if edge >= VERTICES or other >= VERTICES:
         return False
     first, last = outer_ends(edge, seams)
     start, end = outer_ends(other, seams)
-    return first == start and last == end
+    if vertex == corner:
+        return first == start and last == end
+    if not are_parallel(edge, other, outline):
+        return False
+    first, last, start, end = seams.owner[first], seams.owner[last], seams.owner[start], seams.owner[end]
+    return (vertex == start and corner == last) or (vertex == end and corner == first)
 
 
 @kernel
