@@ -26,7 +26,7 @@ from rungwise.system.planar.manifold import (
     put,
     span,
 )
-from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, SHARP, Seams, height, outer_ends
+from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, height, outer_ends
 
 
 @kernel
@@ -98,10 +98,7 @@ def _separation(shape: Record, other: Record, outline: Reals, seams: Seams) -> t
 @kernel
 def _is_admitted(i: int, deepest: int, shape: Record, other: Record, outline: Reals, seams: Seams) -> bool:
     """Whether edge i and its normal at the deepest vertex of `other` belong to the outside of the pieces."""
-    kind = seams.corner[deepest]
-    if kind == REFLEX:
-        return False
-    if kind == SHARP and not _is_in_cone(deepest, -outline[i, 2], -outline[i, 3], outline, seams):
+    if seams.corner[deepest] == REFLEX:
         return False
     return shape.kind == HALFPLANE or _is_exposed(i, deepest, other, outline, seams)
 
@@ -123,8 +120,8 @@ def _best_edge(
             continue
         if least < min(inside, 0.0) and shape.kind != HALFPLANE and least < _middle(i, shape, outline):
             continue
-        if seams.corner[deepest] == DEAD:
-            least = min(least, _least_along(i, deepest, other, outline, seams))
+        if seams.corner[deepest] != PLAIN:
+            least = min(least, _least_along(i, deepest, outline, seams))
         if least > best:
             best, best_edge, best_vertex = least, i, deepest
     return best, best_edge, best_vertex
@@ -140,12 +137,11 @@ def _middle(i: int, shape: Record, outline: Reals) -> float:
 
 
 @kernel
-def _least_along(edge: int, vertex: int, other: Record, outline: Reals, seams: Seams) -> float:
-    """Least height over the edge of the faces that meet at the dead vertex."""
-    before = vertex - 1 if vertex > other.first else other.end - 1
+def _least_along(edge: int, vertex: int, outline: Reals, seams: Seams) -> float:
+    """Least height over the edge of the faces that meet at a corner of neighbours."""
     least = math.inf
-    for face in (before, vertex):
-        start, end = outer_ends(face, seams)
+    for k in range(2):
+        start, end = outer_ends(seams.cone[vertex, k], seams)
         least = min(least, height(edge, start, outline), height(edge, end, outline))
     return least
 
@@ -245,10 +241,10 @@ def _end(
     """Candidate k = 0..3: (is it over the whole face, edge, vertex). Ends of the facing face, then of the
     best edge's."""
     if k < 2:
-        j = seams.owner[first if k == 0 else last]
+        j = first if k == 0 else last
         return plane or _is_over(edge, j, outline, seams), edge, j
     start, end = outer_ends(edge, seams)
-    j = seams.owner[start if k == 2 else end]
+    j = start if k == 2 else end
     return _is_over(facing, j, outline, seams), facing, j
 
 

@@ -270,11 +270,11 @@ def _is_continued(old: int, new: int, outline: Reals, seams: Seams) -> bool:
         return False
     first, last = outer_ends(edge, seams)
     start, end = outer_ends(other, seams)
-    if vertex == corner:
-        return first == start and last == end
+    twin = seams.owner[vertex] == seams.owner[corner]
+    if twin and first == start and last == end:
+        return True
     if not are_parallel(edge, other, outline):
         return False
-    first, last, start, end = seams.owner[first], seams.owner[last], seams.owner[start], seams.owner[end]
     return (vertex == start and corner == last) or (vertex == end and corner == first)
 
 
