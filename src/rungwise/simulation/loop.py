@@ -71,7 +71,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             clock.size = min(clock.size, reach)
             clock.reach = max(clock.reach, reach)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
-    find_seams(records.shapes, state.outline, workspace.seams)
+    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))

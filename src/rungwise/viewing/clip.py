@@ -217,8 +217,8 @@ def _replay(
     for k in range(count):
         place(records.bodies, records.shapes, records.vertices, q[k], where, outline, k == 0)
         pose[k, :, 0], pose[k, :, 1] = where[:, X], where[:, Y]
-        if k == 0:
-            find_seams(records.shapes, outline, seams)
+        if k == 0 or len(seams.neighbours) > seams.still[0]:
+            find_seams(records.shapes, where, outline, seams)
         find_contacts(
             records.shapes, records.contacts, records.pairs, where, outline, margin, points,
             features, *unused, least, fresh, seams,

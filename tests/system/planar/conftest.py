@@ -36,7 +36,7 @@ class Planar:
         self.gaps = np.zeros(len(self.records.contacts))
         self.place(self.q)
         self.seams = allocate_seams(self.records)
-        find_seams(self.records.shapes, self.outline, self.seams)
+        find_seams(self.records.shapes, self.pose, self.outline, self.seams)
 
     def place(self, q: Array) -> None:
         records = self.records

@@ -13,7 +13,7 @@ from rungwise.scene.records import HALFPLANE
 from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
-from rungwise.system.planar.seams import Seams, carry_over, keep_slots
+from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
 
 
 @kernel
@@ -55,7 +55,8 @@ def find_contacts(
             gap = points[slot, GAP]
             if count == 2:
                 gap = min(gap, points[slot + 1, GAP])
-            if seams.seamed[pairs[p].shape_a] != 0 or seams.seamed[pairs[p].shape_b] != 0:
+            seamed = seams.seamed[pairs[p].shape_a] != 0 or seams.seamed[pairs[p].shape_b] != 0
+            if seamed and not continue_each_other(a, b, seams):
                 count = joined_manifold(a, b, outline, seams, points[slot : slot + 2], fresh)
                 for k in range(count):
                     gap = min(gap, points[slot + k, GAP])

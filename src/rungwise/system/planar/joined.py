@@ -56,7 +56,8 @@ def _drop_overlaps(count: int, least: float, points: Reals, features: Ints) -> i
     kept = 0
     for k in range(count):
         if points[k, GAP] >= least:
-            points[kept, :] = points[k, :]
+            for i in range(points.shape[1]):
+                points[kept, i] = points[k, i]
             features[kept] = features[k]
             kept += 1
     for k in range(kept, 2):

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FIXED, HALFPLANE, Records
 from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel
+from rungwise.system.planar.place import X, Y
 
 NONE = -1
 PLAIN, DEAD, SHARP, REFLEX = range(4)
@@ -38,6 +39,7 @@ class Seams(Block):
     exposed     (vertices, 2)   part of the edge that is not covered: places along it from its start, the
                                  last infinite where its end is not covered
     neighbours  (k, 2)          shapes that may lie flush
+    still       (1,)            how many of these, the first, never move relative to each other
     seamed      (shapes,)       whether any of this holds for the shape
     joined      (1,)            whether it holds for any shape
     features, deformation, modes   per slot, before contacts are looked for again
@@ -51,6 +53,7 @@ class Seams(Block):
     owner: Ints
     exposed: Reals
     neighbours: Ints
+    still: Ints
     seamed: Ints
     joined: Ints
     features: Ints
@@ -60,6 +63,7 @@ class Seams(Block):
 
 def allocate_seams(records: Records) -> Seams:
     """The seams of a scene, yet to be found."""
+    neighbours, still = _neighbours(records)
     shapes, count, slots = records.shapes, len(records.vertices), 2 * len(records.pairs)
     ends = np.arange(1, count + 1)
     ends[shapes["end"] - 1] = shapes["first"]
@@ -71,7 +75,8 @@ def allocate_seams(records: Records) -> Seams:
         cone=np.zeros((count, 2), np.int64),
         owner=np.arange(count),
         exposed=np.zeros((count, 2)),
-        neighbours=_neighbours(records),
+        neighbours=neighbours,
+        still=np.array([still]),
         seamed=np.zeros(len(shapes), np.int64),
         joined=np.zeros(1, np.int64),
         features=np.full(slots, ABSENT, np.int64),
@@ -80,24 +85,26 @@ def allocate_seams(records: Records) -> Seams:
     )
 
 
-def _neighbours(records: Records) -> NDArray[np.int64]:
-    """Pairs of shapes at rest relative to each other whose bodies touch the same bodies."""
+def _neighbours(records: Records) -> tuple[NDArray[np.int64], int]:
+    """Pairs of shapes of which each touches the same bodies as the other; first those, so many, that never
+    move relative to each other."""
     partners: dict[int, set[int]] = {}
     for a, b in zip(records.contacts["body_a"].tolist(), records.contacts["body_b"].tolist(), strict=True):
         partners.setdefault(a, set()).add(b)
         partners.setdefault(b, set()).add(a)
-    groups: dict[object, list[int]] = {}
+    groups: dict[tuple[int, ...], list[int]] = {}
     for s, (body, kind, first, end) in enumerate(records.shapes[["body", "kind", "first", "end"]].tolist()):
         if kind != HALFPLANE and end - first > 1 and body in partners:
-            fixed = records.bodies[body]["motion"] == FIXED
-            group = ("fixed", *sorted(partners[body])) if fixed else body
-            groups.setdefault(group, []).append(s)
-    pairs = [(s, t) for group in groups.values() for s in group for t in group if s < t]
-    return np.array(pairs, np.int64).reshape(-1, 2)
+            groups.setdefault(tuple(sorted({body} | partners[body])), []).append(s)
+            groups.setdefault(tuple(sorted(partners[body])), []).append(s)
+    pairs = {(s, t) for group in groups.values() for s in group for t in group if s < t}
+    body, motion = records.shapes["body"], records.bodies["motion"]
+    still = {(s, t) for s, t in pairs if body[s] == body[t] or motion[body[s]] == motion[body[t]] == FIXED}
+    return np.array([*sorted(still), *sorted(pairs - still)], np.int64).reshape(-1, 2), len(still)
 
 
 @kernel
-def find_seams(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
+def find_seams(shapes: RecordArray, pose: Reals, outline: Reals, seams: Seams) -> None:
     """Find the seams between neighbours at the placed outlines."""
     seams.seamed[:] = 0
     seams.joined[0] = 0
@@ -113,21 +120,50 @@ def find_seams(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
     for k in range(seams.neighbours.shape[0]):
         s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
         a, b = shapes[s], shapes[t]
-        if a.radius == b.radius:
-            near = FLUSH * min(a.reach, b.reach)
-            found = False
-            for i in range(a.first, a.end):
+        near = FLUSH * min(a.reach, b.reach)
+        far = math.hypot(pose[a.body, X] - pose[b.body, X], pose[a.body, Y] - pose[b.body, Y])
+        if a.radius == b.radius and far <= a.reach + b.reach + near:
+            found = _link_all(a, b, near, outline, seams)
+            if k < seams.still[0]:
+                for i in range(a.first, a.end):
+                    found |= _cover(i, b.first, b.end, near, outline, seams)
                 for m in range(b.first, b.end):
-                    found |= _link(i, m, near, outline, seams)
-                    found |= _link(m, i, near, outline, seams)
-            for i in range(a.first, a.end):
-                found |= _cover(i, b.first, b.end, near, outline, seams)
-            for m in range(b.first, b.end):
-                found |= _cover(m, a.first, a.end, near, outline, seams)
+                    found |= _cover(m, a.first, a.end, near, outline, seams)
             if found:
                 seams.seamed[s] = seams.seamed[t] = seams.joined[0] = 1
     if seams.joined[0] != 0:
+        for i in range(seams.after.shape[0]):
+            m = seams.after[i]
+            if m != NONE and (_is_covered_at_end(i, seams) or seams.exposed[m, 0] > 0.0):
+                seams.after[i] = seams.before[m] = NONE
+                seams.corner[m] = seams.corner[seams.ends[i]] = PLAIN
         _share_corners(shapes, outline, seams)
+
+
+@kernel
+def _link_all(a: Record, b: Record, near: float, outline: Reals, seams: Seams) -> bool:
+    """Link the edges of both shapes, and cover the sides that meet at the seams."""
+    found = False
+    for i in range(a.first, a.end):
+        for m in range(b.first, b.end):
+            if _link(i, m, near, outline, seams):
+                _cover(seams.ends[i], b.first, b.end, near, outline, seams)
+                _cover(m - 1 if m > b.first else b.end - 1, a.first, a.end, near, outline, seams)
+                found = True
+            if _link(m, i, near, outline, seams):
+                _cover(seams.ends[m], a.first, a.end, near, outline, seams)
+                _cover(i - 1 if i > a.first else a.end - 1, b.first, b.end, near, outline, seams)
+                found = True
+    return found
+
+
+@kernel
+def continue_each_other(a: Record, b: Record, seams: Seams) -> bool:
+    """Whether a face of one shape continues into the other: then they are not what slides over the seam."""
+    found = False
+    for i in range(a.first, a.end):
+        found |= b.first <= seams.after[i] < b.end or b.first <= seams.before[i] < b.end
+    return found
 
 
 @kernel
@@ -174,7 +210,7 @@ def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Sea
 @kernel
 def _share_corners(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
     """Which edges bound the corners that neighbours have in common, and who owns them."""
-    for k in range(seams.neighbours.shape[0]):
+    for k in range(seams.still[0]):
         s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
         if seams.seamed[s] != 0 and seams.seamed[t] != 0 and shapes[s].radius == shapes[t].radius:
             near = FLUSH * min(shapes[s].reach, shapes[t].reach)
