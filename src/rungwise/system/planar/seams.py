@@ -281,7 +281,7 @@ def carry_over(features: Ints, deformation: Reals, modes: Ints, outline: Reals, 
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and _is_new(slot, features, seams):
             for old in range(features.shape[0]):
-                if old // 2 != slot // 2 and _is_continued(
+                if old // 2 != slot // 2 and is_continued(
                     seams.features[old], features[slot], outline, seams
                 ):
                     modes[slot] = seams.modes[old]
@@ -296,7 +296,7 @@ def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
 
 
 @kernel
-def _is_continued(old: int, new: int, outline: Reals, seams: Seams) -> bool:
+def is_continued(old: int, new: int, outline: Reals, seams: Seams) -> bool:
     """Whether both features are the same vertex over parts of one face, or the same end of the stretch where
     two faces meet, whose vertex is now over the other's."""
     if old == ABSENT:
