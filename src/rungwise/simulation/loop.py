@@ -28,6 +28,7 @@ from rungwise.simulation.verdicts import (
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
+from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import APART
 
 MAX_HALVINGS = 60
@@ -76,6 +77,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
+    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))

@@ -11,6 +11,7 @@ from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count, turns
+from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import Terms
 
 NEAR = 1e-4
@@ -20,11 +21,13 @@ NEAR = 1e-4
 @kernel
 def look(records: Records, workspace: Workspace) -> None:
     """Contacts at the placed bodies, within clock.margin."""
-    state = workspace.state
+    state, seams = workspace.state, workspace.seams
+    if seams.neighbours.shape[0] > seams.still[0]:
+        find_seams(records.shapes, state.pose, state.outline, seams)
     state.clock[0].least_gap = find_contacts(
         records.shapes, records.contacts, records.pairs, state.pose, state.outline,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
-        workspace.scratch.fresh,
+        workspace.scratch.fresh, seams,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ from rungwise.simulation.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.step import SUPPORTED, solve_step
 from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.seams import is_continued
 
 Array: TypeAlias = NDArray[np.float64]
 WRT = ("q", "v", "inputs", "parameters")
@@ -183,7 +184,7 @@ def differentiated(
         end,
         directions.get("q", none) + here.h * turn,
         dv,
-        _followed(features, end, _deformed(here, held, start, contact, data, change.force, directions)),
+        _followed(here, features, end, _deformed(here, held, start, contact, data, change.force, directions)),
         contact,
     )
 
@@ -259,8 +260,8 @@ def _deformed(
     return found.reshape(slots * d, count)
 
 
-def _followed(before: NDArray[np.int64], end: Start, found: Array) -> Array:
-    """Derivatives of deformations in the slots to which their features have gone.
+def _followed(here: Assembly, before: NDArray[np.int64], end: Start, found: Array) -> Array:
+    """Derivatives of deformations in the slots to which their features have gone, over seams, too.
 
     Raises ModelError where a contact that is deformed goes over to another feature.
     """
@@ -271,8 +272,21 @@ def _followed(before: NDArray[np.int64], end: Start, found: Array) -> Array:
     for slot, feature in enumerate(before):
         pair = slot - slot % 2
         to = pair + np.flatnonzero(end.features[pair : pair + 2] == feature)
+        if not len(to) and slots[slot].any():
+            to = np.array([k for k in range(len(before)) if _is_carried(here, before, end.features, slot, k)])
         if len(to):
             moved[to[0]] = slots[slot]
         elif end.features[slot] != ABSENT and slots[slot].any():
             raise ModelError("step: a contact goes over to another feature; there is no derivative here")
     return moved.reshape(found.shape)
+
+
+def _is_carried(
+    here: Assembly, before: NDArray[np.int64], after: NDArray[np.int64], old: int, new: int
+) -> bool:
+    """Whether what was in slot `old` has come to slot `new` of another pair over a seam."""
+    seams = here.workspace.seams
+    if old // 2 == new // 2 or not seams.joined[0] or after[new] == ABSENT:
+        return False
+    fresh = after[new] not in before[new - new % 2 : new - new % 2 + 2]
+    return bool(fresh and is_continued(before[old], after[new], here.state.outline, seams))

@@ -13,6 +13,7 @@ from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
 from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.seams import Seams, allocate_seams
 from rungwise.system.terms import Terms, allocate_terms
 
 Conditions: TypeAlias = tuple[Ints, Reals, Ints]
@@ -159,6 +160,7 @@ class Workspace(Block):
 
     state: State
     terms: Terms
+    seams: Seams
     problem: ContactProblem
     scratch: Scratch
     before: Snapshot
@@ -255,6 +257,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
     return Workspace(
         state=state,
         terms=allocate_terms(n, rows, limited),
+        seams=allocate_seams(records),
         problem=problem,
         scratch=scratch,
         before=before,

@@ -23,6 +23,7 @@ from rungwise.simulation.result import Run
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import X, Y, place
+from rungwise.system.planar.seams import allocate_seams, find_seams
 
 if TYPE_CHECKING:
     import xarray
@@ -206,6 +207,7 @@ def _replay(
     points, features = np.zeros((slots, 5)), np.full(slots, ABSENT, np.int64)
     unused = np.zeros((slots, 2)), np.zeros(slots, np.int64)
     least, fresh = np.zeros(len(records.contacts)), np.zeros(2, np.int64)
+    seams = allocate_seams(records)
     reach = records.shapes["reach"]
     margin = NEAR * float(reach[np.isfinite(reach)].max(initial=0.0))
     contact_of = np.repeat(records.pairs["contact"], 2)
@@ -215,9 +217,11 @@ def _replay(
     for k in range(count):
         place(records.bodies, records.shapes, records.vertices, q[k], where, outline, k == 0)
         pose[k, :, 0], pose[k, :, 1] = where[:, X], where[:, Y]
+        if k == 0 or len(seams.neighbours) > seams.still[0]:
+            find_seams(records.shapes, where, outline, seams)
         find_contacts(
             records.shapes, records.contacts, records.pairs, where, outline, margin, points,
-            features, *unused, least, fresh,
+            features, *unused, least, fresh, seams,
         )  # fmt: skip
         gap[k] = least
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)

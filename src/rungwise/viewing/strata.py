@@ -18,6 +18,7 @@ from rungwise.scene.expression import STACK, evaluate
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
+from rungwise.system.planar.seams import allocate_seams
 
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
@@ -42,6 +43,7 @@ class Space:
             np.zeros(slots, np.int64),
         )  # fmt: skip
         self._gaps, self._fresh = np.zeros(len(r.contacts)), np.zeros(2, np.int64)
+        self._seams = allocate_seams(r)
         self._at = len(scene.template.parameters) + 1
         self.count = n
 
@@ -50,8 +52,9 @@ class Space:
         r = self.records
         place(r.bodies, r.shapes, r.vertices, np.asarray(q, float), *self._placed, True)
         find_contacts(
-            r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh
-        )
+            r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh,
+            self._seams,
+        )  # fmt: skip
         return self._gaps.copy()
 
     def is_goal(self, q: Points, tolerance: float) -> bool:

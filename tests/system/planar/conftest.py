@@ -12,6 +12,7 @@ from rungwise.scene import load
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT, manifold
 from rungwise.system.planar.place import place, start
+from rungwise.system.planar.seams import allocate_seams, find_seams
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ class Planar:
         self.modes = np.zeros(2 * pairs, np.int64)
         self.gaps = np.zeros(len(self.records.contacts))
         self.place(self.q)
+        self.seams = allocate_seams(self.records)
+        find_seams(self.records.shapes, self.pose, self.outline, self.seams)
 
     def place(self, q: Array) -> None:
         records = self.records
@@ -54,6 +57,7 @@ class Planar:
         return find_contacts(
             records.shapes, records.contacts, records.pairs, self.pose, self.outline, margin,
             self.points, self.features, self.deformation, self.modes, self.gaps, np.zeros(2, np.int64),
+            self.seams,
         )  # fmt: skip
 
 

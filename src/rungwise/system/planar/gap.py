@@ -10,8 +10,10 @@ import math
 
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import HALFPLANE
+from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
+from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
 
 
 @kernel
@@ -28,6 +30,7 @@ def find_contacts(
     modes: Ints,
     gaps: Reals,
     fresh: Ints,
+    seams: Seams,
 ) -> float:
     """Update every pair's slots; returns the least gap found.
 
@@ -37,6 +40,8 @@ def find_contacts(
     """
     least = math.inf
     gaps[:] = math.inf
+    if seams.joined[0] != 0:
+        keep_slots(features, deformation, modes, seams)
     for p in range(pairs.shape[0]):
         contact = pairs[p].contact
         a, b = shapes[pairs[p].shape_a], shapes[pairs[p].shape_b]
@@ -50,9 +55,16 @@ def find_contacts(
             gap = points[slot, GAP]
             if count == 2:
                 gap = min(gap, points[slot + 1, GAP])
+            seamed = seams.seamed[pairs[p].shape_a] != 0 or seams.seamed[pairs[p].shape_b] != 0
+            if seamed and not continue_each_other(a, b, seams):
+                count = joined_manifold(a, b, outline, seams, points[slot : slot + 2], fresh)
+                for k in range(count):
+                    gap = min(gap, points[slot + k, GAP])
             _follow(slot, fresh, a, b, outline, features, deformation, modes)
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)
+    if seams.joined[0] != 0:
+        carry_over(features, deformation, modes, outline, seams)
     return least
 
 

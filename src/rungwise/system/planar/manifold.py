@@ -20,7 +20,7 @@ GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 ABSENT = -1
 VERTICES = 1 << 20
 """Feature of a vertex over an edge: edge VERTICES + vertex; those of two vertices are VERTICES^2 and more."""
-_TIE = 1e-9
+TIE = 1e-9
 _OPPOSED = -0.995
 """Cosine between the normals of faces that count as parallel: within 0.1 rad."""
 
@@ -32,7 +32,7 @@ def manifold(a: Record, b: Record, outline: Reals, points: Reals, features: Ints
     gap_a, edge_a, vertex_b = _best_edge(a, b, outline)
     gap_b, edge_b, vertex_a = _best_edge(b, a, outline)
     if edge_a < 0 and edge_b < 0:
-        return _closest_vertices(b, a, 1.0, outline, points, features)
+        return closest_vertices(b, a, 1.0, outline, points, features)
     if gap_a >= gap_b:
         return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, points, features)
     return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, points, features)
@@ -77,13 +77,13 @@ def _from_edge(
 
     `sign` is +1 where the normal of `shape` points from b to a.
     """
-    apart = gap > 0.0 or not (_has_area(shape) or _has_area(other))
+    apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     if other.end - other.first == 1:
         if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
-            return _closest_vertices(shape, other, sign, outline, points, features)
-        features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+            return closest_vertices(shape, other, sign, outline, points, features)
+        features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    facing = _facing_edge(other, edge, vertex, outline)
+    facing = facing_edge(other, edge, vertex, outline)
     ends = 4 if shape.kind != HALFPLANE and are_parallel(edge, facing, outline) else 2
     first, least = -1, math.inf
     for k in range(ends):
@@ -92,10 +92,10 @@ def _from_edge(
             distance = _distance(e, j, outline)
             if distance < least:
                 first, least = k, distance
-    if first < 0 or (gap > 0.0 and least > gap + _TIE * _span(edge, vertex, outline)):
+    if first < 0 or (gap > 0.0 and least > gap + TIE * span(edge, vertex, outline)):
         if apart:
-            return _closest_vertices(shape, other, sign, outline, points, features)
-        features[0] = _put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
+            return closest_vertices(shape, other, sign, outline, points, features)
+        features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
     second, farthest = -1, 0.0
@@ -103,7 +103,7 @@ def _from_edge(
     for k in range(ends):
         over, e, j = _end(k, shape, other, edge, facing, outline)
         if over and k != first:
-            away = abs(_along(edge, j, outline) - _along(edge, j0, outline))
+            away = abs(along(edge, j, outline) - along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
     if second < 0:
@@ -113,7 +113,7 @@ def _from_edge(
 
 
 @kernel
-def _has_area(shape: Record) -> bool:
+def has_area(shape: Record) -> bool:
     """Whether the core has an inside. If neither has, edges alone do not separate what lies on one line."""
     return shape.kind == HALFPLANE or shape.end - shape.first > 2
 
@@ -128,7 +128,7 @@ def are_parallel(edge: int, facing: int, outline: Reals) -> bool:
 
 
 @kernel
-def _span(edge: int, vertex: int, outline: Reals) -> float:
+def span(edge: int, vertex: int, outline: Reals) -> float:
     """A length to measure ties by: that of the vertex from the edge's start."""
     return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
 
@@ -148,8 +148,8 @@ def _end(
 @kernel
 def _is_over(shape: Record, edge: int, vertex: int, outline: Reals) -> bool:
     """Whether the vertex projects onto the edge; ends of aligned edges, which rounding moves, are over it."""
-    place, length = _along(edge, vertex, outline), _along(edge, next_vertex(shape, edge), outline)
-    return place >= -_TIE * length and place <= length + _TIE * length
+    place, length = along(edge, vertex, outline), along(edge, next_vertex(shape, edge), outline)
+    return place >= -TIE * length and place <= length + TIE * length
 
 
 @kernel
@@ -159,7 +159,7 @@ def next_vertex(shape: Record, vertex: int) -> int:
 
 
 @kernel
-def _along(edge: int, vertex: int, outline: Reals) -> float:
+def along(edge: int, vertex: int, outline: Reals) -> float:
     """Place of the vertex along the edge, from its start."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
     return outline[edge, 2] * dy - outline[edge, 3] * dx
@@ -173,7 +173,7 @@ def _distance(edge: int, vertex: int, outline: Reals) -> float:
 
 
 @kernel
-def _facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
+def facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
     """Edge of `other` at the deepest vertex whose normal is most opposed to that of `edge`."""
     before = vertex - 1 if vertex > other.first else other.end - 1
     nx, ny = outline[edge, 2], outline[edge, 3]
@@ -188,12 +188,12 @@ def _put_end(
 ) -> int:
     _, e, j = _end(k, shape, other, edge, facing, outline)
     if k < 2:
-        return _put(e, j, shape.radius, other.radius, sign, outline, point)
-    return _put(e, j, other.radius, shape.radius, -sign, outline, point)
+        return put(e, j, shape.radius, other.radius, sign, outline, point)
+    return put(e, j, other.radius, shape.radius, -sign, outline, point)
 
 
 @kernel
-def _put(
+def put(
     edge: int,
     vertex: int,
     edge_radius: float,
@@ -213,7 +213,7 @@ def _put(
 
 
 @kernel
-def _closest_vertices(
+def closest_vertices(
     shape: Record, other: Record, sign: float, outline: Reals, points: Reals, features: Ints
 ) -> int:
     """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""

@@ -1,0 +1,337 @@
+"""Contact points of two shapes of which one or both have seams: those of the common pieces, each in one pair.
+
+Faces linked over seams are one face, whose ends are the outer ones; the corners between are no vertices,
+and what neighbours cover separates nothing. A point of the common piece belongs to the pair of the shape that
+has its vertex and the shape over whose part of the face that vertex is, so that pairs share the points that
+there would be without seams.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Ints, Reals, Record, kernel
+from rungwise.scene.records import HALFPLANE
+from rungwise.system.planar.manifold import (
+    ABSENT,
+    GAP,
+    NORMAL_X,
+    NORMAL_Y,
+    TIE,
+    VERTICES,
+    along,
+    are_parallel,
+    closest_vertices,
+    has_area,
+    put,
+    span,
+)
+from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, height, outer_ends
+
+
+@kernel
+def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
+    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points are theirs."""
+    features[0] = features[1] = ABSENT
+    apart_a, inside_a = _separation(a, b, outline, seams)
+    apart_b, inside_b = _separation(b, a, outline, seams)
+    inside = max(inside_a, inside_b)
+    gap_a, edge_a, vertex_b = _best_edge(a, b, inside, outline, seams)
+    gap_b, edge_b, vertex_a = _best_edge(b, a, inside, outline, seams)
+    if edge_a < 0 and edge_b < 0:
+        return 0
+    if gap_a >= gap_b:
+        count = _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
+    else:
+        count = _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
+    slack = FLUSH * min(a.reach, b.reach)
+    if max(apart_a, apart_b) > slack:
+        count = _drop_overlaps(count, -slack - a.radius - b.radius, points, features)
+    return count
+
+
+@kernel
+def _drop_overlaps(count: int, least: float, points: Reals, features: Ints) -> int:
+    """Leave out points with gaps below `least`: between shapes that are apart they belong to others."""
+    kept = 0
+    for k in range(count):
+        if points[k, GAP] >= least:
+            for i in range(points.shape[1]):
+                points[kept, i] = points[k, i]
+            features[kept] = features[k]
+            kept += 1
+    for k in range(kept, 2):
+        features[k] = ABSENT
+    return kept
+
+
+@kernel
+def _edge_count(shape: Record, other: Record) -> int:
+    """How many edges of `shape` may separate it from `other`."""
+    if other.kind == HALFPLANE or shape.end - shape.first == 1:
+        return 0
+    return 1 if shape.kind == HALFPLANE else shape.end - shape.first
+
+
+@kernel
+def _deepest(i: int, other: Record, outline: Reals) -> tuple[float, int]:
+    """Least height of a vertex of `other` over edge i, and the vertex."""
+    least, deepest = math.inf, other.first
+    for j in range(other.first, other.end):
+        d = height(i, j, outline)
+        if d < least:
+            least, deepest = d, j
+    return least, deepest
+
+
+@kernel
+def _separation(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, float]:
+    """Gap to the best separating edge of `shape`, and to the best of those that the seams rule out."""
+    best, best_inside = -math.inf, -math.inf
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = _deepest(i, other, outline)
+        best = max(best, least)
+        if not _is_admitted(i, deepest, shape, other, outline, seams):
+            best_inside = max(best_inside, least)
+    return best, best_inside
+
+
+@kernel
+def _is_admitted(i: int, deepest: int, shape: Record, other: Record, outline: Reals, seams: Seams) -> bool:
+    """Whether edge i and its normal at the deepest vertex of `other` belong to the outside of the pieces."""
+    if seams.corner[deepest] == REFLEX:
+        return False
+    return shape.kind == HALFPLANE or _is_exposed(i, deepest, other, outline, seams)
+
+
+@kernel
+def _best_edge(
+    shape: Record, other: Record, inside: float, outline: Reals, seams: Seams
+) -> tuple[float, int, int]:
+    """Best separating edge of `shape` that seams admit: least height of the other's piece, the edge, and the
+    deepest vertex of `other`; edge -1 if there is none.
+
+    Where an edge that they rule out separates better (its gap is `inside`), what overlaps has come through
+    the neighbour, and an edge from which it is deeper than the middle is one on the far side.
+    """
+    best, best_edge, best_vertex = -math.inf, -1, -1
+    for i in range(shape.first, shape.first + _edge_count(shape, other)):
+        least, deepest = _deepest(i, other, outline)
+        if not _is_admitted(i, deepest, shape, other, outline, seams):
+            continue
+        if least < min(inside, 0.0) and shape.kind != HALFPLANE and least < _middle(i, shape, outline):
+            continue
+        if seams.corner[deepest] != PLAIN:
+            least = min(least, _least_along(i, deepest, outline, seams))
+        if least > best:
+            best, best_edge, best_vertex = least, i, deepest
+    return best, best_edge, best_vertex
+
+
+@kernel
+def _middle(i: int, shape: Record, outline: Reals) -> float:
+    """Height of the mean of the vertices over edge i of the shape."""
+    total = 0.0
+    for j in range(shape.first, shape.end):
+        total += height(i, j, outline)
+    return total / (shape.end - shape.first)
+
+
+@kernel
+def _least_along(edge: int, vertex: int, outline: Reals, seams: Seams) -> float:
+    """Least height over the edge of the faces that meet at a corner of neighbours."""
+    least = math.inf
+    for k in range(2):
+        start, end = outer_ends(seams.cone[vertex, k], seams)
+        least = min(least, height(edge, start, outline), height(edge, end, outline))
+    return least
+
+
+@kernel
+def _is_exposed(i: int, deepest: int, other: Record, outline: Reals, seams: Seams) -> bool:
+    """Whether edge i and what faces it lie beside each other where both are exposed."""
+    first = last = along(i, deepest, outline)
+    if other.end - other.first > 1:
+        facing = _facing_edge(i, deepest, outline, seams)
+        if are_parallel(i, facing, outline):
+            ends = along(i, facing, outline), along(i, seams.ends[facing], outline)
+            first, last = min(ends[0], ends[1]), max(ends[0], ends[1])
+            ends = along(facing, i, outline), along(facing, seams.ends[i], outline)
+            if not _reaches(facing, min(ends[0], ends[1]), max(ends[0], ends[1]), seams):
+                return False
+    return _reaches(i, first, last, seams)
+
+
+@kernel
+def _reaches(i: int, first: float, last: float, seams: Seams) -> bool:
+    """Whether the stretch from `first` to `last` along edge i is not beside or beyond its covered parts."""
+    low, high = seams.exposed[i, 0], seams.exposed[i, 1]
+    return low < high and not ((low > 0.0 and last <= low) or first >= high)
+
+
+@kernel
+def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
+    """The edge at the vertex, or at its corner of the common piece, that is most opposed to `edge`."""
+    nx, ny = outline[edge, 2], outline[edge, 3]
+    before, after = seams.cone[vertex, 0], seams.cone[vertex, 1]
+    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[after, 2] + ny * outline[after, 3]:
+        return before
+    return after
+
+
+@kernel
+def _from_edge(
+    shape: Record,
+    other: Record,
+    edge: int,
+    vertex: int,
+    gap: float,
+    sign: float,
+    outline: Reals,
+    seams: Seams,
+    points: Reals,
+    features: Ints,
+) -> int:
+    """As in `manifold`, with the whole faces that the edge and the facing one are parts of."""
+    apart = gap > 0.0 or not (has_area(shape) or has_area(other))
+    plane = shape.kind == HALFPLANE
+    single = other.end - other.first == 1
+    facing = vertex if single else _facing_edge(edge, vertex, outline, seams)
+    first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
+    ends = 4 if not plane and not single and are_parallel(edge, facing, outline) else 2
+    deepest, least = -1, math.inf
+    for k in range(1 if single else ends):
+        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+        distance = height(e, j, outline)
+        if over and distance < least:
+            deepest, least = k, distance
+    lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
+    nearest = first_vertex if lower else last_vertex
+    gap = height(edge, nearest, outline)
+    if deepest < 0 or (gap > 0.0 and least > gap + TIE * span(edge, nearest, outline)):
+        if apart:
+            return _closest_vertices(shape, other, sign, outline, seams, points, features)
+        if not (other.first <= nearest < other.end) or _is_beyond_seam(edge, nearest, plane, outline, seams):
+            return 0
+        features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
+        return 1
+    count = _put_end(
+        deepest, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[0],
+        features, 0,
+    )  # fmt: skip
+    second, farthest = -1, 0.0
+    _, _, j0 = _end(deepest, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+    for k in range(1 if single else ends):
+        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
+        if over and k != deepest:
+            away = abs(along(edge, j, outline) - along(edge, j0, outline))
+            if away > farthest:
+                second, farthest = k, away
+    if second < 0:
+        return count
+    return _put_end(
+        second, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[count],
+        features, count,
+    )  # fmt: skip
+
+
+@kernel
+def _end(
+    k: int, plane: bool, edge: int, facing: int, first: int, last: int, outline: Reals, seams: Seams
+) -> tuple[bool, int, int]:
+    """Candidate k = 0..3: (is it over the whole face, edge, vertex). Ends of the facing face, then of the
+    best edge's."""
+    if k < 2:
+        j = first if k == 0 else last
+        return plane or _is_over(edge, j, outline, seams), edge, j
+    start, end = outer_ends(edge, seams)
+    j = start if k == 2 else end
+    return _is_over(facing, j, outline, seams), facing, j
+
+
+@kernel
+def _is_over(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex projects onto the whole face of the edge, with rounding at its ends."""
+    start, end = outer_ends(edge, seams)
+    low, high, place = along(edge, start, outline), along(edge, end, outline), along(edge, vertex, outline)
+    slack = TIE * (high - low)
+    return place >= low - slack and place <= high + slack
+
+
+@kernel
+def _is_own(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex is over this part of the whole face. At a seam it is over just one of both."""
+    before, after = seams.before[edge], seams.after[edge]
+    if before != NONE and along(before, vertex, outline) < along(before, edge, outline):
+        return False
+    return not (after != NONE and not along(edge, vertex, outline) < along(edge, after, outline))
+
+
+@kernel
+def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, seams: Seams) -> bool:
+    return not plane and not _is_own(edge, vertex, outline, seams)
+
+
+@kernel
+def _put_end(
+    k: int,
+    shape: Record,
+    other: Record,
+    edge: int,
+    facing: int,
+    first: int,
+    last: int,
+    sign: float,
+    outline: Reals,
+    seams: Seams,
+    point: Reals,
+    features: Ints,
+    at: int,
+) -> int:
+    """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
+    plane = shape.kind == HALFPLANE
+    _, e, j = _end(k, plane, edge, facing, first, last, outline, seams)
+    own, against = (other, shape) if k < 2 else (shape, other)
+    if not (own.first <= j < own.end and against.first <= e < against.end):
+        return at
+    if not plane and not _is_own(e, j, outline, seams):
+        return at
+    if k < 2:
+        features[at] = put(e, j, shape.radius, other.radius, sign, outline, point)
+    else:
+        features[at] = put(e, j, other.radius, shape.radius, -sign, outline, point)
+    return at + 1
+
+
+@kernel
+def _closest_vertices(
+    shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, points: Reals, features: Ints
+) -> int:
+    """The two vertices nearest to each other, where they are corners of the common pieces and face each
+    other."""
+    closest_vertices(shape, other, sign, outline, points, features)
+    second, first = features[0] // VERTICES - VERTICES, features[0] % VERTICES
+    nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
+    if _is_corner(first, nx, ny, outline, seams) and _is_corner(second, -nx, -ny, outline, seams):
+        return 1
+    features[0] = ABSENT
+    return 0
+
+
+@kernel
+def _is_corner(vertex: int, nx: float, ny: float, outline: Reals, seams: Seams) -> bool:
+    """Whether the vertex, or its twin that owns it, may touch something in this direction."""
+    kind = seams.corner[vertex]
+    if kind in (DEAD, REFLEX) or seams.owner[vertex] != vertex:
+        return False
+    return kind == PLAIN or _is_in_cone(vertex, nx, ny, outline, seams)
+
+
+@kernel
+def _is_in_cone(vertex: int, nx: float, ny: float, outline: Reals, seams: Seams) -> bool:
+    """Whether the direction lies between the normals of the two exposed edges that meet in the corner."""
+    low, high = seams.cone[vertex, 0], seams.cone[vertex, 1]
+    return (
+        outline[low, 2] * ny - outline[low, 3] * nx >= -TIE
+        and nx * outline[high, 3] - ny * outline[high, 2] >= -TIE
+    )
