@@ -12,6 +12,7 @@ from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
+from rungwise.simulation.verdicts import sense
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -199,10 +200,7 @@ def _finish(records: Records, rung: RecordArray, h: float, contacts: int, worksp
     account(rung, h, terms, contacts, state, scratch, state.v)
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
-    for c in range(state.pushes.shape[0]):
-        state.pushes[c] = 0.0
-    for p in range(records.pairs.shape[0]):
-        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    sense(records, rung, h, state)
     for k in range(contacts):
         slot = scratch.slots[k]
         for i in range(state.impulse.shape[1]):

@@ -43,7 +43,8 @@ ROOM = 1_000_000
 
 
 class State(Block):
-    """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
+    """q, v (n,), start (n,) is q at t = 0; `gaps`, `pushes` and `impulses` (contacts,) are what conditions
+    read, `recent` (2, contacts) the normal forces of the last two steps.
 
     Per slot (two for each pair of shapes, then two travel limits for each coordinate and for each measure of
     a joint): features, deformation
@@ -59,6 +60,8 @@ class State(Block):
     v: Reals
     gaps: Reals
     pushes: Reals
+    impulses: Reals
+    recent: Reals
     start: Reals
     prescribed: Ints
     free: Ints
@@ -124,6 +127,8 @@ class Snapshot(Block):
     limited_mode: Ints
     force: Reals
     impulse: Reals
+    impulses: Reals
+    recent: Reals
 
 
 class Frames(Block):
@@ -178,6 +183,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         v=values[at + n : at + 2 * n],
         gaps=values[at + 2 * n : at + 2 * n + contacts],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
+        impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
+        recent=np.zeros((2, contacts)),
         start=np.zeros(n),
         prescribed=np.zeros(n, np.int64),
         free=np.zeros(n, np.int64),
@@ -229,6 +236,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
             limited_mode=np.zeros(limited, np.int64),
             force=np.zeros((slots, d)),
             impulse=np.zeros((slots, d)),
+            impulses=np.zeros(contacts),
+            recent=np.zeros((2, contacts)),
         )
         for _ in range(2)
     )

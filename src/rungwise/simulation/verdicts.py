@@ -98,6 +98,29 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
 
 
 @kernel
+def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
+    """Normal forces and impulses that conditions read, after an attempt of length h that was taken.
+
+    Where contact is rigid and bodies have momentum, velocities jump, and what a step finds is impulse / h. A
+    jump takes one step, or two where the first one ends at the contact. So the least of the last three steps
+    is the force, which tends to that of the motion between impacts. The impulse is the integral over time
+    from the start. The kinematic rung knows neither.
+    """
+    state.pushes[:] = 0.0
+    if rung[0].metric:
+        return
+    for p in range(records.pairs.shape[0]):
+        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    jumps = rung[0].inertia > 0.0 and not rung[0].compliant
+    for c in range(state.pushes.shape[0]):
+        push = state.pushes[c]
+        state.impulses[c] += h * push
+        if jumps:
+            state.pushes[c] = min(push, state.recent[0, c], state.recent[1, c])
+            state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
+
+
+@kernel
 def has_sunk(state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
     for slot in range(state.features.shape[0]):
@@ -135,5 +158,5 @@ def spent(
 
 @kernel
 def time_slot(state: State) -> int:
-    """Where expressions read t: values are parameters, t, q, v, gaps, forces, tolerance."""
-    return state.values.shape[0] - 2 - 2 * (state.q.shape[0] + state.gaps.shape[0])
+    """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
+    return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.gaps.shape[0]
