@@ -10,6 +10,7 @@ from rungwise.scene.records import Records
 from rungwise.simulation.choice import SUDDEN, solve_motion
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.passing import SLIP, passes
 from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
 from rungwise.simulation.verdicts import sense
@@ -19,7 +20,7 @@ from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
-ABSORBED = 3
+ABSORBED, PASSED = 3, 4
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
 LEAP = 8.0
@@ -83,7 +84,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = ABSORBED
             break
         again = linearisation > 0 or _is_pushed(state, scratch.v_new)
-        if rung[0].metric and again and reach > LEAP * clock.size:
+        if rung[0].metric and again and reach > LEAP * clock.smallest:
             status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
@@ -91,9 +92,12 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.size)
+        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.smallest)
         closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
+            if 0.5 * reach > SLIP * clock.thin and passes(records, workspace):
+                status = PASSED
+                break
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
         if not rung[0].metric:
@@ -105,7 +109,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
-    if status in (ABSORBED, SUDDEN):
+    if status in (ABSORBED, SUDDEN, PASSED):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
 

@@ -191,7 +191,7 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
 def _is_sudden(records: Records, h: float, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion begins in this step, or goes far in it."""
     state, scratch = workspace.state, workspace.scratch
-    size = min(state.clock[0].size, workspace.terms.rounding[0] / ROUNDING)
+    size = min(state.clock[0].smallest, workspace.terms.rounding[0] / ROUNDING)
     sudden = False
     for i in range(state.q.shape[0]):
         unit = _unit(records.coordinates[i])

@@ -12,6 +12,7 @@ from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
 from rungwise.simulation.nearby import fastest_pair, look
+from rungwise.simulation.passing import thinnest
 from rungwise.simulation.state import ROUNDING, Conditions, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
@@ -63,12 +64,13 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
-    clock.size = math.inf
+    clock.smallest = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach
         if reach > 0.0 and math.isfinite(reach):
-            clock.size = min(clock.size, reach)
+            clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
+    clock.thin = thinnest(records)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
@@ -160,7 +162,7 @@ def step(
             clock.steps += 1
             clock.taken = h
             clock.next = control[0].step if past else following
-            if rung[0].compliant and has_sunk(state):
+            if rung[0].compliant and has_sunk(records, state):
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict

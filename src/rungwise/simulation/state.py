@@ -25,12 +25,13 @@ ROUNDING = 1e-12
 
 CLOCK = record_type(
     "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans",
-    "time taken tried next eps theta margin near least_gap residual worst_residual reach size"
+    "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
     " drive_work load_work contact_work support_work joint_work",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
-`next` the one to try next; `reach` is the longest lever arm."""
+`next` the one to try next; `reach` is the longest lever arm,
+`smallest` the least reach of a shape, `thin` the thickness of the thinnest pair."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
@@ -97,6 +98,7 @@ class Scratch(Block):
     matrix: Reals
     order: Ints
     fresh: Ints
+    probe: Reals
     after: Reals
     row: Reals
     measures: Reals
@@ -216,6 +218,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         matrix=np.zeros((size, size + 1)),
         order=np.zeros(size, np.int64),
         fresh=np.zeros(2, np.int64),
+        probe=np.zeros((2, 5)),
         after=np.zeros(d),
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),

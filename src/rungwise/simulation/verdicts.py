@@ -8,6 +8,7 @@ from rungwise.kernel import RecordArray, copy, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import FORCE, SERVO, Records
+from rungwise.simulation.passing import thickness
 from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
 from rungwise.system.planar import joints
 
@@ -22,7 +23,8 @@ MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALI
 SIGHTS = 10
 """How often conditions are looked at in a longest step."""
 SINKING = 0.1
-"""Deformation, as a fraction of the smallest shape's reach, beyond which the compliant model fails."""
+"""Deformation beyond which the compliant model fails, as a fraction of the smallest shape's reach, or of half
+the thickness of the pair where that is less."""
 
 
 @kernel
@@ -121,11 +123,14 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
 
 
 @kernel
-def has_sunk(state: State) -> bool:
+def has_sunk(records: Records, state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
-    for slot in range(state.features.shape[0]):
-        if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].size:
-            return True
+    for p in range(records.pairs.shape[0]):
+        deepest = max(abs(state.deformation[2 * p, 0]), abs(state.deformation[2 * p + 1, 0]))
+        if deepest > 0.0:
+            a, b = records.shapes[records.pairs[p].shape_a], records.shapes[records.pairs[p].shape_b]
+            if deepest > SINKING * min(state.clock[0].smallest, 0.5 * thickness(a, b)):
+                return True
     return False
 
 
