@@ -23,9 +23,6 @@ TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED, PASSED = 3, 4
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
-LEAP = 8.0
-"""Bound on motion between bodies, over the smallest shape's reach, above which a kinematic step that pushes
-something, or that is linearised again, is halved: the bodies could be past each other."""
 EXACT = 1e-9
 """Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
 step is not linearised again."""
@@ -65,7 +62,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
     contacts = gather(records, workspace)
-    status = UNSOLVED
+    status, least = UNSOLVED, -math.inf
     clock.tried = h
     for linearisation in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
@@ -80,12 +77,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             continue
         if status == UNSUPPORTED:
             break
-        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
+        first = math.isinf(least)
+        if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
-            break
-        again = linearisation > 0 or _is_pushed(state, scratch.v_new)
-        if rung[0].metric and again and reach > LEAP * clock.smallest:
-            status = UNSOLVED
             break
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
@@ -100,9 +94,10 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
                 break
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
-        if not rung[0].metric:
+        if not rung[0].metric and (not closed or clock.least_gap < 0.5 * least):
             status = UNSOLVED
             break
+        least = clock.least_gap
         contacts = gather(records, workspace)
         if records.joints.shape[0] > 0:
             join(records, rung, workspace, h)
@@ -120,15 +115,6 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
-
-
-@kernel
-def _is_pushed(state: State, v: Reals) -> bool:
-    """Whether something moves whose motion is not given."""
-    pushed = False
-    for i in range(v.shape[0]):
-        pushed |= not state.prescribed[i] and v[i] != 0.0
-    return pushed
 
 
 @kernel
