@@ -8,6 +8,7 @@ from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
 from rungwise.simulation.choice import SUDDEN, solve_motion
+from rungwise.simulation.jumps import jumps
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.passing import SLIP, passes
@@ -28,6 +29,8 @@ EXACT = 1e-9
 step is not linearised again."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
+ROUNDED = 1e-14
+"""Rounding of the work of a contact, relative to its impulse times the speeds there."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -62,7 +65,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
     contacts = gather(records, workspace)
-    status, least = UNSOLVED, -math.inf
+    status, least, jumped = UNSOLVED, -math.inf, False
     clock.tried = h
     for linearisation in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
@@ -81,6 +84,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
+        if first:
+            jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
         if not _is_finite(state.q):
@@ -92,6 +97,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             if 0.5 * reach > SLIP * clock.thin and passes(records, workspace):
                 status = PASSED
                 break
+            if jumped:
+                clock.jump_time = clock.jump_time if clock.jumps > 0 else clock.time
+                clock.jumps += 1
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
         if not rung[0].metric and (not closed or clock.least_gap < 0.5 * least):
@@ -184,10 +192,27 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
 
 
 @kernel
+def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> float:
+    """Contact work in a step that is no more than rounding, or than the residual, of what is exchanged."""
+    exchanged = 0.0
+    for r in range(2 * contacts):
+        before, after = 0.0, 0.0
+        for i in range(state.v.shape[0]):
+            before += abs(terms.rows[r, i] * state.v[i])
+            after += abs(terms.rows[r, i] * scratch.v_new[i])
+        exchanged += h * abs(scratch.contact_force[r]) * max(before, after)
+    return max(ROUNDED, state.clock[0].residual) * exchanged
+
+
+@kernel
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    work = state.clock[0].contact_work
     account(rung, h, terms, contacts, state, scratch, state.v)
+    work = state.clock[0].contact_work - work
+    if state.clock[0].bounced and work > _rounding_of_work(h, terms, contacts, state, scratch):
+        state.clock[0].gained += work
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
     sense(records, rung, h, state)

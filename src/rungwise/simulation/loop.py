@@ -13,7 +13,7 @@ from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
 from rungwise.simulation.nearby import fastest_pair, look
 from rungwise.simulation.passing import thinnest
-from rungwise.simulation.state import ROUNDING, Conditions, Timed, Workspace
+from rungwise.simulation.state import ROUNDING, Conditions, State, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
     JAMMED,
@@ -77,6 +77,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
     terms.rounding[0] = ROUNDING * extent
     terms.pause[0] = PAUSE * control[0].step
+    terms.low[0] = control[0].error if control[0].error > 0.0 else math.inf
     clock.margin = control[0].tolerance
     look(records, workspace)
     clock.next = control[0].step
@@ -151,6 +152,8 @@ def step(
             return NOT_CONVERGED
         status, h, following = take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
+            if rung[0].metric:
+                _note_leap(records, h, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
                 clear = look_back(conditions, control, h, workspace)
@@ -178,6 +181,15 @@ def step(
             return INVALID
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
+
+
+@kernel
+def _note_leap(records: Records, h: float, state: State) -> None:
+    """Remember the farthest that a servo, followed exactly, has moved anything in a step."""
+    clock = state.clock[0]
+    for i in range(state.q.shape[0]):
+        if records.coordinates[i].drive == SERVO and abs(h * state.speed[i]) > abs(clock.leap):
+            clock.leaper, clock.leap, clock.leap_time = i, h * state.speed[i], clock.time
 
 
 @kernel

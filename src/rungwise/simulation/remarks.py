@@ -14,7 +14,7 @@ def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) 
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
     """
-    found = (_theta(rung, theta), _step(control, clock))
+    found = (_theta(rung, theta), _step(control, clock), _jumps(clock))
     return tuple(remark for remark in found if remark)
 
 
@@ -40,3 +40,15 @@ def _step(control: RecordArray, clock: RecordArray) -> str:
     if steps > SHORTENED * max(1.0, time / min(step, duration)):
         lines.append(f"{steps} steps were taken, on average of {time / steps:.3g}: shorter where it must be")
     return "step: " + "; ".join(lines) if lines else ""
+
+
+def _jumps(clock: RecordArray) -> str:
+    """Velocities that jumped though nothing collided."""
+    count, time = int(clock[0]["jumps"]), float(clock[0]["jump_time"])
+    if count == 0:
+        return ""
+    more = f", and {count - 1} times after that" if count > 1 else ""
+    return (
+        f"at t = {time:.6g}{more} velocities jumped without a collision: no acceleration satisfies rigid contact"
+        " with so much friction (Painleve); a compliant rung shows what happens there"
+    )

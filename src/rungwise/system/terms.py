@@ -38,6 +38,7 @@ class Terms(Block):
     account    (b,)      whose work that of the row is: DRIVE, SUPPORT or JOINT
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
+    low        (1,)      height: nor is one after which loads let nothing bounce higher
     """
 
     inertia: NDArray[np.float64]
@@ -59,6 +60,7 @@ class Terms(Block):
     account: NDArray[np.int64]
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
+    low: NDArray[np.float64]
 
 
 def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
@@ -84,4 +86,5 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         account=np.zeros(b, np.int64),
         rounding=np.zeros(1),
         pause=np.zeros(1),
+        low=np.zeros(1),
     )
