@@ -189,7 +189,8 @@ def _note_leap(records: Records, h: float, state: State) -> None:
     clock = state.clock[0]
     for i in range(state.q.shape[0]):
         if records.coordinates[i].drive == SERVO and abs(h * state.speed[i]) > abs(clock.leap):
-            clock.leaper, clock.leap, clock.leap_time = i, h * state.speed[i], clock.time
+            clock.leaper, clock.leap = i, h * state.speed[i]
+            clock.leap_time, clock.leap_step = clock.time, h
 
 
 @kernel

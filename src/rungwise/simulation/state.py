@@ -26,12 +26,12 @@ ROUNDING = 1e-12
 CLOCK = record_type(
     "steps attempts outcome limited contacts frames since stride free bounces bounced drives chooses leans leaper jumps",
     "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
-    " drive_work load_work contact_work support_work joint_work gained leap leap_time jump_time shake",
+    " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time shake",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity; `bounces`: whether
 some contact may bounce; `bounced`: whether one did in this step. `gained` is energy that bounces added. In the
-step up to `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic
+step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic
 rung). `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `taken` is the last step's length, `tried` that of the last attempt,
 `next` the one to try next; `reach` is the longest lever arm,
