@@ -67,7 +67,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     contacts = gather(records, workspace)
     status, least, jumped = UNSOLVED, -math.inf, False
     clock.tried = h
-    for linearisation in range(MAX_LINEARISATIONS):
+    for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
         status = solve_motion(records, rung, h, contacts, shortest, workspace)
         if status in (UNSOLVED, SUDDEN):
@@ -91,7 +91,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        allowed = min(gap_before - terms.rounding[0], -(EXACT if rung[0].metric else OVERLAP) * clock.smallest)
+        overlap = (EXACT if rung[0].metric else OVERLAP) * clock.smallest
+        allowed = min(gap_before - terms.rounding[0], -overlap)
         closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
             if 0.5 * reach > SLIP * clock.thin and passes(records, workspace):
@@ -201,7 +202,8 @@ def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scrat
             before += abs(terms.rows[r, i] * state.v[i])
             after += abs(terms.rows[r, i] * scratch.v_new[i])
         exchanged += h * abs(scratch.contact_force[r]) * max(before, after)
-    return max(ROUNDED, state.clock[0].residual) * exchanged
+    tolerated: float = max(ROUNDED, state.clock[0].residual)
+    return tolerated * exchanged
 
 
 @kernel

@@ -29,7 +29,7 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
     as it was."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    if rung[0].compliant or rung[0].inertia == 0.0 or _collides(h, contacts, workspace):
+    if rung[0].compliant or rung[0].inertia == 0.0 or _collides(contacts, workspace):
         return False
     change = _change_of_velocity(workspace)
     before, clock.shake = clock.shake, change / h
@@ -46,9 +46,7 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
 
 
 @kernel
-def _changes_so_soon(
-    rung: RecordArray, h: float, contacts: int, workspace: Workspace, change: float
-) -> bool:
+def _changes_so_soon(rung: RecordArray, h: float, contacts: int, workspace: Workspace, change: float) -> bool:
     """Whether velocity changes by half as much at least in a far shorter step."""
     status = solve_step(
         rung, SHORTER * h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
@@ -57,7 +55,7 @@ def _changes_so_soon(
 
 
 @kernel
-def _collides(h: float, contacts: int, workspace: Workspace) -> bool:
+def _collides(contacts: int, workspace: Workspace) -> bool:
     """Whether something that approached is met in the step."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock, met = state.clock[0], False

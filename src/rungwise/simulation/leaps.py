@@ -37,17 +37,17 @@ class Leap:
 
 
 def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -> Leap | None:
-    """The leap of at least this length in the step in which a servo moved something farthest, if it is one."""
+    """The leap beyond `least` in the step in which a servo moved something farthest, if it is one."""
     clock = workspace.state.clock[0]
     i, moved, end = int(clock["leaper"]), float(clock["leap"]), float(clock["leap_time"])
     if abs(moved) <= least:
         return None
-    begin = end - float(clock["leap_step"])
-    return _leap(scene, bound, workspace, i, _target(scene, bound, workspace, i, end) - moved, begin, end, least)
+    begin, place = end - float(clock["leap_step"]), _target(scene, bound, workspace, i, end) - moved
+    return _leap(scene, bound, workspace, i, place, begin, end, least)
 
 
 def leap_ahead(scene: Scene, bound: Bound, workspace: Workspace, least: float, span: float) -> Leap | None:
-    """The leap of at least this length that a servo would have to take within so long a time, if any."""
+    """The leap beyond `least` that a servo would have to take within so long a time, if any."""
     state = workspace.state
     now = float(state.clock[0]["time"])
     for i in range(len(state.q)):
@@ -93,6 +93,7 @@ def _target(scene: Scene, bound: Bound, workspace: Workspace, i: int, time: floa
     timed, values = scene.template.timed, bound.values.copy()
     values[time_slot(workspace.state)] = time
     evaluate_numbers(
-        timed.code, timed.constants, timed.table, scene.template.timed_targets, values, np.zeros(STACK), bound.buffer
+        timed.code, timed.constants, timed.table, scene.template.timed_targets, values, np.zeros(STACK),
+        bound.buffer,
     )  # fmt: skip
     return float(target(bound.records.coordinates[i], workspace.state.start[i], time))

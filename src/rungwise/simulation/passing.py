@@ -82,8 +82,7 @@ def _excursion(records: Records, a: Record, b: Record, workspace: Workspace) -> 
     moved = 0.0
     for shape in (a, b):
         body = records.bodies[shape.body]
-        turn = abs(_turn(records, shape, workspace))
-        moved += turn * shape.reach + (_arm(records, shape, workspace) * turn if body.motion == HINGE else 0.0)
+        moved += abs(_turn(records, shape, workspace)) * (shape.reach + _arm(records, shape, workspace))
         for j in range(coordinate_count(body)):
             if body.motion != HINGE and j < 2:
                 i = body.coordinate + j
@@ -130,16 +129,21 @@ def _place_pair(records: Records, a: Record, b: Record, workspace: Workspace, pa
         for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
             q[i] = state.q[i] if part == 1.0 else (1.0 - part) * before[i] + part * state.q[i]
         if coordinate_count(body) > 0:
-            place_body(shape.body, records.bodies, records.shapes, records.vertices, q, state.pose, state.outline)
+            place_body(
+                shape.body, records.bodies, records.shapes, records.vertices, q, state.pose, state.outline
+            )
 
 
 @kernel
 def _turn(records: Records, shape: Record, workspace: Workspace) -> float:
     """Angle by which a shape turns on the whole way."""
-    body, state, before = records.bodies[shape.body], workspace.state, workspace.before
+    body, now, before = records.bodies[shape.body], workspace.state.q, workspace.before.q
+    turn = 0.0
     if body.motion == HINGE:
-        return state.q[body.coordinate] - before.q[body.coordinate]
-    return state.q[body.coordinate + 2] - before.q[body.coordinate + 2] if body.motion == FREE else 0.0
+        turn = now[body.coordinate] - before[body.coordinate]
+    elif body.motion == FREE:
+        turn = now[body.coordinate + 2] - before[body.coordinate + 2]
+    return turn
 
 
 @kernel
@@ -166,4 +170,5 @@ def _distance(a: Record, b: Record, nx: float, ny: float, workspace: Workspace) 
         nearest = min(nearest, nx * outline[i, 0] + ny * outline[i, 1])
     for i in range(b.first, b.end):
         farthest = max(farthest, nx * outline[i, 0] + ny * outline[i, 1])
-    return nearest - farthest - a.radius - b.radius
+    distance: float = nearest - farthest - a.radius - b.radius
+    return distance

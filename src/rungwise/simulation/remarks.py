@@ -49,6 +49,6 @@ def _jumps(clock: RecordArray) -> str:
         return ""
     more = f", and {count - 1} times after that" if count > 1 else ""
     return (
-        f"at t = {time:.6g}{more} velocities jumped without a collision: no acceleration satisfies rigid contact"
-        " with so much friction (Painleve); a compliant rung shows what happens there"
+        f"at t = {time:.6g}{more} velocities jumped without a collision: no acceleration satisfies rigid"
+        " contact with so much friction (Painlevé); a compliant rung shows what happens there"
     )

@@ -22,6 +22,7 @@ from rungwise.simulation.state import Workspace
 if TYPE_CHECKING:
     import xarray
 
+
 @dataclass(frozen=True)
 class Run:
     """How a run ended and what it recorded.
@@ -30,8 +31,8 @@ class Run:
     `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
     last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
     was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
-    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was changed,
-    left out or is unusual (see `simulation.remarks`).
+    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was
+    changed, left out or is unusual (see `simulation.remarks`).
     """
 
     scene: Scene

@@ -24,18 +24,20 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    "steps attempts outcome limited contacts frames since stride free bounces bounced drives chooses leans leaper jumps",
+    "steps attempts outcome limited contacts frames since stride free bounces bounced drives chooses leans"
+    " leaper jumps",
     "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
-    " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time shake",
+    " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time"
+    " shake",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
-starts from the preferred velocity; `bounces`: whether
-some contact may bounce; `bounced`: whether one did in this step. `gained` is energy that bounces added. In the
-step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic
-rung). `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
-acceleration, in the norm of the inertia. `taken` is the last step's length, `tried` that of the last attempt,
-`next` the one to try next; `reach` is the longest lever arm,
-`smallest` the least reach of a shape, `thin` the thickness of the thinnest pair."""
+starts from the preferred velocity; `bounces`: whether some contact may bounce; `bounced`: whether one does in
+this step. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next;
+`reach` is the longest lever arm, `smallest` the least reach of a shape, `thin` the thickness of the thinnest
+pair. `gained` is energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of
+coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of
+velocity without a collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the
+inertia."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
