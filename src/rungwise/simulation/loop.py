@@ -25,6 +25,7 @@ from rungwise.simulation.verdicts import (
     judge,
     look_back,
     spent,
+    withholds,
 )
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -164,7 +165,7 @@ def step(
                     continue
             clock.steps += 1
             clock.taken = h
-            clock.next = control[0].step if past else following
+            clock.next = control[0].step if past or withholds(records, state) else following
             if rung[0].compliant and has_sunk(records, state):
                 return MODEL_INVALID
             if verdict != RUNNING:

@@ -22,6 +22,9 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 SIGHTS = 10
 """How often conditions are looked at in a longest step."""
+LASTING = 0.5
+"""Part of the force found in a step that conditions read by then, below which steps are nominal until they
+know whether it lasts."""
 SINKING = 0.1
 """Deformation beyond which the compliant model fails, as a fraction of the smallest shape's reach, or of half
 the thickness of the pair where that is less."""
@@ -120,6 +123,15 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
         if jumps:
             state.pushes[c] = min(push, state.recent[0, c], state.recent[1, c])
             state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
+
+
+@kernel
+def withholds(records: Records, state: State) -> bool:
+    """Whether a force that conditions read is not yet as large as in the last step: only if it lasts."""
+    holds = False
+    for c in range(state.pushes.shape[0]):
+        holds |= records.contacts[c].watched and state.pushes[c] < LASTING * state.recent[0, c]
+    return holds
 
 
 @kernel
