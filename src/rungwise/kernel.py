@@ -33,9 +33,11 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def record_type(integers: str, reals: str) -> np.dtype[np.void]:
     """Type of a record array with these fields, each 8 bytes wide: `array[0].name` reads and writes one, in
-    compiled code and in plain Python alike, but for names that numpy's own records have."""
-    taken = set(dir(np.record)) & {*integers.split(), *reals.split()}
-    assert not taken, f"numpy's records have attributes of their own: {taken}"
+    compiled code and in plain Python alike. Raises ValueError for a name that an array has already, which
+    plain Python would read instead."""
+    for name in (integers + " " + reals).split():
+        if hasattr(np.record, name):
+            raise ValueError(f"{name}: a record array has an attribute of this name")
     fields = [(name, np.int64) for name in integers.split()] + [(name, np.float64) for name in reals.split()]
     return np.dtype((np.record, fields))
 

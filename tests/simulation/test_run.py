@@ -528,3 +528,34 @@ def test_a_kinematic_step_does_not_lead_past_what_it_pushes(h: float) -> None:
     part = run.final["part"]
     assert np.hypot(part["x"] - 0.9, part["y"]) >= 0.2 - 1e-9
     assert part["x"] > 0.85 and part["y"] < 0.2
+
+
+def test_a_step_that_was_far_too_long_is_told() -> None:
+    long = rw.simulate("slide_roll", rw.DYNAMIC_RIGID, step=5.0)
+    assert any(note.startswith("step: 5 is longer than the whole run") for note in long.notes)
+    assert rw.simulate("slide_roll", rw.DYNAMIC_RIGID).notes == ()
+
+
+def test_options_that_a_rung_does_not_use_are_told() -> None:
+    for model in MOVING:
+        run = rw.simulate("two_finger", model, theta=0.5, duration=0.1)
+        used = model == rw.DYNAMIC_COMPLIANT
+        assert [note.partition(":")[0] for note in run.notes] == ([] if used else ["theta"])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_target_that_jumps_names_its_servo(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    at, far = rng.uniform(0.1, 0.9), rng.uniform(0.1, 3.0) * rng.choice([-1.0, 1.0])
+    smooth = f"{rng.uniform(-1, 1)} * sin(3 * t)"
+    for target, jumps in ((f"{smooth} + ({far} if t > {at} else 0)", True), (f"{smooth} + {far} * t", False)):
+        drive = {"kind": "servo", "stiffness": 100.0, "damping": 20.0, "target": target}
+        run = rw.simulate(slider({"drive": drive}), rw.KINEMATIC, duration=1.0, step=0.03)
+        assert len(run.notes) == jumps
+        assert not jumps or (
+            "bodies.block.coordinates.s.drive" in run.notes[0] and f"t = {at:.6g}" in run.notes[0]
+        )
+    walled = slider({"drive": {**drive, "target": f"{abs(far)} if t > {at} else 0"}}, wall=0.05)
+    run = rw.simulate(walled, rw.KINEMATIC)
+    told = " ".join((run.reason, *run.notes))
+    assert run.outcome.name in ("jammed", "not_converged") and "bodies.block.coordinates.s.drive" in told

@@ -170,15 +170,19 @@ def _carried(rows: Reals, r: int, speed: Reals) -> float:
 
 @kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
-    """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause."""
+    """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause, and no
+    faster than in a fall from a height that counts as none."""
     g = _carried(terms.rows, r, speed)
     loaded = 0.0
     for i in range(n):
         a = free[i]
         g += terms.rows[r, a] * v[a]
         if eps > 0.0:
-            loaded += terms.rows[r, a] * terms.load[a] * terms.pause[0] / (eps * terms.inertia[a, a])
-    return 0.0 if g >= -abs(loaded) else g
+            loaded += terms.rows[r, a] * terms.load[a] / (eps * terms.inertia[a, a])
+    rest = abs(loaded) * terms.pause[0]
+    if math.isfinite(terms.low[0]):
+        rest = min(rest, math.sqrt(2.0 * abs(loaded) * terms.low[0]))
+    return 0.0 if g >= -rest else g
 
 
 @kernel

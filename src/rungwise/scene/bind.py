@@ -349,6 +349,22 @@ def _centre_frame(body: Record, shapes: RecordArray, vertices: RecordArray) -> N
             vertices[k].y -= body.centre_y
             reach = max(reach, math.hypot(vertices[k].x, vertices[k].y))
         shapes[i].reach = math.inf if shapes[i].kind == HALFPLANE else reach + shapes[i].radius
+        shapes[i].width = _width(shapes[i], vertices)
+
+
+@kernel
+def _width(shape: Record, vertices: RecordArray) -> float:
+    """Least distance of two parallel lines that enclose a shape: one of them lies along an edge."""
+    if shape.kind == HALFPLANE:
+        return math.inf
+    least = 0.0 if shape.end - shape.first < 3 else math.inf
+    for i in range(shape.first, shape.end):
+        edge, depth = vertices[i], 0.0
+        for k in range(shape.first, shape.end):
+            dx, dy = vertices[k].x - edge.x, vertices[k].y - edge.y
+            depth = max(depth, -edge.normal_x * dx - edge.normal_y * dy)
+        least = min(least, depth)
+    return least + 2.0 * shape.radius
 
 
 @kernel

@@ -7,18 +7,21 @@ from collections.abc import Iterable
 from rungwise.scene.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
 from rungwise.scene.template import SceneError
 
+OF_CONTACTS = ("gap", "force", "impulse")
+"""Functions of two bodies that a condition may call, in the order of their values."""
+
 
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `watched` collects the contacts whose gap or force some condition reads.
+    `watched` collects the contacts whose gap, force or impulse some condition reads.
     """
 
     def __init__(
         self, parameters: tuple[str, ...], coordinates: tuple[str, ...], contacts: tuple[tuple[str, str], ...]
     ) -> None:
         for name in parameters:
-            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "gap", "force", "speed"):
+            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
         self.watched: set[int] = set()
@@ -46,7 +49,7 @@ class Names:
 
     def _listed_state(self) -> str:
         names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
-        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in ("gap", "force")]
+        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
         return listed(names)
 
     def _of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
@@ -58,13 +61,13 @@ class Names:
             if not function and dotted[0] in (*self.parameters, "t"):
                 return (*self.parameters, "t").index(dotted[0])
             if not function and dotted[0] == "tolerance":
-                return time + 1 + 2 * n + 2 * contacts
-        if function in ("gap", "force") and len(dotted) == 2:
+                return time + 1 + 2 * n + len(OF_CONTACTS) * contacts
+        if function in OF_CONTACTS and len(dotted) == 2:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:
                     index = self.contacts.index(pair)
                     self.watched.add(index)
-                    return time + 1 + 2 * n + index + (contacts if function == "force" else 0)
+                    return time + 1 + 2 * n + index + OF_CONTACTS.index(function) * contacts
         return None
 
 

@@ -33,8 +33,9 @@ COORDINATE = record_type(
 """mass: generalised inertia M; metric: the same per unit of the body's mass (kinematic rung); lever:
 its root, a length that makes an angle comparable with distances, and 1 for a distance."""
 
-SHAPE = record_type("body first end kind", "radius at_x at_y angle size_x size_y reach")
-"""Vertices first..end, a rounding radius, and (bound) reach: the greatest distance from the body's centre."""
+SHAPE = record_type("body first end kind", "radius at_x at_y angle size_x size_y reach width")
+"""Vertices first..end, a rounding radius, and (bound) reach: the greatest distance from the body's centre;
+width: the least distance of two parallel lines that enclose the shape, infinite for a halfplane."""
 
 VERTEX = record_type("", "x y normal_x normal_y length")
 """Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""

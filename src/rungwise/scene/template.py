@@ -31,8 +31,8 @@ class Checks:
 class Template:
     """A scene ready to be bound: `buffer` holds the literals, programs write the expressions to `targets`.
 
-    The values that programs read are laid out as parameters, t, q, v, gaps and normal forces of contacts,
-    and the goal's tolerance.
+    The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
+    contacts, and the goal's tolerance.
     """
 
     counts: tuple[int, ...]
@@ -51,4 +51,4 @@ class Template:
 
     @property
     def value_count(self) -> int:
-        return len(self.parameters) + 2 + 2 * len(self.coordinates) + 2 * len(self.contacts)
+        return len(self.parameters) + 2 + 2 * len(self.coordinates) + 3 * len(self.contacts)

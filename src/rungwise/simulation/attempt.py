@@ -8,27 +8,29 @@ from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
 from rungwise.simulation.choice import SUDDEN, solve_motion
+from rungwise.simulation.jumps import jumps
 from rungwise.simulation.memory import bring_back, remember
 from rungwise.simulation.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.passing import SLIP, passes
 from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
+from rungwise.simulation.verdicts import sense
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
-ABSORBED = 3
+ABSORBED, PASSED = 3, 4
 """Beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
-LEAP = 8.0
-"""Bound on motion between bodies, over the smallest shape's reach, above which a kinematic step that pushes
-something, or that is linearised again, is halved: the bodies could be past each other."""
 EXACT = 1e-9
 """Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
 step is not linearised again."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
+ROUNDED = 1e-14
+"""Rounding of the work of a contact, relative to its impulse times the speeds there."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -63,9 +65,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
     contacts = gather(records, workspace)
-    status = UNSOLVED
+    status, least, jumped = UNSOLVED, -math.inf, False
     clock.tried = h
-    for linearisation in range(MAX_LINEARISATIONS):
+    for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
         status = solve_motion(records, rung, h, contacts, shortest, workspace)
         if status in (UNSOLVED, SUDDEN):
@@ -78,13 +80,12 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             continue
         if status == UNSUPPORTED:
             break
-        if clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
+        first = math.isinf(least)
+        if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
-        again = linearisation > 0 or _is_pushed(state, scratch.v_new)
-        if rung[0].metric and again and reach > LEAP * clock.smallest:
-            status = UNSOLVED
-            break
+        if first:
+            jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
         _move(records, workspace, h)
         if not _is_finite(state.q):
@@ -94,18 +95,25 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         allowed = min(gap_before - terms.rounding[0], -overlap)
         closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
         if closed and (rung[0].compliant or clock.least_gap >= allowed):
+            if 0.5 * reach > SLIP * clock.thin and passes(records, workspace):
+                status = PASSED
+                break
+            if jumped:
+                clock.jump_time = clock.jump_time if clock.jumps > 0 else clock.time
+                clock.jumps += 1
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
-        if not rung[0].metric:
+        if not rung[0].metric and (not closed or clock.least_gap < 0.5 * least):
             status = UNSOLVED
             break
+        least = clock.least_gap
         contacts = gather(records, workspace)
         if records.joints.shape[0] > 0:
             join(records, rung, workspace, h)
         _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
-    if status in (ABSORBED, SUDDEN):
+    if status in (ABSORBED, SUDDEN, PASSED):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
 
@@ -116,15 +124,6 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
-
-
-@kernel
-def _is_pushed(state: State, v: Reals) -> bool:
-    """Whether something moves whose motion is not given."""
-    pushed = False
-    for i in range(v.shape[0]):
-        pushed |= not state.prescribed[i] and v[i] != 0.0
-    return pushed
 
 
 @kernel
@@ -194,16 +193,31 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
 
 
 @kernel
+def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> float:
+    """Contact work in a step that is no more than rounding, or than the residual, of what is exchanged."""
+    exchanged = 0.0
+    for r in range(2 * contacts):
+        before, after = 0.0, 0.0
+        for i in range(state.v.shape[0]):
+            before += abs(terms.rows[r, i] * state.v[i])
+            after += abs(terms.rows[r, i] * scratch.v_new[i])
+        exchanged += h * abs(scratch.contact_force[r]) * max(before, after)
+    tolerated: float = max(ROUNDED, state.clock[0].residual)
+    return tolerated * exchanged
+
+
+@kernel
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    work = state.clock[0].contact_work
     account(rung, h, terms, contacts, state, scratch, state.v)
+    work = state.clock[0].contact_work - work
+    if state.clock[0].bounced and work > _rounding_of_work(h, terms, contacts, state, scratch):
+        state.clock[0].gained += work
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(state.clock[0].theta, state.v[i], scratch.v_new[i], state.prescribed[i])
-    for c in range(state.pushes.shape[0]):
-        state.pushes[c] = 0.0
-    for p in range(records.pairs.shape[0]):
-        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    sense(records, rung, h, state)
     for k in range(contacts):
         slot = scratch.slots[k]
         for i in range(state.impulse.shape[1]):

@@ -16,6 +16,7 @@ from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, j
 from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.memory import bring_back, keep, remember, restore
 from rungwise.simulation.nearby import fastest_pair, gather, look, swing, widen
+from rungwise.simulation.passing import passes
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.system.planar.place import place, turns
 
@@ -199,7 +200,7 @@ def _flies(workspace: Workspace) -> bool:
 def _extrapolate(records: Records, workspace: Workspace) -> None:
     """Two half steps and what they gained over the whole one (Richardson): of second order in free flight.
 
-    The halves stay as they are where the sum would overlap something.
+    The halves stay as they are where the sum would overlap something, or be beyond it.
     """
     state, whole, halves = workspace.state, workspace.whole, workspace.before
     remember(state, halves)
@@ -209,7 +210,7 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
             state.q[i] += state.q[i] - whole.q[i]
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
     look(records, workspace)
-    if clock.least_gap < 0.0:
+    if clock.least_gap < 0.0 or passes(records, workspace):
         bring_back(records, workspace, halves)
         return
     for i in range(state.q.shape[0]):

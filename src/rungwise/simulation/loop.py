@@ -12,7 +12,8 @@ from rungwise.simulation.drives import set_speeds
 from rungwise.simulation.frames import record
 from rungwise.simulation.memory import restore
 from rungwise.simulation.nearby import fastest_pair, look
-from rungwise.simulation.state import ROUNDING, Conditions, Timed, Workspace
+from rungwise.simulation.passing import thinnest
+from rungwise.simulation.state import ROUNDING, Conditions, State, Timed, Workspace
 from rungwise.simulation.verdicts import (
     INVALID,
     JAMMED,
@@ -24,6 +25,7 @@ from rungwise.simulation.verdicts import (
     judge,
     look_back,
     spent,
+    withholds,
 )
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -76,6 +78,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         if reach > 0.0 and math.isfinite(reach):
             clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
+    clock.thin = thinnest(records)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
     find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     extent = clock.reach
@@ -83,6 +86,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
     terms.rounding[0] = ROUNDING * extent
     terms.pause[0] = PAUSE * control[0].step
+    terms.low[0] = control[0].error if control[0].error > 0.0 else math.inf
     clock.margin = control[0].tolerance
     look(records, workspace)
     clock.next = control[0].step
@@ -159,6 +163,8 @@ def step(
             return NOT_CONVERGED
         status, h, following = take(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
+            if rung[0].metric:
+                _note_leap(records, h, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
                 clear = look_back(conditions, control, h, workspace)
@@ -169,8 +175,8 @@ def step(
                     continue
             clock.steps += 1
             clock.taken = h
-            clock.next = control[0].step if past else following
-            if rung[0].compliant and has_sunk(state):
+            clock.next = control[0].step if past or withholds(records, state) else following
+            if rung[0].compliant and has_sunk(records, state):
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict
@@ -186,6 +192,18 @@ def step(
             return INVALID
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
+
+
+@kernel
+def _note_leap(records: Records, h: float, state: State) -> None:
+    """Remember the farthest that a servo, followed exactly, has moved anything in a step."""
+    clock = state.clock[0]
+    for i in range(state.q.shape[0]):
+        c = records.coordinates[i]
+        farthest = abs(clock.leap) * records.coordinates[clock.leaper].lever
+        if c.drive == SERVO and abs(h * state.speed[i]) * c.lever > farthest:
+            clock.leaper, clock.leap = i, h * state.speed[i]
+            clock.leap_time, clock.leap_step = clock.time, h
 
 
 @kernel

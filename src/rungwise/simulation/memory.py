@@ -20,6 +20,8 @@ def keep(workspace: Workspace) -> None:
     copy(state.v, kept.v)
     copy(state.force, kept.force)
     copy(state.impulse, kept.impulse)
+    copy(state.impulses, kept.impulses)
+    copy(state.recent, kept.recent)
     copy(workspace.scratch.limited_mode, kept.limited_mode)
 
 
@@ -33,6 +35,8 @@ def restore(records: Records, workspace: Workspace) -> None:
     copy(kept.v, state.v)
     copy(kept.force, state.force)
     copy(kept.impulse, state.impulse)
+    copy(kept.impulses, state.impulses)
+    copy(kept.recent, state.recent)
     copy(kept.limited_mode, workspace.scratch.limited_mode)
     bring_back(records, workspace, kept)
     state.clock[0].least_gap = kept.clock[0].least_gap
@@ -71,6 +75,8 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state.clock[0] = blank[0]
     state.gaps[:] = 0.0
     state.pushes[:] = 0.0
+    state.impulses[:] = 0.0
+    state.recent[:, :] = 0.0
     state.speed[:] = 0.0
     state.passive[:] = 0.0
     state.reaction[:] = 0.0

@@ -20,7 +20,7 @@ def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) 
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
     """
-    found = (_theta(rung, theta), _step(control, clock), _tolerance(control, clock))
+    found = (_theta(rung, theta), _step(control, clock), _tolerance(control, clock), _jumps(clock))
     return tuple(remark for remark in found if remark)
 
 
@@ -58,4 +58,16 @@ def _tolerance(control: RecordArray, clock: RecordArray) -> str:
     return (
         f"tolerance: {tolerance:.3g} is out of proportion to the smallest shape, whose reach is"
         f" {smallest:.3g}: {why}; {1e-6 * smallest:.1g} would fit"
+    )
+
+
+def _jumps(clock: RecordArray) -> str:
+    """Velocities that jumped though nothing collided."""
+    count, time = int(clock[0]["jumps"]), float(clock[0]["jump_time"])
+    if count == 0:
+        return ""
+    more = f", and {count - 1} times after that" if count > 1 else ""
+    return (
+        f"at t = {time:.6g}{more} velocities jumped without a collision: no acceleration satisfies rigid"
+        " contact with so much friction (Painlevé); a compliant rung shows what happens there"
     )

@@ -17,13 +17,10 @@ from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
 from rungwise.simulation.hard import HardSteps
-from rungwise.simulation.state import SCALARS, Workspace
+from rungwise.simulation.state import Workspace
 
 if TYPE_CHECKING:
     import xarray
-
-NOTICED = 1e-3
-"""Energy that contacts add, over all energies of the run, from which on it is reported."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +31,8 @@ class Run:
     `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
     last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
     was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
-    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was changed,
-    left out or is unusual (see `simulation.remarks`).
+    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was
+    changed, left out or is unusual (see `simulation.remarks`).
     """
 
     scene: Scene
@@ -65,20 +62,14 @@ class Run:
                 places.setdefault(body, {})[coordinate] = float(value)
         return places
 
-    @cached_property
+    @property
     def energy_gained(self) -> float:
-        """Energy that contacts added between recorded frames, where momentum counts: 0 by all laws of this
-        program but one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
+        """Energy that contacts added in steps in which something bounced: 0 by all laws of this program but
+        one, Newton's restitution together with friction (Kane and Levinson, Dynamics, 1985).
 
-        It is the sum of the rises of contact work and elastic energy; one that steps may explain is 0.
+        It is the sum of the work of contacts over the steps in which it was positive beyond rounding.
         """
-        if self.workspace is None or self.model.inertia == 0.0:
-            return 0.0
-        frames, count = self.workspace.frames, int(self.workspace.state.clock[0]["frames"])
-        account = dict(zip(SCALARS, frames.scalars[:count].T, strict=True))
-        rises = np.maximum(np.diff(account["contact_work"] + account["elastic_energy"]), 0.0).sum()
-        scale = max(np.abs(account[name]).max() for name in SCALARS if name != "residual")
-        return float(rises) if rises > NOTICED * scale else 0.0
+        return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["gained"])
 
     @cached_property
     def trajectory(self) -> xarray.Dataset:

@@ -17,9 +17,9 @@ from rungwise.contact.solvers.planar import TOLERANCE
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.scene import records as rec
 from rungwise.simulation import loop, trajectory
 from rungwise.simulation.hard import HardSteps
+from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
 from rungwise.simulation.remarks import remarks
 from rungwise.simulation.result import Run
@@ -208,9 +208,7 @@ class Simulation:
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,
-            notes=()
-            if self.workspace is None
-            else remarks(self.model, self.theta, self._control, self.workspace.state.clock),
+            notes=self._notes(),
         )
 
     def _overlap(self) -> str:
@@ -271,25 +269,23 @@ class Simulation:
             why += (
                 ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
             )
-        jump = self._jump()
-        self.reason = jump or f"{outcome.meaning} ({why}). {outcome.advice}"
+        leap = None
+        if self.model.metric:
+            span = max(float(self._control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
+            leap = leap_ahead(self.scene, self._bound, self.workspace, self._far(), span)
+        self.reason = str(leap or f"{outcome.meaning} ({why}). {outcome.advice}")
 
-    def _jump(self) -> str:
-        """Which servo, followed exactly, would have to move far however short the step is."""
-        assert self.workspace is not None
-        state = self.workspace.state
-        least = float(self._control[0]["tolerance"])
-        for i, name in enumerate(self.scene.template.coordinates):
-            servo = self._bound.records.coordinates["drive"][i] == rec.SERVO and state.prescribed[i]
-            far = state.speed[i] * state.clock[0]["tried"]
-            if servo and abs(far) * self._bound.records.coordinates["lever"][i] > least:
-                body, coordinate = name.split(".")
-                return (
-                    f"bodies.{body}.coordinates.{coordinate}.drive: its target is {far:.3g} away, and the"
-                    " kinematic rung follows it at once, through what is in the way. Start at the target, let"
-                    " it move with t, or use a richer rung."
-                )
-        return ""
+    def _far(self) -> float:
+        """How far a target that jumps has to jump to be told."""
+        return float(self._control[0]["tolerance"])
+
+    def _notes(self) -> tuple[str, ...]:
+        """Remarks on the run so far (see `simulation.remarks`)."""
+        if self.workspace is None:
+            return ()
+        found = remarks(self.model, self.theta, self._control, self.workspace.state.clock)
+        leap = leap_taken(self.scene, self._bound, self.workspace, self._far())
+        return found if leap is None else (*found, str(leap))
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.

@@ -25,13 +25,20 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    "steps attempts outcome limited contacts frames since stride free bounces drives chooses leans surfaces",
-    "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest"
-    " drive_work load_work contact_work support_work joint_work",
+    "steps attempts outcome limited contacts frames since stride free bounces bounced drives chooses leans"
+    " surfaces leaper jumps",
+    "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
+    " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time"
+    " shake",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
-starts from the preferred velocity. `taken` is the last step's length, `tried` that of the last attempt,
-`next` the one to try next; `reach` is the longest lever arm, `smallest` the reach of the smallest shape."""
+starts from the preferred velocity; `bounces`: whether some contact may bounce; `bounced`: whether one does in
+this step. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next;
+`reach` is the longest lever arm, `smallest` the least reach of a shape, `thin` the thickness of the thinnest
+pair. `gained` is energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of
+coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of
+velocity without a collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the
+inertia."""
 
 SUPPORT = record_type("piece", "offset force power along scale yields")
 """A row of dry friction that shares a limit surface (see `simulation.support`): rate at rest, force over its
@@ -49,7 +56,8 @@ ROOM = 1_000_000
 
 
 class State(Block):
-    """q, v (n,), start (n,) is q at t = 0; `gaps` and `pushes` (contacts,) are what conditions read.
+    """q, v (n,), start (n,) is q at t = 0; `gaps`, `pushes` and `impulses` (contacts,) are what conditions
+    read, `recent` (2, contacts) the normal forces of the last two steps.
 
     Per slot (two for each pair of shapes, then two travel limits for each coordinate and for each measure of
     a joint): features, deformation
@@ -65,6 +73,8 @@ class State(Block):
     v: Reals
     gaps: Reals
     pushes: Reals
+    impulses: Reals
+    recent: Reals
     start: Reals
     prescribed: Ints
     free: Ints
@@ -100,6 +110,7 @@ class Scratch(Block):
     matrix: Reals
     order: Ints
     fresh: Ints
+    probe: Reals
     after: Reals
     row: Reals
     measures: Reals
@@ -131,6 +142,8 @@ class Snapshot(Block):
     limited_mode: Ints
     force: Reals
     impulse: Reals
+    impulses: Reals
+    recent: Reals
 
 
 class Frames(Block):
@@ -186,6 +199,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         v=values[at + n : at + 2 * n],
         gaps=values[at + 2 * n : at + 2 * n + contacts],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
+        impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
+        recent=np.zeros((2, contacts)),
         start=np.zeros(n),
         prescribed=np.zeros(n, np.int64),
         free=np.zeros(n, np.int64),
@@ -217,6 +232,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         matrix=np.zeros((size, size + 1)),
         order=np.zeros(size, np.int64),
         fresh=np.zeros(2, np.int64),
+        probe=np.zeros((2, 5)),
         after=np.zeros(d),
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
@@ -238,6 +254,8 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
             limited_mode=np.zeros(limited, np.int64),
             force=np.zeros((slots, d)),
             impulse=np.zeros((slots, d)),
+            impulses=np.zeros(contacts),
+            recent=np.zeros((2, contacts)),
         )
         for _ in range(2)
     )

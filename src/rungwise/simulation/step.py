@@ -93,6 +93,7 @@ def _solve_in_turn(
             break
         else:
             bounced = False
+    clock.bounced = bounced
     return status
 
 

@@ -9,6 +9,7 @@ from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import FORCE, SERVO, Records
 from rungwise.simulation.nearby import swing
+from rungwise.simulation.passing import thickness
 from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
 from rungwise.system.planar import joints
 
@@ -22,8 +23,12 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 SIGHTS = 10
 """How often conditions are looked at in a longest step."""
+LASTING = 0.5
+"""Part of the force found in a step that conditions read by then, below which steps are nominal until they
+know whether it lasts."""
 SINKING = 0.1
-"""Deformation, as a fraction of the smallest shape's reach, beyond which the compliant model fails."""
+"""Deformation beyond which the compliant model fails, as a fraction of the smallest shape's reach, or of half
+the thickness of the pair where that is less."""
 
 
 @kernel
@@ -99,11 +104,46 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
 
 
 @kernel
-def has_sunk(state: State) -> bool:
+def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
+    """Normal forces and impulses that conditions read, after an attempt of length h that was taken.
+
+    Where contact is rigid and bodies have momentum, velocities jump, and what a step finds is impulse / h. A
+    jump takes one step, or two where the first one ends at the contact. So the least of the last three steps
+    is the force, which tends to that of the motion between impacts. The impulse is the integral over time
+    from the start. The kinematic rung knows neither.
+    """
+    state.pushes[:] = 0.0
+    if rung[0].metric:
+        return
+    for p in range(records.pairs.shape[0]):
+        state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
+    jumps = rung[0].inertia > 0.0 and not rung[0].compliant
+    for c in range(state.pushes.shape[0]):
+        push = state.pushes[c]
+        state.impulses[c] += h * push
+        if jumps:
+            state.pushes[c] = min(push, state.recent[0, c], state.recent[1, c])
+            state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
+
+
+@kernel
+def withholds(records: Records, state: State) -> bool:
+    """Whether a force that conditions read is not yet as large as in the last step: only if it lasts."""
+    holds = False
+    for c in range(state.pushes.shape[0]):
+        holds |= records.contacts[c].watched and state.pushes[c] < LASTING * state.recent[0, c]
+    return holds
+
+
+@kernel
+def has_sunk(records: Records, state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
-    for slot in range(state.features.shape[0]):
-        if abs(state.deformation[slot, 0]) > SINKING * state.clock[0].smallest:
-            return True
+    for p in range(records.pairs.shape[0]):
+        deepest = max(abs(state.deformation[2 * p, 0]), abs(state.deformation[2 * p + 1, 0]))
+        if deepest > 0.0:
+            a, b = records.shapes[records.pairs[p].shape_a], records.shapes[records.pairs[p].shape_b]
+            if deepest > SINKING * min(state.clock[0].smallest, 0.5 * thickness(a, b)):
+                return True
     return False
 
 
@@ -137,5 +177,5 @@ def spent(
 
 @kernel
 def time_slot(state: State) -> int:
-    """Where expressions read t: values are parameters, t, q, v, gaps, forces, tolerance."""
-    return state.values.shape[0] - 2 - 2 * (state.q.shape[0] + state.gaps.shape[0])
+    """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
+    return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.gaps.shape[0]

@@ -42,6 +42,7 @@ class Terms(Block):
     surface    (b,)      rows of the same number share a limit surface, sum (tau / F)^2 <= 1; APART: none
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
+    low        (1,)      height: nor is one after which loads let nothing bounce higher
     """
 
     inertia: NDArray[np.float64]
@@ -65,6 +66,7 @@ class Terms(Block):
     surface: NDArray[np.int64]
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
+    low: NDArray[np.float64]
 
 
 def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
@@ -92,4 +94,5 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         surface=np.full(b, APART),
         rounding=np.zeros(1),
         pause=np.zeros(1),
+        low=np.zeros(1),
     )

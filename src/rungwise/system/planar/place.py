@@ -26,15 +26,30 @@ def place(
         body = bodies[b]
         if body.motion == FIXED and not fixed_too:
             continue
-        _pose(body, q, pose[b])
-        x, y, c, s = pose[b, X], pose[b, Y], pose[b, COS], pose[b, SIN]
-        first, last = shapes[body.first_shape].first, shapes[body.end_shape - 1].end
-        for k in range(first, last):
-            vertex = vertices[k]
-            outline[k, 0] = x + c * vertex.x - s * vertex.y
-            outline[k, 1] = y + s * vertex.x + c * vertex.y
-            outline[k, 2] = c * vertex.normal_x - s * vertex.normal_y
-            outline[k, 3] = s * vertex.normal_x + c * vertex.normal_y
+        place_body(b, bodies, shapes, vertices, q, pose, outline)
+
+
+@kernel
+def place_body(
+    b: int,
+    bodies: RecordArray,
+    shapes: RecordArray,
+    vertices: RecordArray,
+    q: Reals,
+    pose: Reals,
+    outline: Reals,
+) -> None:
+    """Fill the rows of one body."""
+    body = bodies[b]
+    _pose(body, q, pose[b])
+    x, y, c, s = pose[b, X], pose[b, Y], pose[b, COS], pose[b, SIN]
+    first, last = shapes[body.first_shape].first, shapes[body.end_shape - 1].end
+    for k in range(first, last):
+        vertex = vertices[k]
+        outline[k, 0] = x + c * vertex.x - s * vertex.y
+        outline[k, 1] = y + s * vertex.x + c * vertex.y
+        outline[k, 2] = c * vertex.normal_x - s * vertex.normal_y
+        outline[k, 3] = s * vertex.normal_x + c * vertex.normal_y
 
 
 @kernel

@@ -1,0 +1,86 @@
+"""Velocities that jump though nothing collides: rigid contact with friction may leave no other way out.
+
+Where the acceleration that friction lets a sliding contact have has no solution, or several, an impulse
+without a collision is one (Painleve; Genot and Brogliato, New results on Painleve paradoxes, 1999). A step's
+problem has it as its solution and does not say so. It is told by its limit: the change of velocity in a step
+that is far shorter is as large, and without friction it is not.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import RecordArray, kernel
+from rungwise.models.assemble import approach
+from rungwise.scene.records import Records
+from rungwise.simulation.nearby import gather
+from rungwise.simulation.state import Workspace
+from rungwise.simulation.step import SUPPORTED, solve_step
+
+GROWN = 2.0
+"""Only where acceleration has grown by this factor since the last step is a jump looked for."""
+SHORTER = 1.0 / 16.0
+"""The step in which a jump is as large, and anything else is less than half."""
+
+
+@kernel
+def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> bool:
+    """Whether in the step just solved velocities jump, by friction, without a collision. The solution is left
+    as it was."""
+    state, terms = workspace.state, workspace.terms
+    clock = state.clock[0]
+    if rung[0].compliant or rung[0].inertia == 0.0 or _collides(contacts, workspace):
+        return False
+    change = _change_of_velocity(workspace)
+    before, clock.shake = clock.shake, change / h
+    if not (clock.shake > GROWN * before and _rubs(contacts, workspace)):
+        return False
+    found = _changes_so_soon(rung, h, contacts, workspace, change)
+    if found:
+        for k in range(contacts):
+            terms.friction[k] = 0.0
+        found = not _changes_so_soon(rung, h, contacts, workspace, change)
+        gather(records, workspace)
+    solve_step(rung, h, terms, contacts, state, workspace.scratch, workspace.problem)
+    return found
+
+
+@kernel
+def _changes_so_soon(rung: RecordArray, h: float, contacts: int, workspace: Workspace, change: float) -> bool:
+    """Whether velocity changes by half as much at least in a far shorter step."""
+    status = solve_step(
+        rung, SHORTER * h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
+    )
+    return status == SUPPORTED and _change_of_velocity(workspace) > 0.5 * change
+
+
+@kernel
+def _collides(contacts: int, workspace: Workspace) -> bool:
+    """Whether something that approached is met in the step."""
+    state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    clock, met = state.clock[0], False
+    for k in range(contacts):
+        if scratch.contact_force[2 * k] > 0.0:
+            met |= terms.gap[k] > terms.rounding[0]
+            met |= approach(2 * k, terms, state.v, state.speed, state.free, clock.free, clock.eps) < 0.0
+    return met
+
+
+@kernel
+def _rubs(contacts: int, workspace: Workspace) -> bool:
+    """Whether friction acts."""
+    rubs = False
+    for k in range(contacts):
+        rubs |= workspace.scratch.contact_force[2 * k + 1] != 0.0
+    return rubs
+
+
+@kernel
+def _change_of_velocity(workspace: Workspace) -> float:
+    """Norm of the change of velocity in the solved step, in the metric of the inertia."""
+    state, inertia, v_new = workspace.state, workspace.terms.inertia, workspace.scratch.v_new
+    total = 0.0
+    for i in range(state.v.shape[0]):
+        for j in range(state.v.shape[0]):
+            total += (v_new[i] - state.v[i]) * inertia[i, j] * (v_new[j] - state.v[j])
+    return math.sqrt(max(total, 0.0))
