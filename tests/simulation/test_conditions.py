@@ -77,8 +77,11 @@ def squeezed(rng: np.random.Generator, part: float, step: float) -> rw.Scene:
 @pytest.mark.parametrize("part", [0.7, 1.3], ids=["reached", "not reached"])
 @pytest.mark.parametrize("make", [dropped, struck, pushed, squeezed], ids=lambda make: make.__name__)
 def test_force_has_a_limit(make: Any, part: float) -> None:
+    """Verdict and time of the verdict at h, h / 4 and h / 16."""
     for seed in range(8):
         h = 10.0 ** np.random.default_rng(100 + seed).uniform(-2.5, -2.0)
+        # A box that turns between fingers may jam soon after its force was large enough.
+        h = 0.1 * h if make is squeezed else h
         runs = [
             rw.simulate(make(np.random.default_rng(seed), part, h / k), rw.DYNAMIC_RIGID)
             for k in (1.0, 4.0, 16.0)

@@ -28,7 +28,9 @@ def shape(rng: np.random.Generator, size: float) -> dict[str, Any]:
         return {"kind": "capsule", "length": size, "radius": size * 10.0 ** rng.uniform(-3.0, -0.5)}
     if kind == "box":
         return {"kind": "box", "width": size, "height": size * 10.0 ** rng.uniform(-2.0, 0.0)}
-    return {"kind": "polygon", "vertices": [[0, 0], [size, 0], [0.3 * size, size * rng.uniform(0.1, 1.0)]]}
+    high = size * rng.uniform(0.1, 1.0)
+    corners = [[-0.4 * size, -high / 3.0], [0.6 * size, -high / 3.0], [-0.2 * size, 2.0 * high / 3.0]]
+    return {"kind": "polygon", "vertices": corners}
 
 
 def wall(rng: np.random.Generator, thick: float) -> dict[str, Any]:
