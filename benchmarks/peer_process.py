@@ -26,7 +26,7 @@ ENOUGH, BATCH, BATCHES = 0.1, 2e-3, 5
 """Seconds beyond which a solve is not repeated; others are timed in so many batches of at least so long."""
 FIRST = 5e-3
 """Seconds that the first solve may lose to pages and symbols that no later one waits for."""
-PATIENCE = 4.0
+PATIENCE = 12.0
 """Wall-clock over processor seconds that a question may take: the machine may be shared."""
 
 Task = dict[str, Any]

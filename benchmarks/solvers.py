@@ -48,7 +48,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -138,6 +138,14 @@ def measured(name: str, problem: rw.Problem, repeats: int, peers: Running) -> Ro
     )  # fmt: skip
 
 
+LITTLE = 50
+KINDS: dict[str, Callable[[Row], bool]] = {
+    "contacts": lambda row: row.contacts > 0,
+    "no contacts": lambda row: row.contacts == 0,
+    f"up to {LITTLE} unknowns": lambda row: row.size <= LITTLE,
+    f"more than {LITTLE} unknowns": lambda row: row.size > LITTLE,
+}
+"""Rows that are summed up together; each is in two of them."""
 COLUMNS = {"total": 8, "cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
 NAME, SOLVER = 28, 26
 
@@ -155,12 +163,10 @@ def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
         line += "".join(_beside(row, peer) for peer in peers)
         yield (line + (f"  {row.chain}" if chain else "")).rstrip()
     for names in [[peer] for peer in peers] + ([peers] if len(peers) > 1 else []):
-        for kind, some in (("contacts", True), ("no contacts", False)):
-            asked = [
-                row for row in rows if some == (row.contacts > 0) and any(row.peers[one] for one in names)
-            ]
-            if asked:
-                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(asked, names)}"
+        given = [row for row in rows if any(row.peers[one] for one in names)]
+        for kind, belongs in KINDS.items():
+            if some := [row for row in given if belongs(row)]:
+                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(some, names)}"
 
 
 def _short(name: str) -> str:

@@ -100,7 +100,9 @@ def test_summary_counts_only_rows_at_the_same_residual(module: Any) -> None:
     assert row("d", 1.0, 1e-6, 1e-9, "not_converged").ratio("siconos") == np.inf
     lines = list(solvers.table(rows, ["siconos", "pinocchio"], chain=False))
     assert "(1e-07)" in lines[3] and lines[4:] == [
-        f"{who}, contacts: {told}" for who in ("Siconos", "Siconos or pinocchio")
+        f"{who}, {kind}: {told}"
+        for who in ("Siconos", "Siconos or pinocchio")
+        for kind in ("contacts", "up to 50 unknowns")
     ]
 
 
