@@ -1,7 +1,8 @@
 """Siconos and Pinocchio beside `rw.solve`: the same problem in their formats, the answers judged as our own.
 
-Each is given the Delassus form in the problem's units and in those of `rungwise.contact.system`, and what
-else it has a format for, and is run with ever tighter tolerances of its own until our judge accepts.
+Each is given the problem as it is where it has a format for it, and what is left after elimination, in the
+problem's units and in those of `rungwise.contact.system`; it is run with ever tighter tolerances of its own
+until our judge accepts. What a form takes to prepare is counted as time of the peer.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 import pinocchio_peer
@@ -39,28 +40,46 @@ DENSE = 300
 Whole = Callable[[np.ndarray], np.ndarray]
 
 
+class Cost(NamedTuple):
+    """Seconds that it takes us to eliminate what is free, and to do so and scale what is left."""
+
+    own: float = 0.0
+    scaled: float = 0.0
+
+
+FREE = Cost()
+
+
 @dataclass(frozen=True)
 class Form:
-    """A problem as a peer reads it: `task` without tolerance; `whole`: its forces to all our unknowns."""
+    """A problem as a peer reads it: `task` without tolerance; `whole`: its forces to all our unknowns;
+    `preparation`: seconds from the problem as it was given to the numbers of this form."""
 
     name: str
     solvers: tuple[str, ...]
     task: Task
     whole: Whole
+    preparation: float = 0.0
 
 
 @dataclass
 class Best:
     """What a peer did with a problem.
 
-    solver, seconds: the fastest to a natural map of at most the tolerance, or without one the most accurate;
-    natural: what it reached; unfinished: solvers that used up their time, and might do better with more.
+    solver, seconds: the fastest to a residual of at most the tolerance, preparation and all, or without
+    one the most accurate; residual: what it reached; alone: the least time of a solve to the tolerance,
+    whatever was prepared for it; unfinished: solvers that used up their time, and might do better with more.
     """
 
     solver: str = "-"
     seconds: float = np.inf
-    natural: float = np.inf
+    residual: float = np.inf
+    alone: float = np.inf
     unfinished: list[str] = field(default_factory=list)
+
+    def room(self, preparation: float) -> float:
+        """Seconds of a solve that would still be the best in one way or the other."""
+        return max(self.alone, self.seconds - preparation)
 
 
 def interpreter(needed: str, given: str, others: tuple[str, ...]) -> str | None:
@@ -85,7 +104,7 @@ def best(peer: Peer, forms: list[Form], problem: rw.Problem, tol: float) -> Best
     for limit in LIMITS:
         stopped = []
         for form, solver, first in waiting:
-            if found.natural <= tol and START + SOLVES * found.seconds <= had:
+            if found.residual <= tol and START + SOLVES * found.room(form.preparation) <= had:
                 continue
             last, spent = _climb(peer, form, solver, first, problem, tol, found, min(limit, left))
             left = max(0.0, left - spent)
@@ -105,29 +124,32 @@ def _climb(
     """
     used = 0.0
     for number, own in enumerate(TOLERANCES[first:], first):
-        reached = found.natural <= tol
-        limit = min(most, START + SOLVES * found.seconds) if reached else most
+        reached, room = found.residual <= tol, found.room(form.preparation)
+        limit = min(most, START + SOLVES * room) if reached else most
         if limit <= 0.0:
             return number, used
-        slow = SLOWER * found.seconds if reached else np.inf
+        slow = SLOWER * room if reached else np.inf
         answer, spent = peer.ask(form.task | {"solver": solver, "tol": own, "slow": slow}, limit)
         used += spent
         stopped = limit == most and spent > PART * limit
         if answer is None:
             return (number if stopped else None), used
-        natural = judge(problem, scaled(problem), form.whole(answer.forces)).natural
-        _keep(found, f"{solver} ({form.name})", answer, natural, tol)
-        if natural <= tol or (reached and answer.seconds > found.seconds):
+        residual = judge(problem, scaled(problem), form.whole(answer.forces)).worst
+        _keep(found, f"{solver} ({form.name})", answer, form.preparation, residual, tol)
+        if residual <= tol or (reached and answer.seconds > room):
             break
         if stopped and not answer.converged:
             return number, used
     return None, used
 
 
-def _keep(found: Best, name: str, answer: Answer, natural: float, tol: float) -> None:
-    quicker = natural <= tol and (found.natural > tol or answer.seconds < found.seconds)
-    if quicker or (found.natural > tol and natural < found.natural):
-        found.solver, found.seconds, found.natural = name, answer.seconds, natural
+def _keep(found: Best, name: str, answer: Answer, preparation: float, residual: float, tol: float) -> None:
+    total = preparation + answer.preparation + answer.seconds
+    if residual <= tol:
+        found.alone = min(found.alone, answer.seconds)
+    quicker = residual <= tol and (found.residual > tol or total < found.seconds)
+    if quicker or (found.residual > tol and residual < found.residual):
+        found.solver, found.seconds, found.residual = name, total, residual
 
 
 class Project(ABC):
@@ -144,12 +166,12 @@ class Project(ABC):
         """The running peer."""
 
     @abstractmethod
-    def forms(self, problem: rw.Problem) -> list[Form]:
+    def forms(self, problem: rw.Problem, cost: Cost = FREE) -> list[Form]:
         """What it reads for `problem`, written to the folder; none where it has no format for it."""
 
 
 class Siconos(Project):
-    """Siconos' solvers of friction and of linear complementarity; its drivers are called from a C loop."""
+    """Siconos' solvers of friction, of (mixed) linear complementarity and of relays, called from a C loop."""
 
     needed, pythons = "import siconos.numerics", (sys.executable, "python3", "/usr/bin/python3")
 
@@ -158,30 +180,48 @@ class Siconos(Project):
         subprocess.run(["cc", "-O2", "-shared", "-fPIC", "-o", str(loop), str(source)], check=True)
         return Peer(python, siconos_peer.__file__, str(loop))
 
-    def forms(self, problem: rw.Problem) -> list[Form]:
-        return list(self._forms(problem, scaled(problem)))
+    def forms(self, problem: rw.Problem, cost: Cost = FREE) -> list[Form]:
+        own = self._of_contacts if len(problem.mu) else self._of_limits
+        return list(own(problem, scaled(problem), cost))
 
-    def _forms(self, problem: rw.Problem, system: System) -> Iterator[Form]:
-        d, k = problem.directions, len(problem.mu)
-        if k == 0 and system.size and not system.lower.any() and np.isposinf(system.upper).all():
-            for units, M, q, whole in _units(system):
-                yield self._form("lcp", units, {"M": M.toarray(), "q": q}, len(q), 0, whole)
+    def _of_limits(self, problem: rw.Problem, system: System, cost: Cost) -> Iterator[Form]:
+        """MLCPs as they are and without what is free; LCPs; relays."""
+        others = ~problem.free
+        if 0 < others.sum() < len(others) and _is_complementary(problem.lower[others], problem.upper[others]):
+            places = np.concatenate([np.flatnonzero(problem.free), np.flatnonzero(others)])
+            text = _mixed(problem.A, problem.b, places, len(places) - int(others.sum()))
+            yield self._form("mlcp", "mixed, own", text, len(places), 0, lambda z: z[np.argsort(places)])
+        for left in _reductions(problem, system, cost):
+            M, q, size = left.matrix, left.offset, system.size
+            if size and _is_complementary(left.lower, left.upper):
+                data = {"M": M.toarray(), "q": q}
+                yield self._form("lcp", left.units, data, size, 0, left.whole, left.preparation)
+            elif size and np.isfinite([left.lower, left.upper]).all():
+                text = f"{size}\n" + _dense(M) + _vectors(q, left.lower, left.upper)
+                yield self._form("relay", left.units, text, size, 0, left.whole, left.preparation)
+
+    def _of_contacts(self, problem: rw.Problem, system: System, cost: Cost) -> Iterator[Form]:
         if not _is_local(problem, system):
             return
+        d, k = problem.directions, len(problem.mu)
         head, kind = f"{d}\n{k}\n", f"fc{d}d"
-        for units, W, q, whole in _units(system):
-            text = head + _blocks(W, d) + _vectors(q, problem.mu)
-            yield self._form(kind, f"blocks, {units}", text, len(q), 0, whole)
-            if len(q) <= DENSE:
-                yield self._form(
-                    kind, f"dense, {units}", head + _dense(W) + _vectors(q, problem.mu), len(q), 0, whole
-                )
-        rows, n = problem.rows, problem.velocities
-        if d == 3 and n and rows + n == len(problem.b):
-            A = sp.csr_array(problem.A)
-            matrices = _listing(A[rows:, rows:]) + _listing(sp.csr_array(A[:rows, rows:].T))
-            vectors = _vectors(-problem.b[rows:], problem.b[:rows], problem.mu)
-            yield self._form("gfc3d", "mixed, own", head + matrices + vectors, rows, n, system.recover)
+        for left in _reductions(problem, system, cost):
+            W, size, vectors = left.matrix, system.size, _vectors(left.offset, problem.mu)
+            for storage, written in (
+                ("blocks", _blocks(W, d)),
+                ("dense", _dense(W) if size <= DENSE else ""),
+            ):
+                if written:
+                    yield self._form(
+                        kind, f"{storage}, {left.units}", head + written + vectors, size, 0, left.whole,
+                        left.preparation,
+                    )  # fmt: skip
+        if problem.velocities and problem.rows + problem.velocities == len(problem.b):
+            H, c, W, w, places = _balance_in_space(problem)
+            written = _listing(H) + _listing(sp.csr_array(W.T)) + _vectors(-c, w, problem.mu)
+            name = "mixed, own" if d == 3 else "mixed, lifted"
+            whole = _after(system.recover, places)
+            yield self._form("gfc3d", name, f"3\n{k}\n" + written, len(w), len(c), whole)
 
     def _form(
         self,
@@ -191,6 +231,7 @@ class Siconos(Project):
         rows: int,
         velocities: int,
         whole: Whole,
+        preparation: float = 0.0,
     ) -> Form:
         ending = "dat" if isinstance(data, str) else "npz"
         file = self.folder / f"{kind}_{name.replace(', ', '_')}.{ending}"
@@ -199,7 +240,7 @@ class Siconos(Project):
         else:
             np.savez(file, **data)
         task = {"file": str(file), "kind": kind, "rows": rows, "velocities": velocities}
-        return Form(name, siconos_peer.SOLVERS[kind], task, whole)
+        return Form(name, siconos_peer.SOLVERS[kind], task, whole, preparation)
 
 
 class Pinocchio(Project):
@@ -210,17 +251,16 @@ class Pinocchio(Project):
     def start(self, python: str) -> Peer:
         return Peer(python, pinocchio_peer.__file__)
 
-    def forms(self, problem: rw.Problem) -> list[Form]:
+    def forms(self, problem: rw.Problem, cost: Cost = FREE) -> list[Form]:
         system, forms = scaled(problem), []
         if not _is_local(problem, system):
             return []
-        for units, W, q, whole in _units(system):
-            G, g, normal_first = in_space(W.toarray(), q, problem.directions)
-            file = self.folder / f"{units}.npz"
+        for left in _reductions(problem, system, cost):
+            G, g, normal_first = in_space(left.matrix.toarray(), left.offset, problem.directions)
+            file = self.folder / f"{left.units}.npz"
             np.savez(file, G=G, g=g, mu=problem.mu)
-            forms.append(
-                Form(units, pinocchio_peer.SOLVERS, {"file": str(file)}, _after(whole, normal_first))
-            )
+            task, whole = {"file": str(file)}, _after(left.whole, normal_first)
+            forms.append(Form(left.units, pinocchio_peer.SOLVERS, task, whole, left.preparation))
         return forms
 
 
@@ -244,19 +284,68 @@ def in_space(W: np.ndarray, q: np.ndarray, d: int) -> tuple[np.ndarray, np.ndarr
     return G, g, places
 
 
+def _balance_in_space(
+    problem: rw.Problem,
+) -> tuple[sp.csr_array, np.ndarray, sp.csr_array, np.ndarray, np.ndarray]:
+    """H, c, W and w of H v + c = W^T r, u = W v + w with the normal first of three, and the places of our
+    forces in r. The second tangent of a planar contact is the velocity of a body of its own, which rests."""
+    d, k, rows = problem.directions, len(problem.mu), problem.rows
+    A = sp.csr_array(problem.A)
+    H, W, c, w = A[rows:, rows:], A[:rows, rows:], problem.b[rows:], problem.b[:rows]
+    if d == 3:
+        return H, c, W, w, np.arange(rows)
+    places = (3 * np.arange(k)[:, None] + np.arange(d)).ravel()
+    down = sp.csr_array((np.ones(rows), (places, np.arange(rows))), shape=(3 * k, rows))
+    idle = sp.csr_array((np.ones(k), (3 * np.arange(k) + 2, np.arange(k))), shape=(3 * k, k))
+    H = sp.block_diag([H, H.diagonal().mean() * sp.eye_array(k)], format="csr")
+    return H, np.append(c, np.zeros(k)), sp.hstack([down @ W, idle], format="csr"), down @ w, places
+
+
 def _is_local(problem: rw.Problem, system: System) -> bool:
     """Whether contacts are all that is left once the free unknowns are eliminated."""
     return len(problem.mu) > 0 and problem.directions > 1 and system.size == problem.rows
 
 
-def _units(
-    system: System,
-) -> Iterator[tuple[str, sp.csr_array, np.ndarray, Whole]]:
-    """Name, matrix, offset, and forces to all unknowns: in the problem's own units, and without."""
+class Reduction(NamedTuple):
+    """What is left of a problem in some units: matrix (n, n), offset (n,), limits of what is no contact
+    (m,); the way back to all unknowns; and the seconds that it took to make."""
+
+    units: str
+    matrix: sp.csr_array
+    offset: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    whole: Whole
+    preparation: float
+
+
+def _reductions(problem: rw.Problem, system: System, cost: Cost) -> Iterator[Reduction]:
+    """In the problem's own units, which is the problem itself where nothing is eliminated, and without."""
     force, rate, A = system.force, system.rate, system.matrix()
-    own = sp.csr_array(sp.diags_array(rate) @ A @ sp.diags_array(1.0 / force))
-    yield "own", own, system.b * rate, system.recover
-    yield "scaled", A, system.b, lambda x: system.recover(force * x)
+    limited = system.kept[system.rows :] - system.rows
+    if system.size == len(problem.b):
+        own, offset = sp.csr_array(problem.A), problem.b
+    else:
+        own = sp.csr_array(sp.diags_array(rate) @ A @ sp.diags_array(1.0 / force))
+        offset = system.b * rate
+    lower, upper = problem.lower[limited], problem.upper[limited]
+    yield Reduction("own", own, offset, lower, upper, system.recover, cost.own)
+    yield Reduction(
+        "scaled", A, system.b, system.lower, system.upper, lambda x: system.recover(force * x), cost.scaled
+    )
+
+
+def _is_complementary(lower: np.ndarray, upper: np.ndarray) -> bool:
+    return not lower.any() and bool(np.isposinf(upper).all())
+
+
+def _mixed(A: sp.csr_array | np.ndarray, b: np.ndarray, places: np.ndarray, free: int) -> str:
+    """An MLCP whose unknowns are those in these places, the first so many free: whole, and in its blocks."""
+    M, q, n = sp.csr_array(A).toarray()[np.ix_(places, places)], b[places], len(places)
+    e, c = slice(free), slice(free, n)
+    head = f"1\n1\n{free}\n{n - free}\n0 {free} {n}\n0 1\n"
+    blocks = (M[e, e], M[c, c], M[e, c], M[c, e], q[None, e], q[None, c])
+    return head + _dense(sp.csr_array(M)) + _vectors(q) + "".join(_vectors(*block) for block in blocks)
 
 
 def _vectors(*vectors: np.ndarray) -> str:

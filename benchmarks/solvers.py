@@ -8,6 +8,8 @@ Stacks and piles of boxes are generated in any case; `--write` writes them (FCLI
 residual of 1e-8, and times are medians of N repeats, in microseconds of the processor.
 
   residual  the worse of the unit-free natural map and the imbalance; the status, where it is not solved
+  total     from the problem as it was given to its judged answer: in one compiled call where that gets there
+            (up to 120 unknowns), else `cold`
   cold      `rw.solve` of a problem never seen: elimination, scaling, solvers, judgement
   again     the same of a problem solved before, from nothing: what is prepared from a problem is kept
   warm      the same started from the answer, its forces changed by one part in a million
@@ -18,14 +20,18 @@ residual of 1e-8, and times are medians of N repeats, in microseconds of the pro
 
 A peer's columns, with `--siconos` and `--pinocchio` (Pythons that have them; looked for if not given):
 
-  time      the least of all its solvers, from nothing on a problem that lies ready in its own format, that
-            got to the same residual (its natural map, by our judge); what reading, condensing and scaling
-            take is not counted. Siconos' drivers are called from a loop in C (so `cc` is needed), Pinocchio's
-            solvers time themselves
+  total     the least of all its solvers, from nothing, that got to the same residual by our judge: the
+            solve, what the solver asks for once per problem, and what it took to make the form that it was
+            given. The problem as it was given costs nothing; elimination and scaling cost what they cost us,
+            compiled where our own total is. Siconos' drivers are called from a loop in C (so `cc` is
+            needed), Pinocchio's solvers time themselves
   (1e-05)   in place of a time: none got there, and this is the least residual that one reached
-  ratio     our time over it, where both got there: `compiled`, or where there is none `again`
-  solver    which of its solvers, and what it was given: the Delassus form in the problem's own units or
-            scaled as ours is (for Siconos dense or in blocks), or the mixed form, velocities and all
+  ratio     our total over the peer's
+  alone     the least time of a solve on a problem that lies ready in the solver's own format, whatever was
+            prepared for it, to be held against `compiled`, or where there is none against `again`
+  solver    which of its solvers has the least total, and what it was given: the problem as it is (`mixed`
+            with its velocities and free unknowns), or what is left after elimination, in the problem's own
+            units or scaled as ours is (contacts for Siconos dense or in blocks)
 
 Each solver is run with tighter and tighter tolerances of its own until our judge is content; one that is much
 slower than the best so far is given up, and a peer gets at most 25 s for a problem (`contact_peers.py`).
@@ -38,7 +44,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import statistics
 import subprocess
 import sys
 import tempfile
@@ -50,23 +55,18 @@ from pathlib import Path
 from typing import Any
 
 import contact_peers
-import numba
 import numpy as np
+import solver_times as times
 from assemblies import generated
 from peer_process import Peer
+from solver_times import TOL
 
 import rungwise as rw
 from rungwise.contact.fclib import write_fclib
 from rungwise.contact.read import read_problem
-from rungwise.contact.solvers import pivoting
-from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
-from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import System, scaled
-from rungwise.kernel import Ints, Reals
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")
-TOL = 1e-8
 WITHIN = 1.5
 Running = dict[str, tuple[Peer, contact_peers.Project]]
 """Peers by name, and what writes problems for them."""
@@ -86,98 +86,6 @@ def problems(folder: Path | None) -> Iterator[tuple[str, rw.Problem]]:
                 print(f"{path.name}: left out: {error}", file=sys.stderr)
 
 
-def usual(work: Callable[[], object], repeats: int) -> float:
-    """Median microseconds of so many."""
-    times = []
-    for _ in range(repeats):
-        began = time.process_time()
-        work()
-        times.append(time.process_time() - began)
-    return 1e6 * statistics.median(times)
-
-
-def copied(p: rw.Problem) -> rw.Problem:
-    return rw.Problem(p.A, p.b, p.mu, p.directions, p.lower, p.upper, p.velocities)
-
-
-@numba.njit
-def repeat(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
-    A: Reals,
-    blocks: Reals,
-    diagonal: Reals,
-    b: Reals,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
-    start: Reals,
-    x: Reals,
-    best: Reals,
-    tol: float,
-    dampings: Reals,
-    square: Reals,
-    vectors: Reals,
-    order: Ints,
-    times: int,
-) -> None:
-    """Solve so many times, each from `start`."""
-    for _ in range(times):
-        for i in range(len(x)):
-            x[i] = best[i] = start[i]
-        alternate(
-            row_start, column, value, A, blocks, diagonal, b, mu, lower, upper, x, best, tol, dampings,
-            square, vectors, order,
-        )  # fmt: skip
-
-
-def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
-    """Microseconds of one compiled solve from `start`; None if it does not converge."""
-    s, best = system, np.empty(system.size)
-    times = max(1, 400_000 // s.size**2)
-    arguments = (
-        s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, start,
-        np.empty(s.size), best, TOL, *workspace(s.size),
-    )  # fmt: skip
-    repeat(*arguments, 1)
-    if natural(s, best) > TOL:
-        return None
-    return usual(lambda: repeat(*arguments, times), repeats) / times
-
-
-@numba.njit
-def repeat_pivoting(
-    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, place: Ints, times: int
-) -> None:
-    """Solve so many times."""
-    for _ in range(times):
-        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, place)
-
-
-def compiled_pivoting(system: System, repeats: int) -> float | None:
-    """Microseconds of one compiled solve by pivoting, which knows no start; None if it finds nothing."""
-    unfolded = pivoting.unfold(system)
-    n = len(unfolded.q)
-    times, found = max(1, 400_000 // n**2), np.empty(n)
-    arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
-    repeat_pivoting(*arguments, 1)
-    if natural(system, unfolded.folded(found)) > TOL:
-        return None
-    return usual(lambda: repeat_pivoting(*arguments, times), repeats) / times
-
-
-def both_compiled(problem: rw.Problem, found: rw.ContactSolution, repeats: int) -> list[float | None]:
-    system = scaled(problem)
-    if not 0 < system.size <= SMALL:
-        return [None, None]
-    if not accepts(system):
-        return [compiled_pivoting(system, repeats) if pivoting.accepts(system) else None, None]
-    answer = found.x[system.kept] / system.force
-    starts = np.zeros(system.size), answer * (1.0 + 1e-3)
-    return [compiled(system, start, repeats) for start in starts]
-
-
 @dataclass
 class Row:
     """One line of the table, times in microseconds; peers: name -> what it did, None where it has no form."""
@@ -187,6 +95,7 @@ class Row:
     contacts: int
     status: str
     residual: float
+    total: float
     cold: float
     again: float
     warm: float
@@ -195,44 +104,57 @@ class Row:
     chain: str
     peers: dict[str, dict[str, Any] | None]
 
-    def ratio(self, peer: str) -> float | None:
-        """Our time over the peer's; infinite where only the peer has an answer, None where it has none."""
+    def ratio(self, peer: str, alone: bool = False) -> float | None:
+        """Our time over the peer's, of the whole or of the solve alone; infinite where only the peer has an
+        answer, None where it has none."""
         found = self.peers.get(peer)
-        if found is None or found["natural"] > TOL:
+        if found is None or found["residual"] > TOL:
             return None
-        own = self.again if self.compiled is None else self.compiled
-        return own / (1e6 * found["seconds"]) if self.status == "solved" else np.inf
+        if self.status != "solved":
+            return np.inf
+        if alone:
+            return (self.again if self.compiled is None else self.compiled) / (1e6 * found["alone"])
+        return self.total / (1e6 * found["seconds"])
 
 
 def measured(name: str, problem: rw.Problem, repeats: int, peers: Running) -> Row:
     found = rw.solve(problem, tol=TOL)  # compiles
     near = found.x * (1.0 + 1e-6)
     rw.solve(problem, tol=TOL, start=near)
-    fresh = iter([copied(problem) for _ in range(repeats)])
-    cold = usual(lambda: rw.solve(next(fresh), tol=TOL), repeats)
-    again = usual(lambda: rw.solve(problem, tol=TOL), repeats)
-    warm = usual(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
+    cold = times.fresh(problem, lambda new: rw.solve(new, tol=TOL), repeats)
+    again = times.usual(lambda: rw.solve(problem, tol=TOL), repeats)
+    warm = times.usual(lambda: rw.solve(problem, tol=TOL, start=near), repeats)
+    at_once = times.at_once(problem, repeats)
     chain = " > ".join(f"{a.solver} {a.iterations}" for a in found.attempts) or "-"
     best: dict[str, dict[str, Any] | None] = {}
+    cost = times.preparation(problem, at_once is not None, repeats) if peers else contact_peers.Cost()
     for peer, (process, formats) in peers.items():
-        told = contact_peers.best(process, formats.forms(problem), problem, TOL)
+        told = contact_peers.best(process, formats.forms(problem, cost), problem, TOL)
         best[peer] = None if told is None else asdict(told)
-    alone = both_compiled(problem, found, repeats)
+    alone = times.alone(problem, found, repeats)
     return Row(
-        name, len(problem.b), len(problem.mu), found.status, found.residuals.worst, cold, again, warm,
-        alone[0], alone[1], chain, best,
+        name, len(problem.b), len(problem.mu), found.status, found.residuals.worst,
+        cold if at_once is None else at_once, cold, again, warm, alone[0], alone[1], chain, best,
     )  # fmt: skip
 
 
-COLUMNS = {"cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
-NAME, SOLVER = 28, 25
+LITTLE = 50
+KINDS: dict[str, Callable[[Row], bool]] = {
+    "contacts": lambda row: row.contacts > 0,
+    "no contacts": lambda row: row.contacts == 0,
+    f"up to {LITTLE} unknowns": lambda row: row.size <= LITTLE,
+    f"more than {LITTLE} unknowns": lambda row: row.size > LITTLE,
+}
+"""Rows that are summed up together; each is in two of them."""
+COLUMNS = {"total": 8, "cold": 7, "again": 7, "warm": 7, "compiled": 8, "near": 6}
+NAME, SOLVER = 28, 26
 
 
 def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
     """Lines of the table and what they come to."""
     head = f"{'problem':{NAME}s} {'size':>4s} residual"
     head += "".join(f" {name:>{width}s}" for name, width in COLUMNS.items())
-    head += "".join(f"  {peer.capitalize():>9s} ratio {'solver':{SOLVER}s}" for peer in peers)
+    head += "".join(f"  {peer.capitalize():>9s} ratio    alone {'solver':{SOLVER}s}" for peer in peers)
     yield (head + ("  chain" if chain else "")).rstrip()
     for row in rows:
         told = f"{row.residual:8.0e}" if row.status == "solved" else f"{row.status:>8.8s}"
@@ -241,12 +163,10 @@ def table(rows: list[Row], peers: list[str], chain: bool) -> Iterator[str]:
         line += "".join(_beside(row, peer) for peer in peers)
         yield (line + (f"  {row.chain}" if chain else "")).rstrip()
     for names in [[peer] for peer in peers] + ([peers] if len(peers) > 1 else []):
-        for kind, some in (("contacts", True), ("no contacts", False)):
-            asked = [
-                row for row in rows if some == (row.contacts > 0) and any(row.peers[one] for one in names)
-            ]
-            if asked:
-                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(asked, names)}"
+        given = [row for row in rows if any(row.peers[one] for one in names)]
+        for kind, belongs in KINDS.items():
+            if some := [row for row in given if belongs(row)]:
+                yield f"{' or '.join(names).capitalize()}, {kind}: {summary(some, names)}"
 
 
 def _short(name: str) -> str:
@@ -262,27 +182,32 @@ def _time(microseconds: float | None) -> str:
 def _beside(row: Row, peer: str) -> str:
     found, ratio = row.peers[peer], row.ratio(peer)
     if found is None:
-        return f"  {'-':>9s} {'':{6 + SOLVER}s}"
-    time = f"({found['natural']:.0e})" if ratio is None else _time(1e6 * found["seconds"])
-    told = "" if ratio is None else f"{ratio:.2f}"
-    return f"  {time:>9s} {told:>5s} {found['solver']:{SOLVER}.{SOLVER}s}"
+        return f"  {'-':>9s} {'':{15 + SOLVER}s}"
+    if ratio is None:
+        time, told, alone = f"({found['residual']:.0e})", "", ""
+    else:
+        time, told, alone = _time(1e6 * found["seconds"]), f"{ratio:.2f}", _time(1e6 * found["alone"])
+    return f"  {time:>9s} {told:>5s} {alone:>8s} {found['solver']:{SOLVER}.{SOLVER}s}"
 
 
 def summary(rows: list[Row], peers: list[str]) -> str:
     """What the rows come to that were given to some of the peers: ratios to the fastest of these."""
-    known = {}
-    for row in rows:
-        ratios = [ratio for peer in peers if (ratio := row.ratio(peer)) is not None]
-        if ratios:
-            known[row.problem] = max(ratios)
-    line = f"{len(known)} of {len(rows)} to {TOL:g}"
-    if not known:
-        return line
-    worst = max(known, key=lambda name: known[name])
-    mean = np.exp(np.mean(np.log(list(known.values()))))
-    close = sum(ratio <= WITHIN for ratio in known.values())
-    ratios = f"geometric mean {mean:.2f}, {close} within {WITHIN}, worst {known[worst]:.2f} ({worst})"
-    return f"{line}; ratios: {ratios}"
+    line = ""
+    for kind, alone in (("ratios", False), ("solves alone", True)):
+        known = {}
+        for row in rows:
+            ratios = [ratio for peer in peers if (ratio := row.ratio(peer, alone)) is not None]
+            if ratios:
+                known[row.problem] = max(ratios)
+        line = line or f"{len(known)} of {len(rows)} to {TOL:g}"
+        if known:
+            worst = max(known, key=lambda name: known[name])
+            mean = np.exp(np.mean(np.log(list(known.values()))))
+            close = sum(ratio <= WITHIN for ratio in known.values())
+            line += "; " if kind == "ratios" else "\n    "
+            line += f"{kind}: geometric mean {mean:.2f}, {close} within {WITHIN}"
+            line += f", worst {known[worst]:.2f} ({worst})"
+    return line
 
 
 class Store:
