@@ -266,22 +266,28 @@ def limit_inertia(
 ) -> float:
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
-    Each resistance is a rate at which it stops inertia: damping over inertia, a row's resistance times what
-    the row yields to a force, a load over the momentum of the fastest motion demanded. With `landing` eps is
-    so small that what closes any gap within the step still needs no force for it, nor what moves against the
-    faintest damping. Without loads, damping, servos and compliance the limit does not depend on eps, and 1 is
-    exact.
+    Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
+    over inertia, a row's resistance times what the row yields to a force, a load over the momentum of the
+    fastest motion demanded. With `landing` eps is so small that what closes any gap within the step still
+    needs no force for it, nor what moves against the faintest damping. Without loads, damping, servos and
+    compliance the limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
         return 0.0
     if rung[0].inertia > 0.0:
         return rung[0].inertia
+    if n == 0:
+        return 1.0
+    heaviest = 0.0
+    for i in range(n):
+        a = free[i]
+        heaviest = max(heaviest, terms.inertia[a, a] / terms.metric[a, a])
     least, fastest = math.inf, _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
     force, acceleration = greatest_load(terms, n, free)
     damped, soft = math.inf, math.inf
     for i in range(n):
         a = free[i]
-        rate = (h * terms.stiffness[a, a] + terms.damping[a, a]) / terms.inertia[a, a]
+        rate = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.metric[a, a])
         if rate > 0.0:
             damped = min(damped, rate)
         if force > 0.0 and fastest > 0.0:
@@ -292,14 +298,14 @@ def limit_inertia(
         for r in range(contacts * d):
             k, j = r // d, r % d
             resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
-            rate = resist * _mobility(terms.rows, r, terms, n, free)
+            rate = resist * _mobility(terms.rows, r, terms, n, free) / heaviest
             if 0.0 < rate < math.inf:
                 soft = min(soft, rate)
     if not landing and soft < math.inf:
         damped = max(damped, FAINT * soft)
     least = min(least, damped, soft)
     for r in range(limited):
-        mobility = _mobility(terms.limited, r, terms, n, free)
+        mobility = _mobility(terms.limited, r, terms, n, free) / heaviest
         rate = (h * terms.gains[r, 0] + terms.gains[r, 1]) * mobility
         if rate > 0.0:
             least = min(least, rate)
@@ -330,11 +336,11 @@ def _demanded_pace(
 
 @kernel
 def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
-    """W M^-1 W^T of a row, by the diagonal of M: what its force does to its own rate."""
+    """W M^-1 W^T of a row for bodies of mass 1, by the diagonal of M: what its force does to its own rate."""
     total = 0.0
     for i in range(n):
         a = free[i]
-        total += rows[r, a] * rows[r, a] / terms.inertia[a, a]
+        total += rows[r, a] * rows[r, a] / terms.metric[a, a]
     return total
 
 
@@ -350,12 +356,11 @@ def _reach(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
 
 @kernel
 def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
-    """Greatest speed of a body per rate of a row, in the motion of least energy that has this rate."""
+    """Greatest speed of a body per rate of a row, in the slowest motion that has this rate."""
     greatest, mobility = 0.0, _mobility(rows, r, terms, n, free)
     for i in range(n):
         a = free[i]
-        own = abs(rows[r, a]) / terms.inertia[a, a] * math.sqrt(terms.metric[a, a])
-        greatest = max(greatest, own)
+        greatest = max(greatest, abs(rows[r, a]) / math.sqrt(terms.metric[a, a]))
     return greatest / mobility if mobility > 0.0 else 0.0
 
 
