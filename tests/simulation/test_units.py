@@ -22,7 +22,7 @@ from .scaling import Units, differing, recorded, scaled
 
 MOST = 10
 """Greatest power of four."""
-TURNS = 25
+TURNS = 15
 """Steps of each run."""
 FAR = (
     Units(4.0**MOST),
@@ -158,9 +158,9 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 @pytest.mark.parametrize("name", SCENES)
 def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
     scene = SCENES[name]
-    here = recorded(taken(scene, model, tol, Units(), 100), Units())
+    here = recorded(taken(scene, model, tol, Units(), 60), Units())
     for units in FAR:
-        there = recorded(taken(scene, model, tol, units, 100), units)
+        there = recorded(taken(scene, model, tol, units, 60), units)
         assert not differing(here, there), units
 
 
@@ -168,12 +168,11 @@ def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
 def test_random_scenes(first: int) -> None:
     for number in range(first, first + 20):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 1])
-        for model in MOVING:
-            for tol in (None, 1e-3):
-                units = drawn(rng, 4.0, MOST)
-                here, there = taken(scene, model, tol, Units()), taken(scene, model, tol, units)
-                wrong = differing(recorded(here, Units()), recorded(there, units))
-                assert not wrong, (number, model.name, tol, units)
+        for k, model in enumerate(MOVING):
+            tol, units = (None, 1e-3)[(number + k) % 2], drawn(rng, 4.0, MOST)
+            here, there = taken(scene, model, tol, Units()), taken(scene, model, tol, units)
+            wrong = differing(recorded(here, Units()), recorded(there, units))
+            assert not wrong, (number, model.name, tol, units)
 
 
 def test_random_scenes_run() -> None:
@@ -181,7 +180,7 @@ def test_random_scenes_run() -> None:
     for model in MOVING:
         runs = [taken(rw.load(random_scene(number)), model, None, Units()) for number in range(0, 200, 5)]
         long = [run for run in runs if run.steps > 5]
-        touching = [run for run in long if run.workspace is not None and run.workspace.state.modes.any()]
+        touching = [run for run in long if run.workspace is not None and run.workspace.frames.mode.any()]
         assert len(long) > 25 and len(touching) > 15, (model.name, len(long), len(touching))
 
 
