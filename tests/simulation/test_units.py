@@ -203,11 +203,11 @@ def apart(one: dict[str, Any], two: dict[str, Any]) -> float:
 def test_powers_of_ten() -> None:
     """In units near one, which round every number but hide nothing, a run shows what rounding does to it."""
     settled = 0
-    for number in range(200):
+    for number in range(0, 200, 2):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 2])
         model = MOVING[number % len(MOVING)]
         here = recorded(taken(scene, model, None, Units()), Units())
-        near = [Units(*(float(x) for x in rng.uniform(0.6, 1.7, 3))) for _ in range(2)]
+        near = [Units(*(float(x) for x in rng.uniform(0.6, 1.7, 3))) for _ in range(4)]
         if max(apart(here, recorded(taken(scene, model, None, units), units)) for units in near) > SETTLED:
             continue
         settled += 1
@@ -217,7 +217,7 @@ def test_powers_of_ten() -> None:
             model.name,
             units,
         )
-    assert settled > 150
+    assert settled > 75
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)
