@@ -57,7 +57,7 @@ class _Maker:
         edge = 0.0
         for k in range(int(self.rng.integers(1, 3))):
             edge = self.body(f"o{k}", "object", edge)
-        for k in range(int(self.rng.integers(0, 3))):
+        for k in range(int(self.rng.integers(1, 3))):
             edge = self.body(f"r{k}", "robot", edge)
         scene: dict[str, Any] = {
             "name": f"random{number}",
@@ -101,11 +101,13 @@ class _Maker:
         c, s = np.cos(angle), np.sin(angle)
         x, y = c * places[:, 0] - s * places[:, 1], s * places[:, 0] + c * places[:, 1]
         left, low = float(x.min()) - radius, float(y.min()) - radius
-        at = (edge + self.of(*ROOM) - left, self.of(*ROOM) - low)
+        room = self.of(*ROOM) if role == "object" else self.of(0.0, 1e-4)
+        at = (edge + room - left, self.of(*ROOM) - low)
         motion: dict[str, Any] = {"kind": "free"}
         if role == "robot":
             motion = self.of(
-                {"kind": "slide", "axis": [-1.0, self.of(0.0, -0.2)]},
+                {"kind": "slide", "axis": [-1.0, 0.0]},
+                {"kind": "slide", "axis": [-1.0, -0.2]},
                 {"kind": "hinge", "pivot": [at[0] + 0.1, at[1] + self.of(0.0, 0.3)]},
                 {"kind": "free"},
             )
@@ -166,7 +168,7 @@ class _Maker:
         return given
 
     def drive(self, size: float) -> dict[str, Any]:
-        speed = self.between(0.05, 1.0)
+        speed = self.between(0.3, 2.0)
         servo: dict[str, Any] = {
             "kind": "servo", "stiffness": 500 * size, "damping": self.of(0.0, 20 * size),
             "target": self.timed(0.03),

