@@ -296,6 +296,26 @@ def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
 
 
 @kernel
+def mode_before(
+    slot: int, features: Ints, modes: Ints, before: Ints, modes_before: Ints, outline: Reals, seams: Seams
+) -> int:
+    """Mode that the contact of the slot had when the features were `before`, in whichever slot it then was.
+
+    A contact that has left the slot over a seam is accounted for where it is now: its mode here is as before.
+    """
+    if seams.joined[0] == 0 or slot >= features.shape[0] or features[slot] == before[slot]:
+        return modes_before[slot]
+    for other in range(features.shape[0]):
+        if features[slot] == ABSENT:
+            gone = features[other] != ABSENT
+            if gone and is_continued(before[slot], features[other], outline, seams):
+                return modes[slot]
+        elif is_continued(before[other], features[slot], outline, seams):
+            return modes_before[other]
+    return modes_before[slot]
+
+
+@kernel
 def is_continued(old: int, new: int, outline: Reals, seams: Seams) -> bool:
     """Whether both features are the same vertex over parts of one face, or the same end of the stretch where
     two faces meet, whose vertex is now over the other's."""
