@@ -28,7 +28,7 @@ from rungwise.simulation.verdicts import (
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
-from rungwise.system.planar.seams import find_seams
+from rungwise.system.planar.seams import find_seams, piece_reach
 
 MAX_HALVINGS = 60
 PAUSE = 2.0
@@ -64,14 +64,14 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
+    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     clock.size = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach
         if reach > 0.0 and math.isfinite(reach):
-            clock.size = min(clock.size, reach)
+            clock.size = min(clock.size, piece_reach(s, records.shapes, state.outline, workspace.seams))
             clock.reach = max(clock.reach, reach)
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
-    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
