@@ -19,6 +19,7 @@ from rungwise.simulation.nearby import fastest_pair, gather, look, swing, widen
 from rungwise.simulation.passing import passes
 from rungwise.simulation.state import Timed, Workspace
 from rungwise.system.planar.place import place, turns
+from rungwise.system.planar.seams import mode_before
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
@@ -162,8 +163,8 @@ def _is_uniform(
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
         touches |= state.modes[slot] != OPEN
-        changed = state.modes[slot] != kept.modes[slot]
-        if changed and (rung[0].compliant or kept.modes[slot] == OPEN):
+        before = _mode_before(slot, workspace)
+        if state.modes[slot] != before and (rung[0].compliant or before == OPEN):
             return False
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
@@ -180,10 +181,19 @@ def _is_uniform(
 @kernel
 def _closes(workspace: Workspace) -> bool:
     """Whether a contact closed since the state that was kept: a rigid one makes velocities jump."""
-    modes, before, closes = workspace.state.modes, workspace.kept.modes, False
+    modes, closes = workspace.state.modes, False
     for slot in range(modes.shape[0]):
-        closes |= modes[slot] != OPEN and before[slot] == OPEN
+        closes |= modes[slot] != OPEN and _mode_before(slot, workspace) == OPEN
     return closes
+
+
+@kernel
+def _mode_before(slot: int, workspace: Workspace) -> int:
+    """Mode in the kept state of the contact that is in the slot now."""
+    state, kept = workspace.state, workspace.kept
+    return mode_before(
+        slot, state.features, state.modes, kept.features, kept.modes, state.outline, workspace.seams
+    )
 
 
 @kernel

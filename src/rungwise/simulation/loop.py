@@ -30,7 +30,7 @@ from rungwise.simulation.verdicts import (
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
-from rungwise.system.planar.seams import find_seams
+from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART
 
 MAX_HALVINGS = 60
@@ -72,15 +72,16 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
+    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
+    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     clock.smallest = math.inf
     for s in range(records.shapes.shape[0]):
         reach = records.shapes[s].reach
         if reach > 0.0 and math.isfinite(reach):
-            clock.smallest = min(clock.smallest, reach)
+            own = piece_reach(s, records.shapes, state.outline, workspace.seams)
+            clock.smallest = min(clock.smallest, own)
             clock.reach = max(clock.reach, reach)
     clock.thin = thinnest(records)
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
-    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
         extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))

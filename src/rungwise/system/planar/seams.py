@@ -141,6 +141,23 @@ def find_seams(shapes: RecordArray, pose: Reals, outline: Reals, seams: Seams) -
 
 
 @kernel
+def piece_reach(s: int, shapes: RecordArray, outline: Reals, seams: Seams) -> float:
+    """Reach of the shape, or, with seams, of the common piece: no less than those of the neighbours, and half
+    of a whole face."""
+    reach = shapes[s].reach
+    if seams.seamed[s] != 0:
+        for k in range(seams.neighbours.shape[0]):
+            one, other = seams.neighbours[k, 0], seams.neighbours[k, 1]
+            if s in (one, other) and seams.seamed[one] != 0 and seams.seamed[other] != 0:
+                reach = max(reach, shapes[one].reach, shapes[other].reach)
+        for i in range(shapes[s].first, shapes[s].end):
+            first, last = outer_ends(i, seams)
+            dx, dy = outline[last, 0] - outline[first, 0], outline[last, 1] - outline[first, 1]
+            reach = max(reach, 0.5 * math.hypot(dx, dy))
+    return reach
+
+
+@kernel
 def _link_all(a: Record, b: Record, near: float, outline: Reals, seams: Seams) -> bool:
     """Link the edges of both shapes, and cover the sides that meet at the seams."""
     found = False
@@ -293,6 +310,26 @@ def carry_over(features: Ints, deformation: Reals, modes: Ints, outline: Reals, 
 def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
     first = slot - slot % 2
     return features[slot] != seams.features[first] and features[slot] != seams.features[first + 1]
+
+
+@kernel
+def mode_before(
+    slot: int, features: Ints, modes: Ints, before: Ints, modes_before: Ints, outline: Reals, seams: Seams
+) -> int:
+    """Mode that the contact of the slot had when the features were `before`, in whichever slot it then was.
+
+    A contact that has left the slot over a seam is accounted for where it is now: its mode here is as before.
+    """
+    if seams.joined[0] == 0 or slot >= features.shape[0] or features[slot] == before[slot]:
+        return modes_before[slot]
+    for other in range(features.shape[0]):
+        if features[slot] == ABSENT:
+            gone = features[other] != ABSENT
+            if gone and is_continued(before[slot], features[other], outline, seams):
+                return modes[slot]
+        elif is_continued(before[other], features[slot], outline, seams):
+            return modes_before[other]
+    return modes_before[slot]
 
 
 @kernel
