@@ -6,7 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import approach
-from rungwise.scene.records import Records
+from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.choice import SUDDEN, solve_motion
 from rungwise.simulation.jumps import jumps
 from rungwise.simulation.memory import bring_back, remember
@@ -27,6 +27,9 @@ MAX_LINEARISATIONS = 12
 EXACT = 1e-9
 """Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
 step is not linearised again."""
+LEAP = 8.0
+"""Motion of a servo that is followed exactly, over the smallest shape's reach, above which a step that pushes
+something, or that is linearised again, is halved: where the target jumps, no step is short enough."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 ROUNDED = 1e-14
@@ -84,6 +87,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
+        if rung[0].metric and (not first or _is_pushed(state, scratch.v_new)) and _leaps(records, h, state):
+            status = UNSOLVED
+            break
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
@@ -124,6 +130,28 @@ def _is_finite(q: Reals) -> bool:
     for i in range(q.shape[0]):
         finite &= math.isfinite(q[i])
     return finite
+
+
+@kernel
+def _is_pushed(state: State, v: Reals) -> bool:
+    """Whether something moves whose motion is not given."""
+    pushed = False
+    for i in range(v.shape[0]):
+        pushed |= not state.prescribed[i] and v[i] != 0.0
+    return pushed
+
+
+@kernel
+def _leaps(records: Records, h: float, state: State) -> bool:
+    """Whether a servo that is followed exactly moves something far in the step."""
+    clock, leaps = state.clock[0], False
+    for i in range(state.q.shape[0]):
+        c = records.coordinates[i]
+        if c.drive == SERVO:
+            turns = records.bodies[c.body].motion == HINGE or i == records.bodies[c.body].coordinate + 2
+            lever = clock.reach if turns and clock.reach > 0.0 else 1.0
+            leaps |= 4.0 * lever * h * abs(state.speed[i]) > LEAP * clock.smallest
+    return leaps
 
 
 @kernel

@@ -30,8 +30,8 @@ class Leap:
     def __str__(self) -> str:
         body, coordinate = self.coordinate.split(".")
         return (
-            f"bodies.{body}.coordinates.{coordinate}.drive: its target jumps by {self.far:.3g} at"
-            f" t = {self.time:.6g}, and the kinematic rung follows it at once, through what is in the way."
+            f"bodies.{body}.coordinates.{coordinate}.drive: its target is {self.far:.3g} away from"
+            f" t = {self.time:.6g} on, and the kinematic rung follows it at once, through what is in the way."
             " Start at the target, let it move with t, or use a richer rung."
         )
 
@@ -88,7 +88,7 @@ def _leap(
             begin, low = middle, value
     if not abs(high - low) * bound.records.coordinates["lever"][i] > least:
         return None
-    return Leap(scene.template.coordinates[i], high - low, end)
+    return Leap(scene.template.coordinates[i], high - low, begin)
 
 
 def _target(scene: Scene, bound: Bound, workspace: Workspace, i: int, time: float) -> float:
