@@ -43,7 +43,7 @@ class Answer(NamedTuple):
 
 
 def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
-    """The answer from x = `start` (N,) or from rest; None where it is not within `tol`, or not tried."""
+    """What is found from x = `start` (N,) or from rest, within `tol` or not; None where it is not tried."""
     n = len(problem.b)
     if not 0 < n <= LARGEST:
         return None
@@ -52,12 +52,12 @@ def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer |
     given = _REST[:n] if start is None else start
     solver, iterations = solve_dense(
         A, problem.b, problem.mu, problem.directions, problem.velocities, problem.lower, problem.upper, given,
-        tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
+        start is not None, tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
     )  # fmt: skip
     if solver == REFUSED:
         return None
     residuals = Residuals(*found.tolist())
-    return Answer(x, y, residuals, _NAMES[solver], iterations) if residuals.worst <= tol else None
+    return Answer(x, y, residuals, _NAMES[solver], iterations)
 
 
 @allocating_kernel
@@ -70,6 +70,7 @@ def solve_dense(
     lower: Reals,
     upper: Reals,
     start: Reals,
+    given: bool,
     tol: float,
     dampings: Reals,
     covering: Reals,
@@ -77,7 +78,8 @@ def solve_dense(
     y: Reals,
     found: Reals,
 ) -> tuple[int, int]:
-    """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations."""
+    """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations. A
+    start that was given is judged as it is, before it is improved."""
     n, rows, done = len(b), d * len(mu), -1
     kept, gone = _parted(lower, upper, rows)
     k, g = len(kept), len(gone)
@@ -104,30 +106,40 @@ def solve_dense(
     if solver == REFUSED:
         return REFUSED, done
     expand(row_start, column, value, matrix)
-    best, vectors = start[kept] / force, np.empty((VECTORS, k))
-    if not distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) <= tol:
-        if solver == SWEPT:
-            done = alternate(
-                row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest, best.copy(),
-                best, _MARGIN * tol, dampings, np.empty((k, k)), vectors, np.empty(4 * k, np.int64),
-            )  # fmt: skip
+    vectors, scratch, rows_of, columns, entries = np.empty((VECTORS, k)), np.empty((6, n)), row_start, column, entry
+    if g > 0:
+        rows_of, columns, entries = np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n)
+        compress(A, rows_of, columns, entries)
+    for attempt in range(0 if given else 1, 2):
+        if attempt == 0:
+            x[:] = start
         else:
-            done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
-    for i in range(k):
-        x[kept[i]] = best[i] * force[i]
-    if g > 0:
-        schur.recover(A, b, kept, gone, factor, unit, order, x)
-        row_start, column, entry = np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n)
-        compress(A, row_start, column, entry)
-    scratch = np.empty((6, n))
-    judge_rows(
-        row_start, column, entry, b, kept, force, rate, mu, d, lowest, highest, lower, upper, x, y, scratch,
-        found,
-    )  # fmt: skip
-    if g > 0:
-        found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
-        if _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
-            return REFUSED, done
+            best = start[kept] / force
+            if not distance(
+                row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors
+            ) <= tol:
+                if solver == SWEPT:
+                    done = alternate(
+                        row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
+                        best.copy(), best, _MARGIN * tol, dampings, np.empty((k, k)), vectors,
+                        np.empty(4 * k, np.int64),
+                    )  # fmt: skip
+                else:
+                    done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+            for i in range(k):
+                x[kept[i]] = best[i] * force[i]
+            if g > 0:
+                schur.recover(A, b, kept, gone, factor, unit, order, x)
+        judge_rows(
+            rows_of, columns, entries, b, kept, force, rate, mu, d, lowest, highest, lower, upper, gone, scale,
+            x, y, scratch, found,
+        )  # fmt: skip
+        if g > 0:
+            found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
+        if max(found[0], found[1]) <= tol:
+            break
+    if g > 0 and _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
+        return REFUSED, done
     return solver, done
 
 
