@@ -103,10 +103,10 @@ def violation(problem: rw.Problem, x: np.ndarray) -> float:
         own, tangents = slice(k * d, k * d + d), slice(k * d + 1, k * d + d)
         force, slip = x[own] * share[own].max(), rate[tangents]
         normal, pull, speed = force[0], np.linalg.norm(force[1:]), np.linalg.norm(slip)
-        along = force[1:] / pull if pull > 0.0 else force[1:]
+        along = (force[1:] / pull if pull > 0.0 else force[1:]) + (slip / speed if speed > 0.0 else slip)
         worst = max(
             worst, -rate[own][0], -normal, pull - mu * normal, min(normal, rate[own][0]),
-            min(speed, mu * normal - pull), min(pull, float(np.linalg.norm(slip + speed * along))),
+            min(speed, mu * normal - pull), min(pull, speed) * float(np.linalg.norm(along)),
         )  # fmt: skip
     for j, (lower, upper) in enumerate(zip(p.lower, p.upper, strict=True)):
         i = p.rows + j

@@ -15,8 +15,8 @@ from rungwise.contact.system import System
 from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
-OWN = 1e-2
-"""Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 1e-7 of them. With
+OWN = 0.03
+"""Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of them. With
 more, answers that are as good as rounding of the norm of all rows allows would count as none."""
 _ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-10
 
@@ -28,7 +28,7 @@ class Residuals:
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
     imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
-    penetration in these units, which great friction would hide, nor than a hundredth of `in_own_terms`, the
+    penetration in these units, which great friction would hide, nor than `OWN` times `in_own_terms`, the
     largest violation of a row of the problem as it was given beside the terms of this row alone. The others
     tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
     |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest

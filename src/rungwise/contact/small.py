@@ -21,13 +21,15 @@ from rungwise.contact.solvers import gauss_seidel, pivoting
 from rungwise.contact.solvers.gauss_seidel import alternate
 from rungwise.contact.solvers.measure import distance
 from rungwise.contact.solvers.newton_dense import VECTORS
-from rungwise.contact.units import compress, expand, fitted, measured, rescaled
+from rungwise.contact.units import compress, expand, fitted, measured, rescaled, settle
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 LARGEST, MOST_LEFT = 120, 60
 SWEPT, PIVOTED, REFUSED = 0, 1, 2
 _NAMES = gauss_seidel.NAME, pivoting.NAME
 _MARGIN = 0.3
+_NOTHING = 2.0**-50
+"""Share of the largest force from a limit that is rounding: such a force is at its limit."""
 _REST = np.zeros(LARGEST)
 _COVERING = np.ones((1, 4 * MOST_LEFT))
 
@@ -126,6 +128,7 @@ def solve_dense(
                     )  # fmt: skip
                 else:
                     done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+            settle(best, rows, lowest, highest, _NOTHING)
             for i in range(k):
                 x[kept[i]] = best[i] * force[i]
             if g > 0:
