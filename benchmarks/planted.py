@@ -153,8 +153,8 @@ def bodies(rng: Rng) -> rw.Problem:
 
 
 def circuit(rng: Rng) -> rw.Problem:
-    """A sampled circuit: nodes and states are free, in chains of integrators as of delta-sigma modulators; its
-    comparators are relays, or pairs of complementarities; conductances and steps differ by many orders."""
+    """A sampled circuit: its nodes are free, in chains of integrators as of delta-sigma modulators, and its
+    comparators are relays, or pairs of complementarities; rates and units differ by many orders."""
     stages, order = int(rng.integers(1, 9)), int(rng.integers(1, 5))
     g, as_pairs = stages * order, bool(rng.random() < 0.5)
     step, gain = 10.0 ** rng.uniform(-7.0, -2.0), 10.0 ** rng.uniform(-1.0, 4.0)

@@ -86,16 +86,16 @@ def eliminated(problem: Problem) -> Left:
 
     def matrix() -> Matrix:
         made = response.matrix()
-        errors = abs(own) @ abs(made) + abs(across)
-        terms = abs(front) + abs(back) @ abs(made) + rounding(back, errors)
-        return _without_rounding(front - back @ made, terms)
+        errors = abs(own @ made - across) + NOTHING * (abs(own) @ abs(made) + abs(across))
+        terms = abs(front) + abs(back) @ abs(made)
+        return _without_rounding(front - back @ made, NOTHING * terms + rounding(back, errors))
 
     still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
-    errors = abs(own) @ np.abs(still) + np.abs(b[gone])
-    terms = np.abs(b[kept]) + abs(back) @ np.abs(still) + rounding(back, errors)
-    offset[np.abs(offset) <= NOTHING * terms] = 0.0
+    errors = np.abs(own @ still + b[gone]) + NOTHING * (abs(own) @ np.abs(still) + np.abs(b[gone]))
+    terms = np.abs(b[kept]) + abs(back) @ np.abs(still)
+    offset[np.abs(offset) <= NOTHING * terms + rounding(back, errors)] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
     return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
@@ -119,8 +119,8 @@ def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Lef
 
 
 class Response(NamedTuple):
-    """`solve` solves with A_gg; `matrix` is A_gg^-1 A_gk; `rounding` makes |B A_gg^-1| e, or no less, of B and
-    of errors e in the equations of the free unknowns; `columns`, where they are sparse, the response's
+    """`solve` solves with A_gg; `matrix` is A_gg^-1 A_gk; `rounding` makes |B A_gg^-1| e, or no less, of B
+    and of errors e in the equations of the free unknowns; `columns`, where they are sparse, the response's
     columns and how much a second solution changed their values."""
 
     solve: Solve
@@ -173,10 +173,10 @@ def _factors(own: sp.csr_array) -> SuperLU | None:
     return factor if pivots.min() > REGULAR * pivots.max() else None
 
 
-def _without_rounding(left: Matrix, terms: Matrix) -> Matrix:
-    """The entries of `left` that are more than rounding in their terms."""
+def _without_rounding(left: Matrix, least: Matrix) -> Matrix:
+    """The entries of `left` that are more than what errors make of nothing."""
     if not sp.issparse(left):
-        return np.where(np.abs(left) > NOTHING * terms, left, 0.0)
-    made = sp.csr_array(left.multiply(abs(left) > NOTHING * terms))
+        return np.where(np.abs(left) > least, left, 0.0)
+    made = sp.csr_array(left.multiply(abs(left) > least))
     made.eliminate_zeros()
     return made

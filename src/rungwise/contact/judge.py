@@ -30,9 +30,10 @@ class Residuals:
     imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
     penetration in these units, which great friction would hide, nor than `OWN` times `in_own_terms`, the
     largest violation of a row of the problem as it was given beside the terms of this row alone. The others
-    tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
-    |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
-    |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
+    tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone
+    [force] the greatest |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation
+    [power] the greatest |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its
+    limits.
     """
 
     natural: float
@@ -205,7 +206,7 @@ def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: A
 
 
 def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
-    """The units of `in_own_terms`, in which its rates (N,) and its forces (N,) are counted; one for nothing."""
+    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one for nothing."""
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
     terms = scales.absolute @ np.abs(x)
     own_terms(terms, p.b, system.kept, system.rate, scales.free, scales.unit, scratch[0])
@@ -215,9 +216,7 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
 
 
 @kernel
-def own_terms(
-    terms: Reals, b: Reals, kept: Ints, rate: Reals, free: Ints, unit: Reals, own: Reals
-) -> None:
+def own_terms(terms: Reals, b: Reals, kept: Ints, rate: Reals, free: Ints, unit: Reals, own: Reals) -> None:
     """Fill own (N,) with the size of the rows' terms, |A| |x| being `terms`, and what is faint beside others."""
     most = 0.0
     for i in range(len(b)):

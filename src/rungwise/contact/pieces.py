@@ -33,6 +33,7 @@ from rungwise.contact.farkas import (
     Mode,
     covers,
     excludes,
+    excludes_given,
     hull,
 )
 from rungwise.contact.judge import in_own_terms
@@ -220,7 +221,7 @@ def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
 
 def holds_in_own_terms(problem: Problem, system: System, x: Array) -> bool:
     """Whether x (N,) is a solution also where some rows are nothing beside others (see `judge`)."""
-    return bool(problem.free.any()) or in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
+    return in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
 
 
 def same(a: Array, b: Array, motion: Array | None = None) -> bool:
@@ -251,7 +252,9 @@ def check(found: Solutions) -> bool:
     leaves = (*found.pieces, *found.covered)
     proved = (mode for mode, _ in (*found.excluded, *found.held))
     modes = (*(piece.mode for piece in leaves), *proved, *found.undecided)
-    if not covers(system, hull(system), modes) or not all(excludes(system, *pair) for pair in found.excluded):
+    if not covers(system, hull(system), modes) or not all(
+        excludes(system, *pair) and excludes_given(problem, system, *pair) for pair in found.excluded
+    ):
         return False
     motion, _ = motion_map(problem, system)
     for piece in leaves:

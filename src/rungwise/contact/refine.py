@@ -76,11 +76,9 @@ def _own_step(p: Problem, A: Array, x: Array, y: Array, rate: Array, force: Arra
             step = lstsq(J, F, cond=_SINGULAR, lapack_driver="gelsy")[0]
         except (LinAlgError, ValueError):
             return None
-    trial = x - step * force
-    idle = ~derivative.any(axis=1)
-    trial[:rows][idle[:rows]] = 0.0
-    at = idle[rows:].nonzero()[0]
-    trial[rows + at] = np.where(own[rows + at] - y[rows + at] / rate[rows + at] < lower[at], p.lower[at], p.upper[at])
+    trial, ahead = x - step * force, own[rows:] - y[rows:] / rate[rows:]
+    trial[:rows][(derivative[:rows] == 0.0).all(axis=1)] = 0.0
+    trial[rows:] = np.where(ahead < lower, p.lower, np.where(ahead > upper, p.upper, trial[rows:]))
     return trial
 
 

@@ -60,22 +60,21 @@ def eliminate(
     start, column, value = np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g)
     compress(own, start, column, value)
     fitted(start, column, value, 0, 1, scale)
-    still, weight, terms = np.empty(g), np.empty((k, g)), np.empty((k + 1, g))
+    push, still, weight, error = np.empty(g), np.empty(g), np.empty((k, g)), np.empty((k + 1, g))
     for i in range(g):
-        still[i] = -b[gone[i]]
-    _refined(own, factor, unit, order, still, change[0])
+        push[i] = still[i] = -b[gone[i]]
+    _refined(own, factor, unit, order, still, error[k])
     for i in range(g):
-        still[i] -= change[0, i]
+        still[i] -= error[k, i]
     for i in range(k):
         _weigh(A, kept[i], gone, factor, unit, order, weight[i])
         _gather(A, gone, kept[i], change[i])
-        _sizes(own, response[i], change[i], terms[i])
-    _gather_offset(b, gone, change[0])
-    _sizes(own, still, change[0], terms[k])
+        _errors(own, response[i], change[i], error[i])
+    _errors(own, still, push, error[k])
     for i in range(k):
         for j in range(k):
-            left[i, j] = _known(A, kept[i], gone, A[kept[i], kept[j]], -1.0, response[j], weight[i], terms[j])
-        offset[i] = _known(A, kept[i], gone, b[kept[i]], 1.0, still, weight[i], terms[k])
+            left[i, j] = _known(A, kept[i], gone, A[kept[i], kept[j]], -1.0, response[j], weight[i], error[j])
+        offset[i] = _known(A, kept[i], gone, b[kept[i]], 1.0, still, weight[i], error[k])
     return True
 
 
@@ -126,7 +125,7 @@ def _refined(own: Reals, factor: Reals, unit: Reals, order: Ints, x: Reals, chan
 
 @kernel
 def _weigh(A: Reals, row: int, gone: Ints, factor: Reals, unit: Reals, order: Ints, weight: Reals) -> None:
-    """weight (g,) becomes |A_gg^-T A_row,g|: what errors in the equations of the free unknowns do to a row."""
+    """weight (g,) becomes |A_gg^-T A_row,g|: what errors in the free unknowns' equations do to a row."""
     for m in range(len(gone)):
         weight[m] = unit[m] * A[row, gone[m]]
     substitute_transposed(factor, len(gone), order, weight)
@@ -141,32 +140,29 @@ def _gather(A: Reals, gone: Ints, column: int, right: Reals) -> None:
 
 
 @kernel
-def _gather_offset(b: Reals, gone: Ints, right: Reals) -> None:
-    for m in range(len(gone)):
-        right[m] = b[gone[m]]
-
-
-@kernel
-def _sizes(own: Reals, x: Reals, right: Reals, terms: Reals) -> None:
-    """terms (g,) = |A_gg| |x| + |right|: rounding in the residual of x is a share of them."""
-    for i in range(len(terms)):
-        total = abs(right[i])
-        for j in range(len(terms)):
-            total += abs(own[i, j] * x[j])
-        terms[i] = total
+def _errors(own: Reals, x: Reals, right: Reals, error: Reals) -> None:
+    """error (g,): what A_gg x - right is, and what rounding hides of it."""
+    for i in range(len(error)):
+        total, terms = -right[i], abs(right[i])
+        for j in range(len(error)):
+            term = own[i, j] * x[j]
+            total += term
+            terms += abs(term)
+        error[i] = abs(total) + NOTHING * terms
 
 
 @kernel
 def _known(
-    A: Reals, row: int, gone: Ints, first: float, sign: float, x: Reals, weight: Reals, terms: Reals
+    A: Reals, row: int, gone: Ints, first: float, sign: float, x: Reals, weight: Reals, error: Reals
 ) -> float:
-    """first + sign A_row,g x, or zero where that is no more than the rounding that it is made of."""
-    total, rounding = first, abs(first)
+    """first + sign A_row,g x, or zero where that is no more than the errors of x and rounding make."""
+    total, terms, least = first, abs(first), 0.0
     for m in range(len(gone)):
         term = A[row, gone[m]] * x[m]
         total += sign * term
-        rounding += abs(term) + weight[m] * terms[m]
-    return total if abs(total) > NOTHING * rounding else 0.0
+        terms += abs(term)
+        least += weight[m] * error[m]
+    return total if abs(total) > least + NOTHING * terms else 0.0
 
 
 @allocating_kernel

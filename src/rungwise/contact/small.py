@@ -108,7 +108,13 @@ def solve_dense(
     if solver == REFUSED:
         return REFUSED, done
     expand(row_start, column, value, matrix)
-    vectors, scratch, rows_of, columns, entries = np.empty((VECTORS, k)), np.empty((6, n)), row_start, column, entry
+    vectors, scratch, rows_of, columns, entries = (
+        np.empty((VECTORS, k)),
+        np.empty((6, n)),
+        row_start,
+        column,
+        entry,
+    )
     if g > 0:
         rows_of, columns, entries = np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n)
         compress(A, rows_of, columns, entries)
@@ -117,9 +123,10 @@ def solve_dense(
             x[:] = start
         else:
             best = start[kept] / force
-            if not distance(
-                row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors
-            ) <= tol:
+            if (
+                not distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors)
+                <= tol
+            ):
                 if solver == SWEPT:
                     done = alternate(
                         row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.farkas import Infeasible
+from rungwise.contact.farkas import Infeasible, proves
 from rungwise.contact.islands import islands
 from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
@@ -138,9 +138,7 @@ class _Answer(NamedTuple):
 
 
 def _solved(problem: Problem, answer: _Answer, tol: float, attempts: list[Attempt]) -> ContactSolution:
-    return ContactSolution(
-        problem, Status.SOLVED, answer.x, answer.y, answer.residuals, tol, tuple(attempts)
-    )
+    return ContactSolution(problem, Status.SOLVED, answer.x, answer.y, answer.residuals, tol, tuple(attempts))
 
 
 def _as_it_is(problem: Problem, system: System, x: Array) -> _Answer:
@@ -273,7 +271,9 @@ def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Wor
 
 def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
     found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
-    answer = _judged_scaled(problem, system, found.x, tol, work)._replace(proof=found.proof)
+    answer = _judged_scaled(problem, system, found.x, tol, work)
+    if found.proof is not None and proves(problem, system, found.proof):
+        answer = answer._replace(proof=found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 
