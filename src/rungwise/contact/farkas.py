@@ -219,7 +219,7 @@ def excludes_given(problem: Problem, system: System, mode: Mode, p: Array) -> bo
     bound = np.where(pull[others] > 0.0, upper, lower) * s.force[s.rows :]
     inside = np.isfinite(bound)
     left = max(left, float(share[others][~inside].max(initial=0.0)))
-    gains = np.concatenate([-q * b, -(pull[others] * bound)[inside]])
+    gains = np.concatenate([-q * b, -pull[others][inside] * bound[inside]])
     total = float(size @ np.abs(b)) + float(terms[others][inside] @ np.abs(bound[inside]))
     return float(gains.sum()) > REACH * max(left, _KNOWN) * total
 
@@ -228,7 +228,7 @@ _lifts: WeakKeyDictionary[System, Callable[[Array], Array]] = WeakKeyDictionary(
 
 
 def _lift(problem: Problem, system: System) -> Callable[[Array], Array]:
-    """What makes multipliers (N,) of all rows of those of the kept ones, so that no free unknown is pulled."""
+    """What makes multipliers (N,) of all rows of those kept, so that no free unknown is pulled."""
     found = _lifts.get(system)
     if found is None:
         found = _lifts[system] = _lifting(problem, system)

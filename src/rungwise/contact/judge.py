@@ -18,7 +18,10 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 OWN = 0.03
 """Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of them. With
 more, answers that are as good as rounding of the norm of all rows allows would count as none."""
-_ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-10
+_ROUNDING, _FLOOR = 2.0**-54, 1e-6
+_AT_REST, _FAINT = 2.0**-40, 1e-7
+"""A row whose terms are no more than the first share of those of all is at rest: what there is in it is
+rounding of others, and counts beside the second share, of which 1e-9 / `OWN` is 32 roundings."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,7 @@ def judge_rows(
     violations(
         x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
     )
-    own_terms(terms, b, kept, rate, free, unit, scratch[2])
+    own_terms(terms, b, kept, rate, d * len(mu), d, free, unit, scratch[3], scratch[2])
     own = own_violation(row_start, column, value, x, y, mu, d, lower, upper, scratch[2:])
     found[0] = max(found[0], OWN * own)
 
@@ -193,15 +196,26 @@ def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
     each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all. What is less than `_FAINT` of that counts beside it, and so rounding as nothing; a
-    free row, which is in balance or is not, counts no less than that share of the terms of others.
+    beside the norm of all. Only a row whose own terms are rounding beside that (`_AT_REST`) counts beside a
+    share of it; and a free one beside a share of the terms of the other free ones.
     """
     return _in_own_terms(problem, system, x, y, _scales(problem).absolute @ np.abs(x))
 
 
 def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
-    own_terms(terms, p.b, system.kept, system.rate, scales.free, scales.unit, scratch[0])
+    own_terms(
+        terms,
+        p.b,
+        system.kept,
+        system.rate,
+        p.rows,
+        p.directions,
+        scales.free,
+        scales.unit,
+        scratch[1],
+        scratch[0],
+    )
     return float(own_violation(*scales.rows, x, y, p.mu, p.directions, p.lower, p.upper, scratch))
 
 
@@ -209,24 +223,51 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
     """The units in which `in_own_terms` counts rates (N,) and forces (N,); one for nothing."""
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
     terms = scales.absolute @ np.abs(x)
-    own_terms(terms, p.b, system.kept, system.rate, scales.free, scales.unit, scratch[0])
+    own_terms(
+        terms,
+        p.b,
+        system.kept,
+        system.rate,
+        p.rows,
+        p.directions,
+        scales.free,
+        scales.unit,
+        scratch[1],
+        scratch[0],
+    )
     own_size(*scales.rows, p.rows, p.directions, scratch[0], scratch[1])
     rate, each = scratch[0], scratch[1]
     return np.where(rate > 0.0, rate, 1.0), 1.0 / np.where(each > 0.0, each, 1.0)
 
 
 @kernel
-def own_terms(terms: Reals, b: Reals, kept: Ints, rate: Reals, free: Ints, unit: Reals, own: Reals) -> None:
-    """Fill own (N,) with the size of the rows' terms, |A| |x| being `terms`, and what is faint beside others."""
+def own_terms(
+    terms: Reals,
+    b: Reals,
+    kept: Ints,
+    rate: Reals,
+    rows: int,
+    d: int,
+    free: Ints,
+    unit: Reals,
+    all_terms: Reals,
+    own: Reals,
+) -> None:
+    """Fill own (N,) with the size of the rows' terms, |A| |x| being `terms`, and more where they are rounding
+    beside those of all, all_terms (N,)."""
     most = 0.0
     for i in range(len(b)):
-        own[i] = terms[i] + abs(b[i])
+        own[i], all_terms[i] = terms[i] + abs(b[i]), 0.0
+    for i in range(len(kept)):
+        all_terms[kept[i]] = rate[i]
     for i in range(len(free)):
         most = max(most, unit[i] * own[free[i]])
-    for i in range(len(kept)):
-        own[kept[i]] += _FAINT * rate[i]
     for i in range(len(free)):
-        own[free[i]] = terms[free[i]] + abs(b[free[i]]) + _FAINT * most / unit[i]
+        all_terms[free[i]] = most / unit[i]
+    _largest_of_each(own, rows, d)
+    for i in range(len(b)):
+        if own[i] <= _AT_REST * all_terms[i]:
+            own[i] += _FAINT * all_terms[i]
 
 
 @kernel
@@ -265,9 +306,7 @@ def own_violation(
 def own_size(
     row_start: Ints, column: Ints, value: Reals, rows: int, d: int, rate: Reals, each: Reals
 ) -> None:
-    """Make the terms `rate` (N,) of a contact's rows the largest of them; fill `each` (N,) with the most that
-    a unit of the unknown does to a row, beside its terms."""
-    _largest_of_each(rate, rows, d)
+    """Fill `each` (N,) with the most that a unit of the unknown does to a row, beside its terms, `rate`."""
     for i in range(len(each)):
         each[i] = 0.0
     for i in range(len(rate)):

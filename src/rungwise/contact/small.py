@@ -141,8 +141,8 @@ def solve_dense(
             if g > 0:
                 schur.recover(A, b, kept, gone, factor, unit, order, x)
         judge_rows(
-            rows_of, columns, entries, b, kept, force, rate, mu, d, lowest, highest, lower, upper, gone, scale,
-            x, y, scratch, found,
+            rows_of, columns, entries, b, kept, force, rate, mu, d, lowest, highest, lower, upper, gone,
+            scale, x, y, scratch, found,
         )  # fmt: skip
         if g > 0:
             found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
