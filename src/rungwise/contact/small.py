@@ -20,7 +20,7 @@ from rungwise.contact.refine import SMALL as LITTLE
 from rungwise.contact.solvers import gauss_seidel, pivoting
 from rungwise.contact.solvers.gauss_seidel import alternate
 from rungwise.contact.solvers.measure import distance
-from rungwise.contact.solvers.newton_dense import VECTORS
+from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
 from rungwise.contact.units import compress, expand, fitted, measured, rescaled, settle
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -28,6 +28,9 @@ LARGEST, MOST_LEFT = 120, 60
 SWEPT, PIVOTED, REFUSED = 0, 1, 2
 _NAMES = gauss_seidel.NAME, pivoting.NAME
 _MARGIN = 0.3
+_START, _SOLVE, _REFINE = 0, 1, 2
+_NEAR, _FINEST, _STEPS = 0.1, 1e-17, 4
+"""Residual from which on an answer is refined, that to which it is, and how many steps that may take."""
 _NOTHING = 2.0**-50
 """Share of the largest force from a limit that is rounding: such a force is at its limit."""
 _REST = np.zeros(LARGEST)
@@ -108,45 +111,43 @@ def solve_dense(
     if solver == REFUSED:
         return REFUSED, done
     expand(row_start, column, value, matrix)
-    vectors, scratch, rows_of, columns, entries = (
-        np.empty((VECTORS, k)),
-        np.empty((6, n)),
-        row_start,
-        column,
-        entry,
-    )
+    vectors, scratch, ints = np.empty((VECTORS, k)), np.empty((6, n)), np.empty(4 * k, np.int64)
+    factors, best = np.empty((k, k)), start[kept] / force
+    given_start, given_column, given_value = row_start, column, entry
     if g > 0:
-        rows_of, columns, entries = np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n)
-        compress(A, rows_of, columns, entries)
-    for attempt in range(0 if given else 1, 2):
-        if attempt == 0:
+        given_start, given_column, given_value = (
+            np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n),
+        )  # fmt: skip
+        compress(A, given_start, given_column, given_value)
+    for attempt in range(_START if given else _SOLVE, _REFINE + 1):
+        if attempt == _START:
             x[:] = start
-        else:
-            best = start[kept] / force
-            if (
-                not distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors)
-                <= tol
-            ):
-                if solver == SWEPT:
-                    done = alternate(
-                        row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
-                        best.copy(), best, _MARGIN * tol, dampings, np.empty((k, k)), vectors,
-                        np.empty(4 * k, np.int64),
-                    )  # fmt: skip
-                else:
-                    done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+        elif attempt == _REFINE:
+            done += descend_dense(
+                row_start, column, value, matrix, offset, 0.0, mu, d, lowest, highest, best, _FINEST, _STEPS,
+                dampings, factors, vectors, ints,
+            )  # fmt: skip
+        elif distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) > tol:
+            if solver == SWEPT:
+                done = alternate(
+                    row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
+                    best.copy(), best, _MARGIN * tol, dampings, factors, vectors, ints,
+                )  # fmt: skip
+            else:
+                done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+        if attempt != _START:
             settle(best, rows, lowest, highest, _NOTHING)
             for i in range(k):
                 x[kept[i]] = best[i] * force[i]
             if g > 0:
                 schur.recover(A, b, kept, gone, factor, unit, order, x)
         judge_rows(
-            rows_of, columns, entries, b, kept, force, rate, mu, d, lowest, highest, lower, upper, gone,
-            scale, x, y, scratch, found,
+            given_start, given_column, given_value, b, kept, force, rate, mu, d, lowest, highest, lower,
+            upper, gone, scale, x, y, scratch, found,
         )  # fmt: skip
         if g > 0:
             found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
-        if max(found[0], found[1]) <= tol:
+        if max(found[0], found[1]) <= tol or (attempt == _SOLVE and not found[0] <= _NEAR):
             break
     if g > 0 and _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
         return REFUSED, done
