@@ -29,7 +29,9 @@ import rungwise as rw
 from rungwise.contact.read import read_problem
 
 Rng = np.random.Generator
-LOOSE = 1e-7
+LOOSE, FAINT = 1e-7, 1e-8
+"""What a row's violation must not exceed, beside its terms; which count as no less than this share of what
+the largest unknown would make of them: below lies the rounding of that, in rows where all is zero."""
 _LARGEST = 700
 """Unknowns up to which a published matrix is taken: others take seconds a call."""
 
@@ -94,6 +96,7 @@ def violation(problem: rw.Problem, x: np.ndarray) -> float:
     they do to the rows, beside theirs; a contact's rows count alike. Written once more, without the judge."""
     p, d, A = problem, problem.directions, sp.csr_array(problem.A)
     y, terms = A @ x + p.b, abs(A) @ np.abs(x) + np.abs(p.b)
+    terms = np.maximum(terms, FAINT * (abs(A) @ np.full(len(x), np.abs(x).max(initial=0.0))))
     for k in range(len(p.mu)):
         terms[k * d : k * d + d] = terms[k * d : k * d + d].max()
     rate = np.where(terms > 0.0, y / np.where(terms > 0.0, terms, 1.0), 0.0)

@@ -34,6 +34,8 @@ from rungwise.contact.units import part
 REACH = 1e6
 _KNOWN = 1e-15
 """Share of its terms to which a sum of given numbers is known."""
+_NOTHING = 1e-13
+"""Share of an unknown's pull that is rounding of the other multipliers."""
 _ROUNDING = 2.0**-50
 _SIDES, _AXIS = 16, 1e-12
 
@@ -202,8 +204,12 @@ def proves(problem: Problem, system: System, proof: Infeasible) -> bool:
 def excludes_given(problem: Problem, system: System, mode: Mode, p: Array) -> bool:
     """Whether the multipliers p (N,) of the system's rows, and those of the others that follow, prove from
     the numbers of the problem as it was given that no solution is in the mode."""
+    return any(_excludes(problem, system, mode, q) for q in _lift(problem, system)(p / system.rate))
+
+
+def _excludes(problem: Problem, system: System, mode: Mode, q: Array) -> bool:
+    """Whether multipliers q (N,) of all rows of the problem prove it."""
     s, d = system, system.directions
-    q = _lift(problem, system)(p / s.rate)
     A, b, size = sp.csr_array(problem.A), problem.b, np.abs(q)
     pull, terms = A.T @ q, abs(A).T @ size
     share = np.abs(pull) / np.where(terms > 0.0, terms, 1.0)
@@ -224,29 +230,45 @@ def excludes_given(problem: Problem, system: System, mode: Mode, p: Array) -> bo
     return float(gains.sum()) > REACH * max(left, _KNOWN) * total
 
 
-_lifts: WeakKeyDictionary[System, Callable[[Array], Array]] = WeakKeyDictionary()
+Lift = Callable[[Array], tuple[Array, ...]]
+_lifts: WeakKeyDictionary[System, Lift] = WeakKeyDictionary()
 
 
-def _lift(problem: Problem, system: System) -> Callable[[Array], Array]:
-    """What makes multipliers (N,) of all rows of those kept, so that no free unknown is pulled."""
+def _lift(problem: Problem, system: System) -> Lift:
+    """What makes multipliers (N,) of all rows of those kept, so that no free unknown is pulled: as they are,
+    and without those that are rounding beside others that pull the same unknown."""
     found = _lifts.get(system)
     if found is None:
         found = _lifts[system] = _lifting(problem, system)
     return found
 
 
-def _lifting(problem: Problem, system: System) -> Callable[[Array], Array]:
+def _lifting(problem: Problem, system: System) -> Lift:
     kept, size = system.kept, len(problem.b)
     if len(kept) == size:
-        return lambda p: p
+        return lambda p: (p,)
     A, gone = sp.csr_array(problem.A), np.delete(np.arange(size), kept)
     own, back = part(A, gone, gone), part(A, kept, gone)
-    factor = splu(sp.csc_array(own))
+    factor, sizes = splu(sp.csc_array(own)), abs(own)
 
-    def lift(p: Array) -> Array:
+    def lift(p: Array) -> tuple[Array, ...]:
         q, push = np.zeros(size), back.T @ p
         q[kept], q[gone] = p, -factor.solve(push, "T")
         q[gone] -= factor.solve(own.T @ q[gone] + push, "T")
-        return q
+        terms = sizes.T @ np.abs(q[gone]) + abs(back).T @ np.abs(p)
+        per = sp.diags_array(1.0 / np.where(terms > 0.0, terms, np.inf))
+        share = sp.diags_array(np.abs(q[gone])) @ sizes @ per
+        fewer = q.copy()
+        fewer[gone[_least(share) < _NOTHING]] = 0.0
+        return q, fewer
 
     return lift
+
+
+def _least(share: sp.csr_array) -> Array:
+    """The least entry of each row, of those that are there."""
+    least = np.full(share.shape[0], np.inf)
+    entries = share.tocoo()
+    some = entries.data > 0.0
+    np.minimum.at(least, entries.coords[0][some], entries.data[some])
+    return least

@@ -18,10 +18,13 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 OWN = 0.03
 """Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of them. With
 more, answers that are as good as rounding of the norm of all rows allows would count as none."""
+_FINE = 1e-9
+"""What violates a row by no more of its own terms does not: the rounding of larger rows may do so, and finer
+tolerances than 1e-9 speak of the norm of all."""
 _ROUNDING, _FLOOR = 2.0**-54, 1e-6
-_AT_REST, _FAINT = 2.0**-40, 1e-7
+_AT_REST, _FAINT = 2.0**-44, 1e-5
 """A row whose terms are no more than the first share of those of all is at rest: what there is in it is
-rounding of others, and counts beside the second share, of which 1e-9 / `OWN` is 32 roundings."""
+rounding of others, and counts beside the second share, of which 1e-11 / `OWN` is 30 roundings."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,8 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
         system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
     )  # fmt: skip
     found[1] = _imbalance(problem, system, scales, x, y)
-    found[0] = max(found[0], OWN * _in_own_terms(problem, system, x, y, terms))
+    own = _in_own_terms(problem, system, x, y, terms)
+    found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
     return Residuals(*found.tolist()), y
 
 
@@ -158,7 +162,7 @@ def judge_rows(
     )
     own_terms(terms, b, kept, rate, d * len(mu), d, free, unit, scratch[3], scratch[2])
     own = own_violation(row_start, column, value, x, y, mu, d, lower, upper, scratch[2:])
-    found[0] = max(found[0], OWN * own)
+    found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
 
 
 class _Scales(NamedTuple):

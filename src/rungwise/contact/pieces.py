@@ -221,7 +221,7 @@ def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
 
 def holds_in_own_terms(problem: Problem, system: System, x: Array) -> bool:
     """Whether x (N,) is a solution also where some rows are nothing beside others (see `judge`)."""
-    return in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
+    return bool(problem.free.any()) or in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
 
 
 def same(a: Array, b: Array, motion: Array | None = None) -> bool:

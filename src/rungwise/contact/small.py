@@ -48,6 +48,12 @@ class Answer(NamedTuple):
 
 
 def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
+    """The answer from x = `start` (N,) or from rest; None where it is not within `tol`, or not tried."""
+    answer = try_at_once(problem, start, tol)
+    return answer if answer is not None and answer.residuals.worst <= tol else None
+
+
+def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
     """What is found from x = `start` (N,) or from rest, within `tol` or not; None where it is not tried."""
     n = len(problem.b)
     if not 0 < n <= LARGEST:

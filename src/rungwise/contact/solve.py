@@ -14,7 +14,7 @@ from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.refine import SMALL, rate_error, refined, sharpened
-from rungwise.contact.small import solve_at_once
+from rungwise.contact.small import try_at_once
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -76,7 +76,7 @@ def solve(
     if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
     attempts: list[Attempt] = []
-    own = solve_at_once(problem, given, tol) if assembled is None and solvers is None else None
+    own = try_at_once(problem, given, tol) if assembled is None and solvers is None else None
     if own is not None:
         if own.iterations >= 0:
             attempts.append(Attempt(own.solver, own.iterations, own.residuals.natural))
@@ -107,13 +107,19 @@ def solve(
         if not _tells(problem, system, answer, tol):
             massless, more = _without_inertia(problem, chain, answer.x, tol, work)
             attempts += more
+            if massless.proof is not None and not is_kinematic(problem, massless.proof):
+                massless = massless._replace(proof=None)  # a proof counts if it is one whatever inertia is
     if massless is not None and (massless.residual <= tol or massless.proof is not None):
         answer = massless
     else:
         answer, more = _last_resort(problem, system, chain, answer, tol, work)
         attempts += more
         answer = _finer(problem, system, answer, tol)
-        if massless is not None and system.demanded < tol and answer.residual <= tol:
+        if massless is None and problem.velocities > 0 and _is_open(answer, tol) and not work.is_low:
+            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
+            attempts += more
+            answer = answer if _is_open(massless, tol) else massless
+        elif massless is not None and system.demanded < tol and answer.residual <= tol:
             answer = answer if _tells(problem, system, answer, tol) else massless
     status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
     if answer.residual <= tol:
@@ -190,16 +196,18 @@ def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> boo
 def _without_inertia(
     problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
-    """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
+    """The answer in which what is demanded decides, or a proof."""
     system = scaled(problem, massless=True)
     own, attempts = _run(chain, system, x / system.force, tol, work)
     answer = _judged_scaled(problem, system, own, tol, work)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
-    if answer.proof is not None and not is_kinematic(problem, answer.proof):
-        answer = answer._replace(proof=None)
     return answer, attempts
+
+
+def _is_open(answer: _Answer, tol: float) -> bool:
+    return answer.residual > tol and answer.proof is None
 
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
