@@ -11,18 +11,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from rungwise.contact import schur
 from rungwise.contact.inverse import Sparse, inverse, responses
 from rungwise.contact.mixed import Array, Matrix, Problem
-from rungwise.contact.product import ROUNDING, Condensed, Product, columns, condensed, product
-from rungwise.contact.schur import ACCURATE, DOUBT, REGULAR
-from rungwise.contact.units import compressed, fitted, part
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.contact.product import Condensed, Product, columns, condensed, product
+from rungwise.contact.schur import ACCURATE, NOTHING, REGULAR
+from rungwise.contact.units import compressed, part
+from rungwise.kernel import Ints
 
-Solve = Callable[[Matrix], Any]
+Solve = Callable[[Array], Any]
 _SMALL = 200
 """Unknowns up to which sparse arithmetic takes longer than zeros do."""
 _LARGEST = 30_000_000
@@ -73,7 +72,7 @@ def eliminated(problem: Problem) -> Left:
     response = _respond(own, across)
     if response is None:
         return everything(problem)
-    solve, matrices, found = response
+    solve, rounding, found = response.solve, response.rounding, response.columns
 
     def velocities(x: Array) -> Array:
         push = across @ x + b[gone]
@@ -86,13 +85,17 @@ def eliminated(problem: Problem) -> Left:
         return full
 
     def matrix() -> Matrix:
-        return _without_rounding(own, front, back, *matrices())
+        made = response.matrix()
+        errors = abs(own @ made - across) + NOTHING * (abs(own) @ abs(made) + abs(across))
+        terms = abs(front) + abs(back) @ abs(made)
+        return _without_rounding(front - back @ made, NOTHING * terms + rounding(back, errors))
 
     still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
     # What should cancel, and does but for rounding, is no demand.
-    doubt = DOUBT * np.abs(solve(own @ still + b[gone])) + ROUNDING * np.abs(still)
-    offset[np.abs(offset) <= ROUNDING * np.abs(b[kept]) + abs(back) @ doubt] = 0.0
+    errors = np.abs(own @ still + b[gone]) + NOTHING * (abs(own) @ np.abs(still) + np.abs(b[gone]))
+    terms = np.abs(b[kept]) + abs(back) @ np.abs(still)
+    offset[np.abs(offset) <= NOTHING * terms + rounding(back, errors)] = 0.0
     parts = condensed(problem, own, across, back, front)
     whole = None if parts is None or found is None else product(problem, parts, *found)
     return Left(kept, matrix, offset, recover, parts, whole, _demanded(problem, kept, offset))
@@ -116,11 +119,13 @@ def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Lef
 
 
 class Response(NamedTuple):
-    """`solve` solves with A_gg; `matrices` are A_gg^-1 A_gk and how much a second solution changed it;
-    `columns`, where they are sparse, its columns and the changes of their values."""
+    """`solve` solves with A_gg; `matrix` is A_gg^-1 A_gk; `rounding` makes |B A_gg^-1| e, or no less, of B
+    and of errors e in the equations of the free unknowns; `columns`, where they are sparse, the response's
+    columns and how much a second solution changed their values."""
 
     solve: Solve
-    matrices: Callable[[], tuple[Matrix, Matrix]]
+    matrix: Callable[[], Matrix]
+    rounding: Callable[[Matrix, Matrix], Matrix]
     columns: tuple[Sparse, Array] | None = None
 
 
@@ -131,19 +136,24 @@ def _respond(own: sp.csr_array, across: sp.csr_array) -> Response | None:
         if not _largest(change) <= ACCURATE * _largest(value):
             return None
         solver = sp.csr_array(inverted[::-1], shape=own.shape)
-
-        def matrices() -> tuple[Matrix, Matrix]:
-            return tuple(sp.csc_array((v, row, start), shape=across.shape).tocsr() for v in (value, change))
-
-        return Response(lambda right: solver @ right, matrices, ((start, row, value), change))
-    solve = _factors(own)
-    if solve is None:
+        return Response(
+            lambda right: solver @ right,
+            lambda: sp.csc_array((value, row, start), shape=across.shape).tocsr(),
+            lambda back, errors: abs(back) @ (abs(solver) @ errors),
+            ((start, row, value), change),
+        )
+    factor = _factors(own)
+    if factor is None:
         return None
-    response = solve(across)
-    correction = solve(own @ response - across)
-    if not _largest(correction) <= ACCURATE * _largest(response):
+    first = factor.solve(across.toarray())
+    change = factor.solve(own @ first - across)
+    if not _largest(change) <= ACCURATE * _largest(first):
         return None
-    return Response(solve, lambda: (response - correction, correction))
+    return Response(
+        factor.solve,
+        lambda: first - change,
+        lambda back, errors: np.abs(factor.solve(back.T.toarray(), "T")).T @ errors,
+    )
 
 
 def _largest(A: Array) -> float:
@@ -154,42 +164,19 @@ def _demanded(p: Problem, kept: Ints, offset: Array) -> float:
     return float(schur.demanded(p.b, p.rows, p.velocities, p.lower, p.upper, kept, offset))
 
 
-def _factors(own: sp.csr_array) -> Solve | None:
+def _factors(own: sp.csr_array) -> SuperLU | None:
     try:
         factor = splu(sp.csc_array(own))
     except RuntimeError:
         return None
     pivots = np.abs(factor.U.diagonal())
-    if not pivots.min() > REGULAR * pivots.max():
-        return None
-    return lambda right: factor.solve(right.toarray() if sp.issparse(right) else right)
+    return factor if pivots.min() > REGULAR * pivots.max() else None
 
 
-def _without_rounding(
-    own: sp.csr_array, front: sp.csr_array, back: sp.csr_array, response: Matrix, correction: Matrix
-) -> Matrix:
-    """front - back response, less what is nothing beside the rounding in its diagonal."""
-    noise = abs(correction) + ROUNDING * abs(response)
-    if isinstance(response, np.ndarray):
-        # A column is no better known than its largest entry, in units of the unknowns.
-        unit = np.empty(own.shape[0])
-        fitted(*compressed(own), 0, 1, unit)
-        noise += ROUNDING * unit[:, None] * (np.abs(response) / unit[:, None]).max(axis=0, initial=0.0)
-    left, product = front - back @ response, abs(back) * abs(noise.T)
-    terms = ROUNDING * np.abs(front.diagonal()) + np.asarray(product.sum(axis=1)).ravel()
-    least = 2.0 * np.sqrt(terms)
+def _without_rounding(left: Matrix, least: Matrix) -> Matrix:
+    """The entries of `left` that are more than what errors make of nothing."""
     if not sp.issparse(left):
-        return np.where(np.abs(left) > least[:, None] * least, left, 0.0)
-    made = sp.csr_array(left)
-    prune(made.indptr, made.indices, made.data, least)
+        return np.where(np.abs(left) > least, left, 0.0)
+    made = sp.csr_array(left.multiply(abs(left) > least))
     made.eliminate_zeros()
     return made
-
-
-@kernel
-def prune(row_start: NDArray[np.int32], column: NDArray[np.int32], value: Reals, least: Reals) -> None:
-    """Make zero what is at most the product of the least values of its row and column."""
-    for i in range(len(least)):
-        for k in range(row_start[i], row_start[i + 1]):
-            if abs(value[k]) <= least[i] * least[column[k]]:
-                value[k] = 0.0

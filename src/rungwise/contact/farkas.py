@@ -9,18 +9,33 @@ mode allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex
 In floating point a remainder `left` multiplies x, and what is proved is that no solution has a scaled norm
 below gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1),
 beside the forces that loads may make of contacts: a heavy body on a light one presses with many of its units.
+
+A proof must hold for the problem as it was given too (`proves`): the multipliers of the rows of eliminated
+unknowns follow from those of the others, p_g = -A_gg^-T A_kg^T p_k, and everything is summed again from the
+given numbers. There no unit is needed: no solution has terms |p| |A| |x| below `REACH` times the sum of the
+terms |p| |b| of the gain. As no remainder is known better than to `_KNOWN` of its terms, the gain is more
+than 1e-9 of its own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
-from rungwise.contact.mixed import Array
+from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.system import System
+from rungwise.contact.units import part
 
 REACH = 1e6
+_KNOWN = 1e-15
+"""Share of its terms to which a sum of given numbers is known."""
+_NOTHING = 1e-13
+"""Share of an unknown's pull that is rounding of the other multipliers."""
 _ROUNDING = 2.0**-50
 _SIDES, _AXIS = 16, 1e-12
 
@@ -177,3 +192,83 @@ def excludes(system: System, mode: Mode, p: Array) -> bool:
     gain -= float((_ROUNDING * np.abs(own) + doubt[s.rows :])[inside] @ np.abs(bound[inside]))
     left = max(left, float(np.abs(own[~inside]).max(initial=0.0)))
     return gain > REACH * s.load * s.size * left
+
+
+def proves(problem: Problem, system: System, proof: Infeasible) -> bool:
+    """Whether `proof`, of a system of the problem, shows that the problem as it was given has no solution."""
+    return check(system, proof) and all(
+        excludes_given(problem, system, mode, p) for mode, p in zip(proof.modes, proof.vectors, strict=True)
+    )
+
+
+def excludes_given(problem: Problem, system: System, mode: Mode, p: Array) -> bool:
+    """Whether the multipliers p (N,) of the system's rows, and those of the others that follow, prove from
+    the numbers of the problem as it was given that no solution is in the mode."""
+    return any(_excludes(problem, system, mode, q) for q in _lift(problem, system)(p / system.rate))
+
+
+def _excludes(problem: Problem, system: System, mode: Mode, q: Array) -> bool:
+    """Whether multipliers q (N,) of all rows of the problem prove it."""
+    s, d = system, system.directions
+    A, b, size = sp.csr_array(problem.A), problem.b, np.abs(q)
+    pull, terms = A.T @ q, abs(A).T @ size
+    share = np.abs(pull) / np.where(terms > 0.0, terms, 1.0)
+    kept, others = s.kept, s.kept[s.rows :]
+    left = float(np.delete(share, kept).max(initial=0.0))
+    for k, piece in enumerate(mode[: len(s.mu)]):
+        own, most = pull[k * d : (k + 1) * d], float(terms[k * d : (k + 1) * d].max())
+        if piece in SLIPS[d]:
+            left = max(left, float((generators(s, k, piece) @ own).max()) / (most or 1.0))
+        elif piece != OPEN:
+            left = max(left, (own[0] + s.mu[k] * float(np.linalg.norm(own[1:]))) / (most or 1.0))
+    lower, upper = limits(s, mode)
+    bound = np.where(pull[others] > 0.0, upper, lower) * s.force[s.rows :]
+    inside = np.isfinite(bound)
+    left = max(left, float(share[others][~inside].max(initial=0.0)))
+    gains = np.concatenate([-q * b, -pull[others][inside] * bound[inside]])
+    total = float(size @ np.abs(b)) + float(terms[others][inside] @ np.abs(bound[inside]))
+    return float(gains.sum()) > REACH * max(left, _KNOWN) * total
+
+
+Lift = Callable[[Array], tuple[Array, ...]]
+_lifts: WeakKeyDictionary[System, Lift] = WeakKeyDictionary()
+
+
+def _lift(problem: Problem, system: System) -> Lift:
+    """What makes multipliers (N,) of all rows of those kept, so that no free unknown is pulled: as they are,
+    and without those that are rounding beside others that pull the same unknown."""
+    found = _lifts.get(system)
+    if found is None:
+        found = _lifts[system] = _lifting(problem, system)
+    return found
+
+
+def _lifting(problem: Problem, system: System) -> Lift:
+    kept, size = system.kept, len(problem.b)
+    if len(kept) == size:
+        return lambda p: (p,)
+    A, gone = sp.csr_array(problem.A), np.delete(np.arange(size), kept)
+    own, back = part(A, gone, gone), part(A, kept, gone)
+    factor, sizes = splu(sp.csc_array(own)), abs(own)
+
+    def lift(p: Array) -> tuple[Array, ...]:
+        q, push = np.zeros(size), back.T @ p
+        q[kept], q[gone] = p, -factor.solve(push, "T")
+        q[gone] -= factor.solve(own.T @ q[gone] + push, "T")
+        terms = sizes.T @ np.abs(q[gone]) + abs(back).T @ np.abs(p)
+        per = sp.diags_array(1.0 / np.where(terms > 0.0, terms, np.inf))
+        share = sp.diags_array(np.abs(q[gone])) @ sizes @ per
+        fewer = q.copy()
+        fewer[gone[_least(share) < _NOTHING]] = 0.0
+        return q, fewer
+
+    return lift
+
+
+def _least(share: sp.csr_array) -> Array:
+    """The least entry of each row, of those that are there."""
+    least = np.full(share.shape[0], np.inf)
+    entries = share.tocoo()
+    some = entries.data > 0.0
+    np.minimum.at(least, entries.coords[0][some], entries.data[some])
+    return least

@@ -15,8 +15,16 @@ from rungwise.contact.system import System
 from rungwise.contact.units import compressed, fitted, part
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
-_OWN = 1e-3
-_ROUNDING, _FLOOR, _FAINT = 2.0**-54, 1e-6, 1e-8
+OWN = 0.03
+"""Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of them. With
+more, answers that are as good as rounding of the norm of all rows allows would count as none."""
+_FINE = 1e-9
+"""What violates a row by no more of its own terms does not: the rounding of larger rows may do so, and finer
+tolerances than 1e-9 speak of the norm of all."""
+_ROUNDING, _FLOOR = 2.0**-54, 1e-6
+_AT_REST, _FAINT = 2.0**-44, 1e-5
+"""A row whose terms are no more than the first share of those of all is at rest: what there is in it is
+rounding of others, and counts beside the second share, of which 1e-11 / `OWN` is 30 roundings."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +34,12 @@ class Residuals:
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
     imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
-    penetration in these units, which great friction would hide. Without free unknowns
-    `natural` is also no less than a thousandth of `in_own_terms`. The others tell where the fault
-    is, in the problem's own units: penetration [velocity] the greatest -u_n; cone [force] the greatest
-    |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation [power] the greatest
-    |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its limits.
+    penetration in these units, which great friction would hide, nor than `OWN` times `in_own_terms`, the
+    largest violation of a row of the problem as it was given beside the terms of this row alone. The others
+    tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone
+    [force] the greatest |r_t| - mu r_n, or -r_n; complementarity [power] the greatest |r_n u_n|; dissipation
+    [power] the greatest |mu r_n |u_t| + r_t . u_t|; limits [of the unknown] the greatest excess over its
+    limits.
     """
 
     natural: float
@@ -65,8 +74,8 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
         system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
     )  # fmt: skip
     found[1] = _imbalance(problem, system, scales, x, y)
-    if not problem.free.any():
-        found[0] = max(found[0], _OWN * in_own_terms(problem, system, x, y))
+    own = _in_own_terms(problem, system, x, y, terms)
+    found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
     return Residuals(*found.tolist()), y
 
 
@@ -128,12 +137,15 @@ def judge_rows(
     scaled_upper: Reals,
     lower: Reals,
     upper: Reals,
+    free: Ints,
+    unit: Reals,
     x: Reals,
     y: Reals,
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """As `judged`, but for what free rows lack in balance, A in rows; scratch (6, N), the first its terms."""
+    """As `judged`, but for what free rows lack in balance, A in rows; free (g,) with units (g,) among
+    themselves; scratch (6, N), the first its terms."""
     terms, total = scratch[0], 0.0
     for i in range(len(x)):
         y[i], terms[i] = b[i], 0.0
@@ -148,14 +160,14 @@ def judge_rows(
     violations(
         x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
     )
-    if len(kept) == len(x):
-        own = own_violation(row_start, column, value, x, y, b, rate, mu, d, lower, upper, scratch[2:])
-        found[0] = max(found[0], _OWN * own)
+    own_terms(terms, b, kept, rate, d * len(mu), d, free, unit, scratch[3], scratch[2])
+    own = own_violation(row_start, column, value, x, y, mu, d, lower, upper, scratch[2:])
+    found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
 
 
 class _Scales(NamedTuple):
-    """What the judge keeps of a problem: |A|, its rows where no unknown is free, the free rows, and units
-    of free unknowns among themselves."""
+    """What the judge keeps of a problem: |A|, its rows, the free rows, and units of free unknowns among
+    themselves."""
 
     absolute: Matrix
     rows: tuple[Ints, Ints, Array]
@@ -173,8 +185,7 @@ def _scales(problem: Problem) -> _Scales:
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
             fitted(*compressed(part(absolute, free, free)), 0, 1, unit)
-        rows = (free, free, unit) if len(free) else compressed(absolute)
-        found = _known[problem] = _Scales(absolute, rows, free, unit)
+        found = _known[problem] = _Scales(absolute, compressed(absolute), free, unit)
     return found
 
 
@@ -184,16 +195,83 @@ def absolute(problem: Problem) -> Matrix:
 
 
 def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
-    """The largest violation by x of a law of a problem without free unknowns, whatever the units of its rows
-    and of its unknowns: rates count by the size of their terms, forces by what they do to the rows, over
-    theirs; each contact in a unit of its own.
+    """The largest violation by x of a law of the problem as it was given, whatever the units of its rows and
+    of its unknowns: rates count by the size of their terms, forces by what they do to the rows, over theirs;
+    each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all. What is less than `_FAINT` of that counts beside it, and so rounding as nothing.
+    beside the norm of all. Only a row whose own terms are rounding beside that (`_AT_REST`) counts beside a
+    share of it; and a free one beside a share of the terms of the other free ones.
     """
-    p, rows = problem, _scales(problem).rows
-    scratch = np.empty((4, len(x)))
-    return float(own_violation(*rows, x, y, p.b, system.rate, p.mu, p.directions, p.lower, p.upper, scratch))
+    return _in_own_terms(problem, system, x, y, _scales(problem).absolute @ np.abs(x))
+
+
+def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
+    p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
+    own_terms(
+        terms,
+        p.b,
+        system.kept,
+        system.rate,
+        p.rows,
+        p.directions,
+        scales.free,
+        scales.unit,
+        scratch[1],
+        scratch[0],
+    )
+    return float(own_violation(*scales.rows, x, y, p.mu, p.directions, p.lower, p.upper, scratch))
+
+
+def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
+    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one for nothing."""
+    p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
+    terms = scales.absolute @ np.abs(x)
+    own_terms(
+        terms,
+        p.b,
+        system.kept,
+        system.rate,
+        p.rows,
+        p.directions,
+        scales.free,
+        scales.unit,
+        scratch[1],
+        scratch[0],
+    )
+    own_size(*scales.rows, p.rows, p.directions, scratch[0], scratch[1])
+    rate, each = scratch[0], scratch[1]
+    return np.where(rate > 0.0, rate, 1.0), 1.0 / np.where(each > 0.0, each, 1.0)
+
+
+@kernel
+def own_terms(
+    terms: Reals,
+    b: Reals,
+    kept: Ints,
+    rate: Reals,
+    rows: int,
+    d: int,
+    free: Ints,
+    unit: Reals,
+    all_terms: Reals,
+    own: Reals,
+) -> None:
+    """Fill own (N,) with the size of the rows' terms, |A| |x| being `terms`, and more where they are rounding
+    beside those of all, all_terms (N,)."""
+    most = 0.0
+    for i in range(len(b)):
+        own[i], all_terms[i] = terms[i] + abs(b[i]), 0.0
+    for i in range(len(kept)):
+        all_terms[kept[i]] = rate[i]
+    for i in range(len(free)):
+        most = max(most, unit[i] * own[free[i]])
+    for i in range(len(free)):
+        all_terms[free[i]] = most / unit[i]
+    _largest_of_each(own, rows, d)
+    for i in range(len(b)):
+        if own[i] <= _AT_REST * all_terms[i]:
+            own[i] += _FAINT * all_terms[i]
 
 
 @kernel
@@ -203,28 +281,18 @@ def own_violation(
     value: Reals,
     x: Reals,
     y: Reals,
-    b: Reals,
-    unit: Reals,
     mu: Reals,
     d: int,
     lower: Reals,
     upper: Reals,
     scratch: Reals,
 ) -> float:
-    """As `in_own_terms`, with A in rows and units of rates; scratch (4, N)."""
+    """As `in_own_terms`, with A in rows; scratch (4, N), the first of which are the terms of the rows."""
     rate, each, own, out = scratch[0], scratch[1], scratch[2], scratch[3]
     worst, rows = 0.0, d * len(mu)
+    own_size(row_start, column, value, rows, d, rate, each)
     for i in range(len(x)):
-        each[i], rate[i] = 0.0, abs(b[i]) + _FAINT * unit[i]
-        for k in range(row_start[i], row_start[i + 1]):
-            rate[i] += abs(value[k] * x[column[k]])
-    _largest_of_each(rate, rows, d)
-    for i in range(len(x)):
-        for k in range(row_start[i], row_start[i + 1]):
-            each[column[k]] = max(each[column[k]], abs(value[k]) / rate[i])
-    _largest_of_each(each, rows, d)
-    for i in range(len(x)):
-        own[i], rate[i] = x[i] * each[i], y[i] / rate[i]
+        own[i], rate[i] = x[i] * each[i], y[i] / rate[i] if rate[i] > 0.0 else y[i]
     for k in range(len(mu)):
         contact_map(own, rate, mu[k], d, k * d, out)
         for i in range(k * d, k * d + d):
@@ -236,6 +304,20 @@ def own_violation(
         room = above if rate[i] > 0.0 else below
         worst = max(worst, min(abs(rate[i]), abs(room)), -min(above, below))
     return worst
+
+
+@kernel
+def own_size(
+    row_start: Ints, column: Ints, value: Reals, rows: int, d: int, rate: Reals, each: Reals
+) -> None:
+    """Fill `each` (N,) with the most that a unit of the unknown does to a row, beside its terms, `rate`."""
+    for i in range(len(each)):
+        each[i] = 0.0
+    for i in range(len(rate)):
+        for k in range(row_start[i], row_start[i + 1]):
+            if rate[i] > 0.0:
+                each[column[k]] = max(each[column[k]], abs(value[k]) / rate[i])
+    _largest_of_each(each, rows, d)
 
 
 @inner_kernel

@@ -165,6 +165,22 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
         x[0] *= a[0, 0]
 
 
+@kernel
+def substitute_transposed(a: Reals, size: int, order: Ints, x: Reals) -> None:
+    """Solve with the transposed of what `factorise` was given for the right-hand side x (size,), in place."""
+    for i in range(size):
+        x[i] *= a[i, i]
+        for j in range(i + 1, size):
+            x[j] -= a[i, j] * x[i]
+    for i in range(size - 1, -1, -1):
+        for j in range(i):
+            x[j] -= a[i, j] * x[i]
+    for k in range(size - 1, -1, -1):
+        value = x[order[k]]
+        x[order[k]] = x[k]
+        x[k] = value
+
+
 @summing_kernel
 def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
     """As `substitute`, row by row: faster where there are more than a few tens."""

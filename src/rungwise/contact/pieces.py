@@ -33,6 +33,7 @@ from rungwise.contact.farkas import (
     Mode,
     covers,
     excludes,
+    excludes_given,
     hull,
 )
 from rungwise.contact.judge import in_own_terms
@@ -251,7 +252,9 @@ def check(found: Solutions) -> bool:
     leaves = (*found.pieces, *found.covered)
     proved = (mode for mode, _ in (*found.excluded, *found.held))
     modes = (*(piece.mode for piece in leaves), *proved, *found.undecided)
-    if not covers(system, hull(system), modes) or not all(excludes(system, *pair) for pair in found.excluded):
+    if not covers(system, hull(system), modes) or not all(
+        excludes(system, *pair) and excludes_given(problem, system, *pair) for pair in found.excluded
+    ):
         return False
     motion, _ = motion_map(problem, system)
     for piece in leaves:

@@ -13,13 +13,15 @@ import math
 
 import numpy as np
 
-from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.linear import factorise, substitute, substitute_transposed
 from rungwise.contact.product import ROUNDING
 from rungwise.contact.units import compress, fitted
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
-REGULAR, ACCURATE, DOUBT = 1e-13, 1e-5, 1e3
-"""Least pivot over the largest; largest change of solutions by refinement; doubt in them over that change."""
+REGULAR, ACCURATE = 1e-13, 1e-5
+"""Least pivot over the largest; largest change of solutions by refinement."""
+NOTHING = 4.0 * ROUNDING
+"""Share of its terms up to which a sum may be rounding: each term is rounded when made and when added."""
 
 
 @allocating_kernel
@@ -57,10 +59,22 @@ def eliminate(
         return False
     start, column, value = np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g)
     compress(own, start, column, value)
-    still, doubt = np.empty(g), np.empty(g)
     fitted(start, column, value, 0, 1, scale)
-    _fill(A, kept, gone, scale, response, change, np.empty(k), left)
-    _offset(A, b, kept, gone, own, factor, unit, order, scale, still, doubt, offset)
+    push, still, weight, error = np.empty(g), np.empty(g), np.empty((k, g)), np.empty((k + 1, g))
+    for i in range(g):
+        push[i] = still[i] = -b[gone[i]]
+    _refined(own, factor, unit, order, still, error[k])
+    for i in range(g):
+        still[i] -= error[k, i]
+    for i in range(k):
+        _weigh(A, kept[i], gone, factor, unit, order, weight[i])
+        _gather(A, gone, kept[i], change[i])
+        _errors(own, response[i], change[i], error[i])
+    _errors(own, still, push, error[k])
+    for i in range(k):
+        for j in range(k):
+            left[i, j] = _known(A, kept[i], gone, A[kept[i], kept[j]], -1.0, response[j], weight[i], error[j])
+        offset[i] = _known(A, kept[i], gone, b[kept[i]], 1.0, still, weight[i], error[k])
     return True
 
 
@@ -110,75 +124,45 @@ def _refined(own: Reals, factor: Reals, unit: Reals, order: Ints, x: Reals, chan
 
 
 @kernel
-def _fill(
-    A: Reals,
-    kept: Ints,
-    gone: Ints,
-    scale: Reals,
-    response: Reals,
-    change: Reals,
-    least: Reals,
-    left: Reals,
-) -> None:
-    """A_kk - A_kg response, less what is nothing beside the rounding in its diagonal; scratch least (k,)."""
-    k, g = len(kept), len(gone)
-    for i in range(k):
-        largest, terms = _largest(response[i], scale), ROUNDING * abs(A[kept[i], kept[i]])
-        for m in range(g):
-            noise = abs(change[i, m]) + ROUNDING * (abs(response[i, m]) + scale[m] * largest)
-            terms += abs(A[kept[i], gone[m]]) * noise
-        least[i] = 2.0 * math.sqrt(terms)
-    for i in range(k):
-        for j in range(k):
-            total = A[kept[i], kept[j]]
-            for m in range(g):
-                total -= A[kept[i], gone[m]] * response[j, m]
-            left[i, j] = total if abs(total) > least[i] * least[j] else 0.0
+def _weigh(A: Reals, row: int, gone: Ints, factor: Reals, unit: Reals, order: Ints, weight: Reals) -> None:
+    """weight (g,) becomes |A_gg^-T A_row,g|: what errors in the free unknowns' equations do to a row."""
+    for m in range(len(gone)):
+        weight[m] = unit[m] * A[row, gone[m]]
+    substitute_transposed(factor, len(gone), order, weight)
+    for m in range(len(gone)):
+        weight[m] = abs(unit[m] * weight[m])
 
 
 @kernel
-def _largest(x: Reals, scale: Reals) -> float:
-    """The largest entry in units of the unknowns: none is better known than that."""
-    largest = 0.0
-    for i in range(len(x)):
-        largest = max(largest, abs(x[i]) / scale[i])
-    return largest
+def _gather(A: Reals, gone: Ints, column: int, right: Reals) -> None:
+    for m in range(len(gone)):
+        right[m] = A[gone[m], column]
 
 
 @kernel
-def _offset(
-    A: Reals,
-    b: Reals,
-    kept: Ints,
-    gone: Ints,
-    own: Reals,
-    factor: Reals,
-    unit: Reals,
-    order: Ints,
-    scale: Reals,
-    still: Reals,
-    doubt: Reals,
-    offset: Reals,
-) -> None:
-    """b_k + A_kg x_g(0): what should cancel, and does but for rounding, is no demand. Scratch (g,)."""
-    for i in range(len(gone)):
-        still[i] = -b[gone[i]]
-    _refined(own, factor, unit, order, still, doubt)
-    for i in range(len(gone)):
-        still[i] -= doubt[i]
-    for i in range(len(gone)):
-        doubt[i] = b[gone[i]]
-        for j in range(len(gone)):
-            doubt[i] += own[i, j] * still[j]
-    respond(factor, unit, order, doubt)
-    largest = _largest(still, scale)
-    for i in range(len(kept)):
-        total, least = b[kept[i]], ROUNDING * abs(b[kept[i]])
-        for j in range(len(gone)):
-            entry = A[kept[i], gone[j]]
-            noise = DOUBT * abs(doubt[j]) + ROUNDING * (abs(still[j]) + scale[j] * largest)
-            total, least = total + entry * still[j], least + abs(entry) * noise
-        offset[i] = total if abs(total) > least else 0.0
+def _errors(own: Reals, x: Reals, right: Reals, error: Reals) -> None:
+    """error (g,): what A_gg x - right is, and what rounding hides of it."""
+    for i in range(len(error)):
+        total, terms = -right[i], abs(right[i])
+        for j in range(len(error)):
+            term = own[i, j] * x[j]
+            total += term
+            terms += abs(term)
+        error[i] = abs(total) + NOTHING * terms
+
+
+@kernel
+def _known(
+    A: Reals, row: int, gone: Ints, first: float, sign: float, x: Reals, weight: Reals, error: Reals
+) -> float:
+    """first + sign A_row,g x, or zero where that is no more than the errors of x and rounding make."""
+    total, terms, least = first, abs(first), 0.0
+    for m in range(len(gone)):
+        term = A[row, gone[m]] * x[m]
+        total += sign * term
+        terms += abs(term)
+        least += weight[m] * error[m]
+    return total if abs(total) > least + NOTHING * terms else 0.0
 
 
 @allocating_kernel

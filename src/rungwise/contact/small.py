@@ -20,14 +20,19 @@ from rungwise.contact.refine import SMALL as LITTLE
 from rungwise.contact.solvers import gauss_seidel, pivoting
 from rungwise.contact.solvers.gauss_seidel import alternate
 from rungwise.contact.solvers.measure import distance
-from rungwise.contact.solvers.newton_dense import VECTORS
-from rungwise.contact.units import compress, expand, fitted, measured, rescaled
+from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.units import compress, expand, fitted, measured, rescaled, settle
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 LARGEST, MOST_LEFT = 120, 60
 SWEPT, PIVOTED, REFUSED = 0, 1, 2
 _NAMES = gauss_seidel.NAME, pivoting.NAME
 _MARGIN = 0.3
+_START, _SOLVE, _REFINE = 0, 1, 2
+_NEAR, _FINEST, _STEPS = 0.1, 1e-17, 4
+"""Residual from which on an answer is refined, that to which it is, and how many steps that may take."""
+_NOTHING = 2.0**-50
+"""Share of the largest force from a limit that is rounding: such a force is at its limit."""
 _REST = np.zeros(LARGEST)
 _COVERING = np.ones((1, 4 * MOST_LEFT))
 
@@ -44,6 +49,12 @@ class Answer(NamedTuple):
 
 def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
     """The answer from x = `start` (N,) or from rest; None where it is not within `tol`, or not tried."""
+    answer = try_at_once(problem, start, tol)
+    return answer if answer is not None and answer.residuals.worst <= tol else None
+
+
+def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
+    """What is found from x = `start` (N,) or from rest, within `tol` or not; None where it is not tried."""
     n = len(problem.b)
     if not 0 < n <= LARGEST:
         return None
@@ -52,12 +63,12 @@ def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer |
     given = _REST[:n] if start is None else start
     solver, iterations = solve_dense(
         A, problem.b, problem.mu, problem.directions, problem.velocities, problem.lower, problem.upper, given,
-        tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
+        start is not None, tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
     )  # fmt: skip
     if solver == REFUSED:
         return None
     residuals = Residuals(*found.tolist())
-    return Answer(x, y, residuals, _NAMES[solver], iterations) if residuals.worst <= tol else None
+    return Answer(x, y, residuals, _NAMES[solver], iterations)
 
 
 @allocating_kernel
@@ -70,6 +81,7 @@ def solve_dense(
     lower: Reals,
     upper: Reals,
     start: Reals,
+    given: bool,
     tol: float,
     dampings: Reals,
     covering: Reals,
@@ -77,7 +89,8 @@ def solve_dense(
     y: Reals,
     found: Reals,
 ) -> tuple[int, int]:
-    """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations."""
+    """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations. A
+    start that was given is judged as it is, before it is improved."""
     n, rows, done = len(b), d * len(mu), -1
     kept, gone = _parted(lower, upper, rows)
     k, g = len(kept), len(gone)
@@ -104,30 +117,46 @@ def solve_dense(
     if solver == REFUSED:
         return REFUSED, done
     expand(row_start, column, value, matrix)
-    best, vectors = start[kept] / force, np.empty((VECTORS, k))
-    if not distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) <= tol:
-        if solver == SWEPT:
-            done = alternate(
-                row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest, best.copy(),
-                best, _MARGIN * tol, dampings, np.empty((k, k)), vectors, np.empty(4 * k, np.int64),
+    vectors, scratch, ints = np.empty((VECTORS, k)), np.empty((6, n)), np.empty(4 * k, np.int64)
+    factors, best = np.empty((k, k)), start[kept] / force
+    given_start, given_column, given_value = row_start, column, entry
+    if g > 0:
+        given_start, given_column, given_value = (
+            np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n),
+        )  # fmt: skip
+        compress(A, given_start, given_column, given_value)
+    for attempt in range(_START if given else _SOLVE, _REFINE + 1):
+        if attempt == _START:
+            x[:] = start
+        elif attempt == _REFINE:
+            done += descend_dense(
+                row_start, column, value, matrix, offset, 0.0, mu, d, lowest, highest, best, _FINEST, _STEPS,
+                dampings, factors, vectors, ints,
             )  # fmt: skip
-        else:
-            done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
-    for i in range(k):
-        x[kept[i]] = best[i] * force[i]
-    if g > 0:
-        schur.recover(A, b, kept, gone, factor, unit, order, x)
-        row_start, column, entry = np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n)
-        compress(A, row_start, column, entry)
-    scratch = np.empty((6, n))
-    judge_rows(
-        row_start, column, entry, b, kept, force, rate, mu, d, lowest, highest, lower, upper, x, y, scratch,
-        found,
-    )  # fmt: skip
-    if g > 0:
-        found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
-        if _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
-            return REFUSED, done
+        elif distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) > tol:
+            if solver == SWEPT:
+                done = alternate(
+                    row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
+                    best.copy(), best, _MARGIN * tol, dampings, factors, vectors, ints,
+                )  # fmt: skip
+            else:
+                done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+        if attempt != _START:
+            settle(best, rows, lowest, highest, _NOTHING)
+            for i in range(k):
+                x[kept[i]] = best[i] * force[i]
+            if g > 0:
+                schur.recover(A, b, kept, gone, factor, unit, order, x)
+        judge_rows(
+            given_start, given_column, given_value, b, kept, force, rate, mu, d, lowest, highest, lower,
+            upper, gone, scale, x, y, scratch, found,
+        )  # fmt: skip
+        if g > 0:
+            found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
+        if max(found[0], found[1]) <= tol or (attempt == _SOLVE and not found[0] <= _NEAR):
+            break
+    if g > 0 and _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
+        return REFUSED, done
     return solver, done
 
 

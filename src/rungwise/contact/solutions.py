@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.contact.farkas import Mode, excludes, hull
+from rungwise.contact.farkas import Mode, excludes, excludes_given, hull
 from rungwise.contact.mixed import Array, Problem
 from rungwise.contact.monotone import Demands, demands, is_monotone, widest
 from rungwise.contact.pieces import (
@@ -93,7 +93,7 @@ def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, 
             held.append((mode, point))
             continue
         p, x = branching.separate(system, mode) if system.size else (None, None)
-        if p is not None and excludes(system, mode, p):
+        if p is not None and excludes(system, mode, p) and excludes_given(problem, system, mode, p):
             excluded.append((mode, p))
             continue
         parts = branching.divide(system, mode, np.zeros(system.size) if x is None else x, law)

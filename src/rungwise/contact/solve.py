@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.farkas import Infeasible
+from rungwise.contact.farkas import Infeasible, proves
 from rungwise.contact.islands import islands
 from rungwise.contact.judge import Residuals, judged
 from rungwise.contact.mixed import Array, Problem, vector
 from rungwise.contact.problem import ContactProblem
-from rungwise.contact.refine import SMALL, rate_error, refined
-from rungwise.contact.small import solve_at_once
+from rungwise.contact.refine import SMALL, rate_error, refined, sharpened
+from rungwise.contact.small import try_at_once
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -75,15 +75,27 @@ def solve(
     given = None if start is None else vector("start", start)
     if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
-    if assembled is None and solvers is None and (own := solve_at_once(problem, given, tol)) is not None:
-        done = () if own.iterations < 0 else (Attempt(own.solver, own.iterations, own.residuals.natural),)
-        return ContactSolution(problem, Status.SOLVED, own.x, own.y, own.residuals, tol, done)
-    system = scaled(problem)
-    given = np.zeros(len(problem.b)) if given is None else given
     attempts: list[Attempt] = []
+    own = try_at_once(problem, given, tol) if assembled is None and solvers is None else None
+    if own is not None:
+        if own.iterations >= 0:
+            attempts.append(Attempt(own.solver, own.iterations, own.residuals.natural))
+        if own.residuals.worst <= tol:
+            return _solved(problem, _Answer(own.x, own.y, own.residuals), tol, attempts)
+    system = scaled(problem)
+    if given is not None:
+        answer = _as_it_is(problem, system, given)
+        if _tells(problem, system, answer, tol):
+            return _solved(problem, answer, tol, [])
+    if own is not None:
+        answer = _judged(problem, system, own.x, tol)
+        if _tells(problem, system, answer, tol):
+            return _solved(problem, answer, tol, attempts)
+        attempts.clear()
+    given = np.zeros(len(problem.b)) if given is None else given
     work = Work()
     if assembled is not None and solvers is None and step.accepts(assembled):
-        answer = _judged(problem, system, step.solve(assembled, given))
+        answer = _judged(problem, system, step.solve(assembled, given), tol)
         attempts.append(Attempt(step.NAME, 1, answer.residual))
     if not attempts or answer.residual > tol:
         x, more = _run(chain, system, given[system.kept] / system.force, tol, work)
@@ -95,13 +107,19 @@ def solve(
         if not _tells(problem, system, answer, tol):
             massless, more = _without_inertia(problem, chain, answer.x, tol, work)
             attempts += more
+            if massless.proof is not None and not is_kinematic(problem, massless.proof):
+                massless = massless._replace(proof=None)  # a proof counts if it is one whatever inertia is
     if massless is not None and (massless.residual <= tol or massless.proof is not None):
         answer = massless
     else:
         answer, more = _last_resort(problem, system, chain, answer, tol, work)
         attempts += more
         answer = _finer(problem, system, answer, tol)
-        if massless is not None and system.demanded < tol and answer.residual <= tol:
+        if massless is None and problem.velocities > 0 and _is_open(answer, tol) and not work.is_low:
+            massless, more = _without_inertia(problem, chain, answer.x, tol, work)
+            attempts += more
+            answer = answer if _is_open(massless, tol) else massless
+        elif massless is not None and system.demanded < tol and answer.residual <= tol:
             answer = answer if _tells(problem, system, answer, tol) else massless
     status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
     if answer.residual <= tol:
@@ -125,14 +143,27 @@ class _Answer(NamedTuple):
         return self.residuals.worst
 
 
-def _judged(problem: Problem, system: System, x: Array, proof: Infeasible | None = None) -> _Answer:
+def _solved(problem: Problem, answer: _Answer, tol: float, attempts: list[Attempt]) -> ContactSolution:
+    return ContactSolution(problem, Status.SOLVED, answer.x, answer.y, answer.residuals, tol, tuple(attempts))
+
+
+def _as_it_is(problem: Problem, system: System, x: Array) -> _Answer:
     residuals, y = judged(problem, system, x)
-    return _Answer(x, y, residuals, proof)
+    return _Answer(x, y, residuals)
+
+
+def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
+    """The answer x; or what it becomes in the rows as they were given, where it is not within `tol`."""
+    answer = _as_it_is(problem, system, x)
+    if answer.residual > tol and (sharp := sharpened(problem, system, x)) is not x:
+        other = _as_it_is(problem, system, sharp)
+        answer = other if other.residual < answer.residual else answer
+    return answer
 
 
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
-    answer = _judged(problem, system, system.recover(x * system.force))
+    answer = _judged(problem, system, system.recover(x * system.force), tol)
     if answer.residual > tol and not problem.free.any() and natural(system, x) <= tol:
         settled = x.copy()
         for _ in range(2):
@@ -141,7 +172,7 @@ def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work:
                 system, newton.form(system), settled, system.b, 0.0, tol**2, _STEPS, work
             )
             settled = finer.copy()
-        other = _judged(problem, system, system.recover(settled * system.force))
+        other = _judged(problem, system, system.recover(settled * system.force), tol)
         answer = other if other.residual < answer.residual else answer
     return answer
 
@@ -153,7 +184,7 @@ def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _An
     finer = refined(problem, system, answer.x, tol)
     if finer is answer.x:
         return answer
-    better = _judged(problem, system, finer)
+    better = _as_it_is(problem, system, finer)
     return better if better.residual <= tol else answer
 
 
@@ -165,16 +196,18 @@ def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> boo
 def _without_inertia(
     problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
-    """The answer in which what is demanded decides. A proof counts if it is one whatever inertia is."""
+    """The answer in which what is demanded decides, or a proof."""
     system = scaled(problem, massless=True)
     own, attempts = _run(chain, system, x / system.force, tol, work)
     answer = _judged_scaled(problem, system, own, tol, work)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
-    if answer.proof is not None and not is_kinematic(problem, answer.proof):
-        answer = answer._replace(proof=None)
     return answer, attempts
+
+
+def _is_open(answer: _Answer, tol: float) -> bool:
+    return answer.residual > tol and answer.proof is None
 
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
@@ -218,7 +251,7 @@ def _last_resort(
     if answer.residual > tol and answer.proof is None and problem.is_boxes and not work.is_low:
         other, more = _in_other_units(problem, chain, tol, work)
         attempts += more
-        if (better := _judged(problem, system, other)).residual < answer.residual:
+        if (better := _judged(problem, system, other, tol)).residual < answer.residual:
             answer = better
     return answer, attempts
 
@@ -231,22 +264,24 @@ def _in_all_unknowns(
     whole = uneliminated(problem)
     own, attempts = _run(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
     work.spend(_ASIDE * work.left - part.left)
-    answer = _judged(problem, system, whole.recover(own * whole.force))
+    answer = _judged(problem, system, whole.recover(own * whole.force), tol)
     if answer.residual > tol and natural(whole, own) <= tol:
         own, _ = newton.finish(whole, newton.form(whole), own, _FINEST, work)
-        answer = _judged(problem, system, whole.recover(own * whole.force))
+        answer = _judged(problem, system, whole.recover(own * whole.force), tol)
     return answer, attempts
 
 
 def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
     own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, _MARGIN * tol, work)
     attempt = Attempt(proximal_point.NAME, done, natural(system, own))
-    return _judged(problem, system, system.recover(own * system.force)), attempt
+    return _judged(problem, system, system.recover(own * system.force), tol), attempt
 
 
 def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
     found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
-    answer = _judged_scaled(problem, system, found.x, tol, work)._replace(proof=found.proof)
+    answer = _judged_scaled(problem, system, found.x, tol, work)
+    if found.proof is not None and proves(problem, system, found.proof):
+        answer = answer._replace(proof=found.proof)
     return answer, Attempt(branching.NAME, found.nodes, found.residual)
 
 
