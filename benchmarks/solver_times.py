@@ -5,6 +5,8 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
+from typing import Any
+from unittest import mock
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,7 +16,7 @@ import rungwise as rw
 from rungwise.contact import schur, small
 from rungwise.contact.elimination import eliminated
 from rungwise.contact.small import solve_dense
-from rungwise.contact.solvers import gauss_seidel, pivoting
+from rungwise.contact.solvers import pivoting
 from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.system import System, scaled
@@ -123,44 +125,27 @@ def alone(problem: rw.Problem, found: rw.ContactSolution, repeats: int) -> list[
 
 
 @allocating_kernel
-def repeat_at_once(
-    A: Reals,
-    b: Reals,
-    mu: Reals,
-    d: int,
-    velocities: int,
-    lower: Reals,
-    upper: Reals,
-    start: Reals,
-    tol: float,
-    dampings: Reals,
-    covering: Reals,
-    x: Reals,
-    y: Reals,
-    found: Reals,
-    times: int,
-) -> None:
+def repeat_at_once(arguments: tuple[Any, ...], times: int) -> None:
     """Eliminate, scale, solve and judge so many times."""
     for _ in range(times):
-        solve_dense(
-            A, b, mu, d, velocities, lower, upper, start, tol, dampings, covering, x, y, found
-        )  # fmt: skip
+        solve_dense(*arguments)
 
 
 def at_once(problem: rw.Problem, repeats: int) -> float | None:
-    """Microseconds from the problem as it was given to its judged answer, all compiled; None where no such
-    call gets there."""
-    p, n, found = problem, len(problem.b), np.empty(7)
-    if small.solve_at_once(p, None, TOL) is None:
-        return None
-    times, covering = max(1, 400_000 // n**2), np.ones((1, 4 * small.MOST_LEFT))
-    arguments = (
-        _dense(p), p.b, p.mu, p.directions, p.velocities, p.lower, p.upper, np.zeros(n), TOL,
-        gauss_seidel.DAMPINGS, covering, np.empty(n), np.empty(n), found,
-    )  # fmt: skip
-    repeat_at_once(*arguments, 1)
-    assert max(found[:2]) <= TOL
-    return usual(lambda: repeat_at_once(*arguments, times), repeats) / times
+    """Microseconds from the problem as it was given to its judged answer, all compiled, with the arguments
+    that `rw.solve` gives; None where no such call gets there."""
+    given: list[tuple[Any, ...]] = []
+
+    def noted(*arguments: Any) -> tuple[int, int]:
+        given.append(arguments)
+        return solve_dense(*arguments)
+
+    with mock.patch.object(small, "solve_dense", noted):
+        if small.solve_at_once(problem, None, TOL) is None:
+            return None
+    times = max(1, 400_000 // len(problem.b) ** 2)
+    repeat_at_once(given[0], 1)
+    return usual(lambda: repeat_at_once(given[0], times), repeats) / times
 
 
 @allocating_kernel
