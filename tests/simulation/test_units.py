@@ -176,7 +176,7 @@ def test_random_scenes(first: int) -> None:
 
 
 def test_random_scenes_run() -> None:
-    """The scenes are worth their runs: on every rung at least half go on for several steps, and bodies push."""
+    """On every rung at least half of the scenes go on for several steps; in some, bodies push each other."""
     for model in MOVING:
         runs = [taken(rw.load(random_scene(number)), model, None, Units()) for number in range(0, 200, 5)]
         long = [run for run in runs if run.steps > 5]
