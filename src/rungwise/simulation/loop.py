@@ -68,9 +68,9 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     clock.size = math.inf
     for s in range(records.shapes.shape[0]):
-        reach = records.shapes[s].reach
+        reach = piece_reach(s, records.shapes, state.outline, workspace.seams)
         if reach > 0.0 and math.isfinite(reach):
-            clock.size = min(clock.size, piece_reach(s, records.shapes, state.outline, workspace.seams))
+            clock.size = min(clock.size, reach)
             clock.reach = max(clock.reach, reach)
     extent = clock.reach
     for b in range(records.bodies.shape[0]):
