@@ -151,7 +151,7 @@ def test_moves_as_over_one_piece(model: rw.Rung, floors: str, pushed: bool) -> N
     the lengths of all shapes, too."""
     rng = np.random.default_rng([len(floors), pushed])
     compared = 0
-    for kind in 2 * KINDS:
+    for kind in 3 * KINDS:
         many, one, step, steps = scenes(rng, floors, kind, pushed)
         compared += compare(many, one, model, step, steps)
     assert compared >= 4
