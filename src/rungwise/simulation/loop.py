@@ -76,10 +76,9 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     find_seams(records.shapes, state.pose, state.outline, workspace.seams)
     clock.smallest = math.inf
     for s in range(records.shapes.shape[0]):
-        reach = records.shapes[s].reach
+        reach = piece_reach(s, records.shapes, state.outline, workspace.seams)
         if reach > 0.0 and math.isfinite(reach):
-            own = piece_reach(s, records.shapes, state.outline, workspace.seams)
-            clock.smallest = min(clock.smallest, own)
+            clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
     clock.thin = thinnest(records)
     extent = clock.reach
