@@ -160,7 +160,7 @@ def judge_rows(
     violations(
         x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
     )
-    own_terms(terms, b, kept, rate, d * len(mu), d, free, unit, scratch[3], scratch[2])
+    own_terms(row_start, column, value, terms, b, kept, rate, d * len(mu), d, free, unit, scratch[2:])
     own = own_violation(row_start, column, value, x, y, mu, d, lower, upper, scratch[2:])
     found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
 
@@ -209,6 +209,7 @@ def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
 def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
     own_terms(
+        *scales.rows,
         terms,
         p.b,
         system.kept,
@@ -217,8 +218,7 @@ def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: A
         p.directions,
         scales.free,
         scales.unit,
-        scratch[1],
-        scratch[0],
+        scratch,
     )
     return float(own_violation(*scales.rows, x, y, p.mu, p.directions, p.lower, p.upper, scratch))
 
@@ -228,6 +228,7 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
     terms = scales.absolute @ np.abs(x)
     own_terms(
+        *scales.rows,
         terms,
         p.b,
         system.kept,
@@ -236,8 +237,7 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
         p.directions,
         scales.free,
         scales.unit,
-        scratch[1],
-        scratch[0],
+        scratch,
     )
     own_size(*scales.rows, p.rows, p.directions, scratch[0], scratch[1])
     rate, each = scratch[0], scratch[1]
@@ -246,6 +246,9 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
 
 @kernel
 def own_terms(
+    row_start: Ints,
+    column: Ints,
+    value: Reals,
     terms: Reals,
     b: Reals,
     kept: Ints,
@@ -254,24 +257,33 @@ def own_terms(
     d: int,
     free: Ints,
     unit: Reals,
-    all_terms: Reals,
-    own: Reals,
+    scratch: Reals,
 ) -> None:
-    """Fill own (N,) with the size of the rows' terms, |A| |x| being `terms`, and more where they are rounding
-    beside those of all, all_terms (N,)."""
-    most = 0.0
+    """Fill the first row of scratch (3, N) with the size of the rows' terms, |A| |x| being `terms`, and more
+    where they are rounding beside those of all: of the norm of all rates, but no more than what the terms of
+    free rows make of their own unknowns, and these of the row."""
+    own, others, speed, most = scratch[0], scratch[1], scratch[2], 0.0
     for i in range(len(b)):
-        own[i], all_terms[i] = terms[i] + abs(b[i]), 0.0
+        own[i], others[i], speed[i] = terms[i] + abs(b[i]), math.inf, 0.0
+    for i in free:
+        for k in range(row_start[i], row_start[i + 1]):
+            if column[k] == i and value[k] != 0.0:
+                speed[i] = own[i] / abs(value[k])
+    for i in range(len(b) if len(free) else 0):
+        others[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            others[i] += abs(value[k]) * speed[column[k]]
     for i in range(len(kept)):
-        all_terms[kept[i]] = rate[i]
+        others[kept[i]] = min(others[kept[i]], rate[i])
     for i in range(len(free)):
         most = max(most, unit[i] * own[free[i]])
     for i in range(len(free)):
-        all_terms[free[i]] = most / unit[i]
+        others[free[i]] = most / unit[i]
     _largest_of_each(own, rows, d)
+    _largest_of_each(others, rows, d)
     for i in range(len(b)):
-        if own[i] <= _AT_REST * all_terms[i]:
-            own[i] += _FAINT * all_terms[i]
+        if own[i] <= _AT_REST * others[i]:
+            own[i] += _FAINT * others[i]
 
 
 @kernel
