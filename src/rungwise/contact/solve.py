@@ -163,7 +163,13 @@ def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
 
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
-    answer = _judged(problem, system, system.recover(x * system.force), tol)
+    answer = _as_it_is(problem, system, system.recover(x * system.force))
+    if answer.residual > tol and natural(system, x) <= tol:
+        exact, _ = newton.finish(system, newton.form(system), x, _FINEST, work)
+        other = _as_it_is(problem, system, system.recover(exact * system.force))
+        answer = other if other.residual < answer.residual else answer
+    if answer.residual > tol:
+        answer = _judged(problem, system, answer.x, tol)
     if answer.residual > tol and not problem.free.any() and natural(system, x) <= tol:
         settled = x.copy()
         for _ in range(2):
