@@ -190,11 +190,11 @@ def test_scenes_that_are_impossible_are_reported_and_the_rest_goes_on() -> None:
 
 
 def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of runs that may take no more than all steps but one that any of them needs."""
+    """Of runs that may take no more steps than nine of ten need."""
     accuracy, over = 3e-3, ("v1", "v2")
     batch = rw.Batch(rw.load("two_finger"), rw.DYNAMIC_RIGID, over, tol=accuracy)
     steps = batch.run(np.random.default_rng(0).uniform(0.2, 2.2, (2000, 2))).steps
-    monkeypatch.setattr(batches, "BUDGET", int(steps.max()) - 1)
+    monkeypatch.setattr(batches, "BUDGET", int(np.quantile(steps, 0.9)))
     found = rw.feasible_set("two_finger", rw.DYNAMIC_RIGID, over, box=BOX, tol=0.02, accuracy=accuracy)
     parts = found.volumes()
     assert set(parts) >= {"unknown", "doomed"} and sum(parts.values()) == pytest.approx(1.0)

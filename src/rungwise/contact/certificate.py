@@ -107,7 +107,7 @@ def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> boo
 
 def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64]) -> bool:
     """Whether the Farkas vector proves that no solution is in a completion of `mode`."""
-    equal, value, lower, bound = linear_system(problem, mode)
+    equal, value, lower, bound = linear_system(problem, mode, held=True)
     if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
         return False
     return _excludes(
@@ -118,7 +118,7 @@ def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArra
 
 
 def _check_frictional(problem: ContactProblem, certificate: Certificate) -> bool:
-    options, modes = choices(problem), certificate.modes
+    options, modes = choices(problem, held=True), certificate.modes
     if problem.R.shape[1] != 2 or len(modes) != len(certificate.vectors):
         return False
     if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):

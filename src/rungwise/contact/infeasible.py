@@ -149,7 +149,7 @@ def _frictional(problem: ContactProblem) -> Certificate | None:
     """Branch and bound over partial modes: one that no solution is in is not split any further."""
     if problem.R.shape[1] != 2:
         return None
-    options = choices(problem)
+    options = choices(problem, held=True)
     waiting = [tuple(own[0] if len(own) == 1 else ANY for own in options)]
     modes: list[tuple[int, ...]] = []
     vectors: list[NDArray[np.float64]] = []
@@ -175,7 +175,7 @@ def _farkas(
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vector that combines the rows of `mode` to the largest contradiction, if any, and the unknowns that
     satisfy them best."""
-    equal, value, least, bound = linear_system(problem, mode)
+    equal, value, least, bound = linear_system(problem, mode, held=True)
     bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
     return _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
 

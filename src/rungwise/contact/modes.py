@@ -27,13 +27,14 @@ def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.boo
     return (problem.R != 0.0).any(axis=(1, 2)), problem.R_s > 0.0
 
 
-def choices(problem: ContactProblem) -> list[tuple[int, ...]]:
+def choices(problem: ContactProblem, held: bool = False) -> list[tuple[int, ...]]:
     """The modes that each contact, then each limited row, of a planar problem can be in.
 
-    What yields has one, STICK: whatever its mode, its force is in the cone or interval that `linear_system`
-    then gives it.
+    With `held`, what yields has one, STICK: whatever its mode, its force is in the cone or interval that
+    `linear_system` then gives it.
     """
     soft, soft_rows = yielding(problem)
+    soft, soft_rows = soft & held, soft_rows & held
     modes: list[tuple[int, ...]] = []
     for k, mu in enumerate(problem.mu):
         rigid = (OPEN, STICK, FORWARD, BACKWARD) if mu > 0.0 else (OPEN, FORWARD)
@@ -77,10 +78,10 @@ def natural_units(problem: ContactProblem) -> Units:
     )
 
 
-def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalities:
+def linear_system(problem: ContactProblem, mode: tuple[int, ...], held: bool = False) -> Inequalities:
     """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY, those
-    that it satisfies in every mode. So for what yields, and its rates are left out: by so much force that a
-    float no longer tells the difference it gives way to any motion.
+    that it satisfies in every mode. With `held`, so for what yields, and its rates are left out: by so much
+    force that a float no longer tells the difference it gives way to any motion.
 
     Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
     units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
@@ -113,6 +114,7 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...]) -> Inequalitie
             value.append(np.array([right]))
 
     soft, soft_rows = yielding(p)
+    soft, soft_rows = soft & held, soft_rows & held
     for k in range(contacts):
         normal, tangent = own_force[2 * k], own_force[2 * k + 1]
         if mode[k] == ANY or soft[k]:

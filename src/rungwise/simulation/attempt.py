@@ -34,6 +34,9 @@ TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 ROUNDED = 1e-14
 """Rounding of the work of a contact, relative to its impulse times the speeds there."""
+SWIFT = 4.0
+"""Speed of what is pushed, over that of what is driven, above which a rigid step that overlaps is halved and
+not linearised again: near a singular position it would lead through what holds the body."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -109,7 +112,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
                 clock.jumps += 1
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
-        if not rung[0].metric and (not closed or clock.least_gap < 0.5 * least):
+        worse = not closed or clock.least_gap < 0.5 * least
+        if not rung[0].metric and (worse or clock.bounces or _is_thrown(records, state, scratch.v_new)):
             status = UNSOLVED
             break
         least = clock.least_gap
@@ -139,6 +143,19 @@ def _is_pushed(state: State, v: Reals) -> bool:
     for i in range(v.shape[0]):
         pushed |= not state.prescribed[i] and v[i] != 0.0
     return pushed
+
+
+@kernel
+def _is_thrown(records: Records, state: State, v: Reals) -> bool:
+    """Whether something moves far faster than all that is driven."""
+    driven, free = 0.0, 0.0
+    for i in range(v.shape[0]):
+        speed = records.coordinates[i].lever * abs(v[i])
+        if state.prescribed[i]:
+            driven = max(driven, speed)
+        else:
+            free = max(free, speed)
+    return free > SWIFT * driven
 
 
 @kernel
