@@ -175,7 +175,9 @@ def step(
                     continue
             clock.steps += 1
             clock.taken = h
-            clock.next = control[0].step if past or withholds(records, state) else following
+            clock.next = control[0].step if past else following
+            if withholds(records, state):
+                clock.next = min(clock.next, control[0].step)
             if rung[0].compliant and has_sunk(records, state):
                 return MODEL_INVALID
             if verdict != RUNNING:
