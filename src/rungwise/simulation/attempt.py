@@ -234,7 +234,7 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
             c = records.coordinates[i]
             state.q[i] = min(max(state.q[i], c.lower), c.upper)
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
-    look(records, workspace)
+    look(records, workspace, scratch.v_new)
 
 
 @kernel

@@ -219,7 +219,7 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
         if not state.prescribed[i]:
             state.q[i] += state.q[i] - whole.q[i]
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
-    look(records, workspace)
+    look(records, workspace, state.v)
     if clock.least_gap < 0.0 or passes(records, workspace):
         bring_back(records, workspace, halves)
         return

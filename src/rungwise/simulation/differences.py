@@ -94,7 +94,7 @@ class Assembly:
         if start.features is not None:
             state.features[:], state.deformation[:] = start.features, start.deformation
         place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
-        look(records, self.workspace)
+        look(records, self.workspace, state.v)
         state.modes[:], state.force[:] = 0, 0.0
         if start.features is None:
             state.deformation[:] = start.deformation

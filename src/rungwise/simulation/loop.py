@@ -88,8 +88,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     terms.pause[0] = PAUSE * control[0].step
     terms.low[0] = control[0].error if control[0].error > 0.0 else math.inf
     clock.margin = control[0].tolerance
-    look(records, workspace)
     clock.next = control[0].step
+    look(records, workspace, state.v)
     if clock.least_gap < -max(CLOSED * clock.reach, terms.rounding[0]) or _comes_apart(records, workspace):
         return INVALID
     return RUNNING

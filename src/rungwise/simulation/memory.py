@@ -65,7 +65,7 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
         for i in range(state.deformation.shape[1]):
             state.deformation[slot, i] = saved.deformation[slot, i]
     place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
-    look(records, workspace)
+    look(records, workspace, state.v)
 
 
 @kernel

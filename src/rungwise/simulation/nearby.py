@@ -9,25 +9,32 @@ from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.state import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
+from rungwise.system.planar.corners import set_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
 from rungwise.system.terms import Terms
 
+AHEAD = 2.0
+"""Steps for which the motion is followed to find the faces that will touch."""
 NEAR = 1e-4
 """Gaps below this fraction of the longest lever always count as contacts."""
 
 
 @kernel
-def look(records: Records, workspace: Workspace) -> None:
-    """Contacts at the placed bodies, within clock.margin."""
-    state, seams = workspace.state, workspace.seams
+def look(records: Records, workspace: Workspace, v: Reals) -> None:
+    """Contacts at the placed bodies, which move on with `v` (n,), within clock.margin."""
+    state, seams, course = workspace.state, workspace.seams, workspace.course
+    set_course(
+        records.bodies, records.contacts, records.pairs, state.pose, v, state.features, state.deformation,
+        AHEAD * max(state.clock[0].tried, state.clock[0].next), course,
+    )  # fmt: skip
     if seams.neighbours.shape[0] > seams.still[0]:
         find_seams(records.shapes, state.pose, state.outline, seams)
     state.clock[0].least_gap = find_contacts(
         records.shapes, records.contacts, records.pairs, state.pose, state.outline,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
-        workspace.scratch.fresh, seams,
+        workspace.scratch.fresh, seams, course,
     )  # fmt: skip
 
 
@@ -39,7 +46,7 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
     clock.near = margin
     if margin > clock.margin:
         clock.margin = 2.0 * margin
-        look(records, workspace)
+        look(records, workspace, workspace.state.v)
     elif margin < clock.margin / 32.0:
         clock.margin = 2.0 * margin
 

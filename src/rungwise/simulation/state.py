@@ -12,6 +12,7 @@ from rungwise.contact.solvers.planar import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
+from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import Seams, allocate_seams
 from rungwise.system.terms import Terms, allocate_terms
@@ -174,6 +175,7 @@ class Workspace(Block):
     state: State
     terms: Terms
     seams: Seams
+    course: Course
     problem: ContactProblem
     scratch: Scratch
     before: Snapshot
@@ -276,6 +278,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         state=state,
         terms=allocate_terms(n, rows, limited),
         seams=allocate_seams(records),
+        course=allocate_course(records),
         problem=problem,
         scratch=scratch,
         before=before,

@@ -20,6 +20,7 @@ from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
 from rungwise.simulation.result import Run
+from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import X, Y, place
@@ -207,7 +208,7 @@ def _replay(
     points, features = np.zeros((slots, 5)), np.full(slots, ABSENT, np.int64)
     unused = np.zeros((slots, 2)), np.zeros(slots, np.int64)
     least, fresh = np.zeros(len(records.contacts)), np.zeros(2, np.int64)
-    seams = allocate_seams(records)
+    seams, course = allocate_seams(records), allocate_course(records)
     reach = records.shapes["reach"]
     margin = NEAR * float(reach[np.isfinite(reach)].max(initial=0.0))
     contact_of = np.repeat(records.pairs["contact"], 2)
@@ -221,7 +222,7 @@ def _replay(
             find_seams(records.shapes, where, outline, seams)
         find_contacts(
             records.shapes, records.contacts, records.pairs, where, outline, margin, points,
-            features, *unused, least, fresh, seams,
+            features, *unused, least, fresh, seams, course,
         )  # fmt: skip
         gap[k] = least
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)

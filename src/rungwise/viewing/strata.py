@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene
 from rungwise.scene.expression import STACK, evaluate
+from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
@@ -43,7 +44,7 @@ class Space:
             np.zeros(slots, np.int64),
         )  # fmt: skip
         self._gaps, self._fresh = np.zeros(len(r.contacts)), np.zeros(2, np.int64)
-        self._seams = allocate_seams(r)
+        self._seams, self._course = allocate_seams(r), allocate_course(r)
         self._at = len(scene.template.parameters) + 1
         self.count = n
 
@@ -53,7 +54,7 @@ class Space:
         place(r.bodies, r.shapes, r.vertices, np.asarray(q, float), *self._placed, True)
         find_contacts(
             r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh,
-            self._seams,
+            self._seams, self._course,
         )  # fmt: skip
         return self._gaps.copy()
 

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rungwise.scene import load
+from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT, manifold
 from rungwise.system.planar.place import place, start
@@ -35,7 +36,7 @@ class Planar:
         self.modes = np.zeros(2 * pairs, np.int64)
         self.gaps = np.zeros(len(self.records.contacts))
         self.place(self.q)
-        self.seams = allocate_seams(self.records)
+        self.seams, self.course = allocate_seams(self.records), allocate_course(self.records)
         find_seams(self.records.shapes, self.pose, self.outline, self.seams)
 
     def place(self, q: Array) -> None:
@@ -57,7 +58,7 @@ class Planar:
         return find_contacts(
             records.shapes, records.contacts, records.pairs, self.pose, self.outline, margin,
             self.points, self.features, self.deformation, self.modes, self.gaps, np.zeros(2, np.int64),
-            self.seams,
+            self.seams, self.course,
         )  # fmt: skip
 
 

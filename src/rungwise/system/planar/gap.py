@@ -10,6 +10,7 @@ import math
 
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import HALFPLANE
+from rungwise.system.planar.corners import Course, touching_face
 from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
@@ -31,6 +32,7 @@ def find_contacts(
     gaps: Reals,
     fresh: Ints,
     seams: Seams,
+    course: Course,
 ) -> float:
     """Update every pair's slots; returns the least gap found.
 
@@ -60,6 +62,10 @@ def find_contacts(
                 count = joined_manifold(a, b, outline, seams, points[slot : slot + 2], fresh)
                 for k in range(count):
                     gap = min(gap, points[slot + k, GAP])
+            if course.horizon[0] > 0.0:
+                touching_face(
+                    a, b, shapes, pose, outline, seams, seamed, count, course, points[slot : slot + 2], fresh
+                )
             _follow(slot, fresh, a, b, outline, features, deformation, modes)
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)

@@ -1,9 +1,10 @@
 """Seams: faces of neighbouring shapes that lie flush, and what of their outlines lies inside the neighbours.
 
-Two shapes that do not move relative to each other, and that touch the same bodies, are one piece to these
-bodies. A face that continues flush into the neighbour's is *linked* to it; the corners between the two are
-*dead*: no vertex of the common piece. Parts of edges inside neighbours are *covered*, the rest is exposed.
-Source: ghost vertices of collision detection along chains of edges (Catto, Box2D), for any neighbours.
+Two shapes that do not move relative to each other, by a motion that is given, and that touch the same bodies,
+are one piece to these bodies. A face that continues flush into the neighbour's is *linked* to it; the corners
+between the two are *dead*: no vertex of the common piece. Parts of edges inside neighbours are *covered*, the
+rest is exposed. Source: ghost vertices of collision detection along chains of edges (Catto, Box2D), for any
+neighbours.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
-from rungwise.scene.records import FIXED, HALFPLANE, Records
+from rungwise.scene.records import FIXED, HALFPLANE, SPEED, Records
 from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel
 from rungwise.system.planar.place import X, Y
 
@@ -87,7 +88,7 @@ def allocate_seams(records: Records) -> Seams:
 
 def _neighbours(records: Records) -> tuple[NDArray[np.int64], int]:
     """Pairs of shapes of which each touches the same bodies as the other; first those, so many, that never
-    move relative to each other."""
+    move relative to each other. Bodies whose motion is not given carry themselves: they are no one piece."""
     partners: dict[int, set[int]] = {}
     for a, b in zip(records.contacts["body_a"].tolist(), records.contacts["body_b"].tolist(), strict=True):
         partners.setdefault(a, set()).add(b)
@@ -97,8 +98,13 @@ def _neighbours(records: Records) -> tuple[NDArray[np.int64], int]:
         if kind != HALFPLANE and end - first > 1 and body in partners:
             groups.setdefault(tuple(sorted({body} | partners[body])), []).append(s)
             groups.setdefault(tuple(sorted(partners[body])), []).append(s)
-    pairs = {(s, t) for group in groups.values() for s in group for t in group if s < t}
     body, motion = records.shapes["body"], records.bodies["motion"]
+    free = set(records.coordinates["body"][records.coordinates["drive"] != SPEED].tolist())
+    pairs = {
+        (s, t)
+        for group in groups.values() for s in group for t in group
+        if s < t and (body[s] == body[t] or not {body[s], body[t]} & free)
+    }  # fmt: skip
     still = {(s, t) for s, t in pairs if body[s] == body[t] or motion[body[s]] == motion[body[t]] == FIXED}
     return np.array([*sorted(still), *sorted(pairs - still)], np.int64).reshape(-1, 2), len(still)
 

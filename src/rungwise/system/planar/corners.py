@@ -1,0 +1,252 @@
+"""Which face keeps two shapes apart, where a corner leaves it to the motion.
+
+Beside the corner of a step or of a gap a body is "above this face *or* before that one". The face from
+which it is farther now need not be the one that stops it: a box that slides towards a tile level with its own
+is held off the side of that tile, though it will slide over its top. So, where the motion takes bodies across
+the face that separates them now, they are followed to where they touch (conservative advancement, Mirtich,
+Impulse-based dynamic simulation, 1996), and the face between them there is taken, if they are on its outer
+side now, too. Source: Nguyen and Trinkle, Modeling Non-Convex Configuration Space Using Linear
+Complementarity Problems (2010).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
+from rungwise.scene.records import HALFPLANE, Records
+from rungwise.system.planar.joined import joined_manifold
+from rungwise.system.planar.manifold import (
+    ABSENT,
+    GAP,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    VERTICES,
+    manifold,
+    put,
+)
+from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever, turns
+from rungwise.system.planar.seams import FLUSH, Seams
+
+LOOKS = 8
+"""Places at which a pair is looked at on its way to where it touches; the last one counts."""
+NUDGE = 1e-6
+"""How far bodies are followed into each other, over the smaller reach, to see by which face they touch."""
+LEAN = 2.0
+"""How much lower an edge may be that overhangs, over the compression of the contacts that carry the body."""
+SOFT = 0.02
+"""Depth below a face, over the smaller reach, from which no body goes over it, however soft its contacts."""
+SAME = 1e-6
+"""Sine between normals of one face."""
+
+
+class Course(Block):
+    """Where bodies are going: what is needed to look ahead.
+
+    horizon     (1,)            time to look ahead; none where it is 0
+    speed       (bodies, 3)     velocity of the centre, and rate of turning
+    sink        (bodies,)       greatest compression of a contact of the body
+    pose, outline               of what is placed ahead
+    points (2, 5), features (2,) of a pair placed ahead
+    """
+
+    horizon: Reals
+    speed: Reals
+    sink: Reals
+    pose: Reals
+    outline: Reals
+    points: Reals
+    features: Ints
+
+
+def allocate_course(records: Records) -> Course:
+    """A course that leads nowhere."""
+    count = len(records.bodies)
+    return Course(
+        horizon=np.zeros(1),
+        speed=np.zeros((count, 3)),
+        sink=np.zeros(count),
+        pose=np.zeros((count, 4)),
+        outline=np.zeros((len(records.vertices), 4)),
+        points=np.zeros((2, 5)),
+        features=np.zeros(2, np.int64),
+    )
+
+
+@kernel
+def set_course(
+    bodies: RecordArray,
+    contacts: RecordArray,
+    pairs: RecordArray,
+    pose: Reals,
+    v: Reals,
+    features: Ints,
+    deformation: Reals,
+    horizon: float,
+    course: Course,
+) -> None:
+    """The course, for the time `horizon`, of bodies that move with `v` (n,)."""
+    course.horizon[0] = horizon
+    course.sink[:] = 0.0
+    for b in range(bodies.shape[0]):
+        for k in range(3):
+            course.speed[b, k] = 0.0
+        for j in range(coordinate_count(bodies[b])):
+            i = bodies[b].coordinate + j
+            vx, vy = lever(bodies[b], pose[b], j, pose[b, X], pose[b, Y])
+            course.speed[b, 0] += vx * v[i]
+            course.speed[b, 1] += vy * v[i]
+            if turns(bodies[b], i):
+                course.speed[b, 2] += v[i]
+    for slot in range(features.shape[0]):
+        if features[slot] != ABSENT and deformation[slot, 0] != 0.0:
+            contact = contacts[pairs[slot // 2].contact]
+            for b in (contact.body_a, contact.body_b):
+                course.sink[b] = max(course.sink[b], abs(deformation[slot, 0]))
+
+
+@kernel
+def touching_face(
+    a: Record,
+    b: Record,
+    shapes: RecordArray,
+    pose: Reals,
+    outline: Reals,
+    seams: Seams,
+    seamed: bool,
+    count: int,
+    course: Course,
+    points: Reals,
+    features: Ints,
+) -> int:
+    """Put the face by which the shapes will touch in the place of the one that separates them now; returns
+    the number of points, at first `count`."""
+    if count == 0 or a.kind == HALFPLANE or b.kind == HALFPLANE:
+        return count
+    size = min(a.reach, b.reach) if min(a.reach, b.reach) > 0.0 else max(a.reach, b.reach)
+    slack = FLUSH * size + min(SOFT * size, LEAN * (course.sink[a.body] + course.sink[b.body]))
+    nudge = max(NUDGE * size, 4.0 * slack)
+    time = _lost(a, b, pose, points, count, slack, nudge, course)
+    if not time <= course.horizon[0]:
+        return count
+    nx, ny, found = points[0, NORMAL_X], points[0, NORMAL_Y], 0
+    for _ in range(LOOKS):
+        _place_ahead(a, b, shapes, pose, outline, time, seamed, course)
+        if seamed:
+            found = joined_manifold(a, b, course.outline, seams, course.points, course.features)
+        else:
+            found = manifold(a, b, course.outline, course.points, course.features)
+        if found == 0:
+            return count
+        mx, my = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
+        if abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0:
+            break
+        nx, ny = mx, my
+        time += _lost(a, b, course.pose, course.points, found, slack, nudge, course)
+        if not time <= course.horizon[0]:
+            break
+    return _take_face(a, b, outline, found, slack, course, points, features, count)
+
+
+@kernel
+def _lost(
+    a: Record, b: Record, pose: Reals, points: Reals, count: int, slack: float, nudge: float, course: Course
+) -> float:
+    """Time until the shapes are through one of the points by `nudge`; inf if they are not, or overlap."""
+    soonest = math.inf
+    for k in range(count):
+        x, y, gap = points[k, POINT_X], points[k, POINT_Y], points[k, GAP]
+        ax, ay = _velocity(a.body, x, y, pose, course)
+        bx, by = _velocity(b.body, x, y, pose, course)
+        rate = points[k, NORMAL_X] * (ax - bx) + points[k, NORMAL_Y] * (ay - by)
+        if gap < -slack:
+            return math.inf
+        if rate < 0.0:
+            soonest = min(soonest, (gap + nudge) / -rate)
+    return soonest
+
+
+@kernel
+def _velocity(b: int, x: float, y: float, pose: Reals, course: Course) -> tuple[float, float]:
+    """Velocity of the body's point (x, y)."""
+    turn = course.speed[b, 2]
+    return course.speed[b, 0] - turn * (y - pose[b, Y]), course.speed[b, 1] + turn * (x - pose[b, X])
+
+
+@kernel
+def _place_ahead(
+    a: Record,
+    b: Record,
+    shapes: RecordArray,
+    pose: Reals,
+    outline: Reals,
+    time: float,
+    seamed: bool,
+    course: Course,
+) -> None:
+    """Place two shapes, or all whose faces may go on in theirs, where they will be after a time."""
+    for s in range(shapes.shape[0]):
+        shape = shapes[s]
+        if not (seamed or shape.first == a.first or shape.first == b.first):
+            continue
+        body = shape.body
+        x, y, turn = pose[body, X], pose[body, Y], time * course.speed[body, 2]
+        c, s_ = math.cos(turn), math.sin(turn)
+        far_x, far_y = x + time * course.speed[body, 0], y + time * course.speed[body, 1]
+        course.pose[body, X], course.pose[body, Y] = far_x, far_y
+        course.pose[body, COS], course.pose[body, SIN] = pose[body, COS], pose[body, SIN]
+        for i in range(shape.first, shape.end):
+            dx, dy = outline[i, 0] - x, outline[i, 1] - y
+            course.outline[i, 0] = far_x + c * dx - s_ * dy
+            course.outline[i, 1] = far_y + s_ * dx + c * dy
+            course.outline[i, 2] = c * outline[i, 2] - s_ * outline[i, 3]
+            course.outline[i, 3] = s_ * outline[i, 2] + c * outline[i, 3]
+
+
+@kernel
+def _take_face(
+    a: Record,
+    b: Record,
+    outline: Reals,
+    found: int,
+    slack: float,
+    course: Course,
+    points: Reals,
+    features: Ints,
+    count: int,
+) -> int:
+    """Take over what was found ahead, where the other shape is on its outer side now."""
+    for k in range(found):
+        edge, vertex = course.features[k] // VERTICES, course.features[k] % VERTICES
+        if edge >= VERTICES:
+            _put_vertices(a, b, vertex, edge - VERTICES, outline, course.points[k])
+        elif a.first <= edge < a.end:
+            put(edge, vertex, a.radius, b.radius, -1.0, outline, course.points[k])
+        else:
+            put(edge, vertex, b.radius, a.radius, 1.0, outline, course.points[k])
+        if course.points[k, GAP] < -slack:
+            return count
+    nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
+    mx, my = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
+    if abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0:
+        return count
+    for k in range(2):
+        features[k] = course.features[k] if k < found else ABSENT
+        for i in range(points.shape[1]):
+            points[k, i] = course.points[k, i]
+    return found
+
+
+@kernel
+def _put_vertices(a: Record, b: Record, i: int, j: int, outline: Reals, point: Reals) -> None:
+    """Write the point of vertices i of a and j of b that are to touch with the normal that `point` has."""
+    nx, ny = point[NORMAL_X], point[NORMAL_Y]
+    dx, dy = outline[i, 0] - outline[j, 0], outline[i, 1] - outline[j, 1]
+    point[GAP] = nx * dx + ny * dy - a.radius - b.radius
+    back = a.radius + 0.5 * point[GAP]
+    point[POINT_X], point[POINT_Y] = outline[i, 0] - back * nx, outline[i, 1] - back * ny
