@@ -207,41 +207,27 @@ def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
 
 
 def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
-    p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
-    own_terms(
-        *scales.rows,
-        terms,
-        p.b,
-        system.kept,
-        system.rate,
-        p.rows,
-        p.directions,
-        scales.free,
-        scales.unit,
-        scratch,
-    )
+    p, scales, scratch = problem, _scales(problem), _own_terms(problem, system, terms)
     return float(own_violation(*scales.rows, x, y, p.mu, p.directions, p.lower, p.upper, scratch))
 
 
 def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
     """The units in which `in_own_terms` counts rates (N,) and forces (N,); one for nothing."""
-    p, scales, scratch = problem, _scales(problem), np.empty((4, len(x)))
-    terms = scales.absolute @ np.abs(x)
-    own_terms(
-        *scales.rows,
-        terms,
-        p.b,
-        system.kept,
-        system.rate,
-        p.rows,
-        p.directions,
-        scales.free,
-        scales.unit,
-        scratch,
-    )
-    own_size(*scales.rows, p.rows, p.directions, scratch[0], scratch[1])
+    scales = _scales(problem)
+    scratch = _own_terms(problem, system, scales.absolute @ np.abs(x))
+    own_size(*scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
     rate, each = scratch[0], scratch[1]
     return np.where(rate > 0.0, rate, 1.0), 1.0 / np.where(each > 0.0, each, 1.0)
+
+
+def _own_terms(problem: Problem, system: System, terms: Array) -> Array:
+    """What `own_terms` fills (4, N), where `terms` (N,) are the sums of each row's terms."""
+    p, scales, scratch = problem, _scales(problem), np.empty((4, len(terms)))
+    own_terms(
+        *scales.rows, terms, p.b, system.kept, system.rate, p.rows, p.directions, scales.free, scales.unit,
+        scratch,
+    )  # fmt: skip
+    return scratch
 
 
 @kernel

@@ -36,11 +36,11 @@ from rungwise.system.planar.seams import FLUSH, Seams
 LOOKS = 8
 """Places at which a pair is looked at on its way to where it touches; the last one counts."""
 NUDGE = 1e-6
-"""How far bodies are followed into each other, over the smaller reach, to see by which face they touch."""
+"""How far bodies are followed into each other, over the sum of their widths, to see how they touch."""
 LEAN = 2.0
 """How much lower an edge may be that overhangs, over the compression of the contacts that carry the body."""
 SOFT = 0.02
-"""Depth below a face, over the smaller reach, from which no body goes over it, however soft its contacts."""
+"""Depth below a face, over that sum, from which no body goes over it, however soft its contacts."""
 SAME = 1e-6
 """Sine between normals of one face."""
 
@@ -128,13 +128,14 @@ def touching_face(
     the number of points, at first `count`."""
     if count == 0 or a.kind == HALFPLANE or b.kind == HALFPLANE:
         return count
-    size = min(a.reach, b.reach) if min(a.reach, b.reach) > 0.0 else max(a.reach, b.reach)
-    slack = FLUSH * size + min(SOFT * size, LEAN * (course.sink[a.body] + course.sink[b.body]))
-    nudge = max(NUDGE * size, 4.0 * slack)
+    thick = a.width + b.width
+    sunk = min(SOFT * thick, LEAN * (course.sink[a.body] + course.sink[b.body]))
+    slack = FLUSH * max(a.reach, b.reach) + sunk
+    nudge = max(NUDGE * thick, 4.0 * slack)
     time = _lost(a, b, pose, points, count, slack, nudge, course)
     if not time <= course.horizon[0]:
         return count
-    nx, ny, found = points[0, NORMAL_X], points[0, NORMAL_Y], 0
+    nx, ny, found, missed = points[0, NORMAL_X], points[0, NORMAL_Y], 0, False
     for _ in range(LOOKS):
         _place_ahead(a, b, shapes, pose, outline, time, seamed, course)
         if seamed:
@@ -147,17 +148,19 @@ def touching_face(
         if abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0:
             break
         nx, ny = mx, my
-        time += _lost(a, b, course.pose, course.points, found, slack, nudge, course)
+        left = _lost(a, b, course.pose, course.points, found, slack, nudge, course)
+        time += left
         if not time <= course.horizon[0]:
+            missed = left >= 0.0
             break
-    return _take_face(a, b, outline, found, slack, course, points, features, count)
+    return _take_face(a, b, outline, found, slack, missed, course, points, features, count)
 
 
 @kernel
 def _lost(
     a: Record, b: Record, pose: Reals, points: Reals, count: int, slack: float, nudge: float, course: Course
 ) -> float:
-    """Time until the shapes are through one of the points by `nudge`; inf if they are not, or overlap."""
+    """Time until the shapes are through a point by `nudge`; inf if they are not, nan if they overlap."""
     soonest = math.inf
     for k in range(count):
         x, y, gap = points[k, POINT_X], points[k, POINT_Y], points[k, GAP]
@@ -165,7 +168,7 @@ def _lost(
         bx, by = _velocity(b.body, x, y, pose, course)
         rate = points[k, NORMAL_X] * (ax - bx) + points[k, NORMAL_Y] * (ay - by)
         if gap < -slack:
-            return math.inf
+            return math.nan
         if rate < 0.0:
             soonest = min(soonest, (gap + nudge) / -rate)
     return soonest
@@ -215,14 +218,18 @@ def _take_face(
     outline: Reals,
     found: int,
     slack: float,
+    missed: bool,
     course: Course,
     points: Reals,
     features: Ints,
     count: int,
 ) -> int:
-    """Take over what was found ahead, where the other shape is on its outer side now."""
+    """Take over what was found ahead, where the other shape is on its outer side now; from one corner by
+    another, only where they will pass and not meet."""
     for k in range(found):
         edge, vertex = course.features[k] // VERTICES, course.features[k] % VERTICES
+        if edge >= VERTICES and not missed:
+            return count
         if edge >= VERTICES:
             _put_vertices(a, b, vertex, edge - VERTICES, outline, course.points[k])
         elif a.first <= edge < a.end:
