@@ -9,7 +9,7 @@ itself.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -37,44 +37,38 @@ class Block:
         if tuple(fields) != names:
             raise TypeError(f"{type(self).__name__} takes {', '.join(names)}, in this order")
         words: list[int] = []
-        typed: list[tuple[str, types.Type, int]] = []
+        kinds: list[BlockType | Kind] = []
         for name, value in fields.items():
-            if not isinstance(value, Block) and not (
-                isinstance(value, np.ndarray) and value.flags.c_contiguous
-            ):
+            if isinstance(value, Block):
+                kinds.append(value._type)  # type: ignore[attr-defined]
+            elif isinstance(value, np.ndarray) and value.flags.c_contiguous:
+                kinds.append((value.dtype, value.ndim, value.flags.writeable))
+            else:
                 raise TypeError(f"{type(self).__name__}.{name}: must be a C-contiguous array")
-            typed.append((name, _type_of(value), len(words)))
             words += _header(value)
             object.__setattr__(self, name, value)
         table = np.array(words, np.int64)
         object.__setattr__(self, "_table", table)
         object.__setattr__(self, "_address", table.ctypes.data)
-        object.__setattr__(self, "_type", _block_type(type(self).__name__, tuple(typed)))
+        object.__setattr__(self, "_type", _block_type(type(self).__name__, names, tuple(kinds)))
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__}.{name} is fixed; write into the array instead")
 
 
-def _type_of(value: np.ndarray[Any, Any] | Block) -> types.Type:
-    if isinstance(value, Block):
-        return value._type  # type: ignore[attr-defined, no-any-return]
-    return _array_type(value.dtype, value.ndim, value.flags.writeable)
-
-
-@cache
-def _array_type(dtype: np.dtype[Any], ndim: int, writeable: bool) -> types.Type:
-    """Numba's type of a C-contiguous array; asking numba for each array would take most of a run's set-up."""
-    array = np.zeros((1,) * ndim, dtype)
-    array.flags.writeable = writeable
-    return numba.typeof(array)  # type: ignore[no-any-return]
+Kind: TypeAlias = tuple[np.dtype[Any], int, bool]
+"""Of an array: its type, its dimensions, and whether it may be written into."""
 
 
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:
     """An array as numba lays it out: owner and parent (none), size, item size, data, shape, strides."""
     if isinstance(value, Block):
         return [value._address]  # type: ignore[attr-defined]
-    address = value.__array_interface__["data"][0]
-    return [0, 0, value.size, value.itemsize, address, *value.shape, *value.strides]
+    return [0, 0, value.size, value.itemsize, value.ctypes.data, *value.shape, *value.strides]
+
+
+_OWN_WORDS = 5
+"""Words of a header before the shape."""
 
 
 class BlockType(types.Type):
@@ -92,8 +86,20 @@ class BlockType(types.Type):
 
 
 @cache
-def _block_type(name: str, fields: tuple[tuple[str, types.Type, int], ...]) -> BlockType:
-    return BlockType(name, fields)
+def _block_type(name: str, names: tuple[str, ...], kinds: tuple[BlockType | Kind, ...]) -> BlockType:
+    """Looked up by what numpy knows: asking numba for each array would take most of a run's set-up."""
+    fields, word = [], 0
+    for field, kind in zip(names, kinds, strict=True):
+        fields.append((field, kind if isinstance(kind, BlockType) else _array_type(*kind), word))
+        word += 1 if isinstance(kind, BlockType) else _OWN_WORDS + 2 * kind[1]
+    return BlockType(name, tuple(fields))
+
+
+def _array_type(dtype: np.dtype[Any], ndim: int, writeable: bool) -> types.Type:
+    """Numba's type of a C-contiguous array."""
+    array = np.zeros((1,) * ndim, dtype)
+    array.flags.writeable = writeable
+    return numba.typeof(array)  # type: ignore[no-any-return]
 
 
 @typeof_impl.register(Block)

@@ -141,10 +141,15 @@ def _numba_cache(folder: Path) -> Iterator[None]:
 
 @kernel
 def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
-    """target[...] = source, contiguous and of one size (numba's own assignment makes a temporary copy)."""
-    a, b = source.reshape(source.size), target.reshape(target.size)
-    for i in range(b.size):
-        b[i] = a[i]
+    """target[...] = source, of one shape, with one dimension or two (numba's own assignment makes a temporary
+    copy, and reshaping is a call)."""
+    if target.ndim == 1:
+        for i in range(target.shape[0]):
+            target[i] = source[i]
+    else:
+        for i in range(target.shape[0]):
+            for j in range(target.shape[1]):
+                target[i, j] = source[i, j]
 
 
 def main() -> None:

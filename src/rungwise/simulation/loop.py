@@ -156,7 +156,8 @@ def step(
     clock = state.clock[0]
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
     past = False
-    copy(state.values, workspace.scratch.begun)
+    if h > control[0].step:
+        copy(state.values, workspace.scratch.begun)
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:

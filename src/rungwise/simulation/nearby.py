@@ -9,7 +9,6 @@ from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.state import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
-from rungwise.system.planar.corners import set_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.place import coordinate_count, turns
 from rungwise.system.planar.seams import find_seams
@@ -25,14 +24,11 @@ NEAR = 1e-4
 def look(records: Records, workspace: Workspace, v: Reals) -> None:
     """Contacts at the placed bodies, which move on with `v` (n,), within clock.margin."""
     state, seams, course = workspace.state, workspace.seams, workspace.course
-    set_course(
-        records.bodies, records.contacts, records.pairs, state.pose, v, state.features, state.deformation,
-        AHEAD * max(state.clock[0].tried, state.clock[0].next), course,
-    )  # fmt: skip
+    course.horizon[0] = AHEAD * max(state.clock[0].tried, state.clock[0].next)
     if seams.neighbours.shape[0] > seams.still[0]:
         find_seams(records.shapes, state.pose, state.outline, seams)
     state.clock[0].least_gap = find_contacts(
-        records.shapes, records.contacts, records.pairs, state.pose, state.outline,
+        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline, v,
         state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
         workspace.scratch.fresh, seams, course,
     )  # fmt: skip

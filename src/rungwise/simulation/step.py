@@ -202,7 +202,9 @@ def accept_forces(
     """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
     force, slots = scratch.contact_force, scratch.slots
     d = state.force.shape[1]
-    state.force[:, :] = 0.0
+    for slot in range(state.force.shape[0]):
+        for i in range(d):
+            state.force[slot, i] = 0.0
     if rung[0].compliant:
         _relax(h, terms, contacts, state, scratch, problem)
     for k in range(contacts):

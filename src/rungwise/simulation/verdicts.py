@@ -112,7 +112,8 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
     is the force, which tends to that of the motion between impacts. The impulse is the integral over time
     from the start. The kinematic rung knows neither.
     """
-    state.pushes[:] = 0.0
+    for c in range(state.pushes.shape[0]):
+        state.pushes[c] = 0.0
     if rung[0].metric:
         return
     for p in range(records.pairs.shape[0]):

@@ -221,8 +221,8 @@ def _replay(
         if k == 0 or len(seams.neighbours) > seams.still[0]:
             find_seams(records.shapes, where, outline, seams)
         find_contacts(
-            records.shapes, records.contacts, records.pairs, where, outline, margin, points,
-            features, *unused, least, fresh, seams, course,
+            records.bodies, records.shapes, records.contacts, records.pairs, where, outline, q[k], margin,
+            points, features, *unused, least, fresh, seams, course,
         )  # fmt: skip
         gap[k] = least
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)

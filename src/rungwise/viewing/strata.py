@@ -53,8 +53,8 @@ class Space:
         r = self.records
         place(r.bodies, r.shapes, r.vertices, np.asarray(q, float), *self._placed, True)
         find_contacts(
-            r.shapes, r.contacts, r.pairs, *self._placed, 0.0, *self._slots, self._gaps, self._fresh,
-            self._seams, self._course,
+            r.bodies, r.shapes, r.contacts, r.pairs, *self._placed, q, 0.0, *self._slots, self._gaps,
+            self._fresh, self._seams, self._course,
         )  # fmt: skip
         return self._gaps.copy()
 

@@ -56,9 +56,9 @@ class Planar:
         self.place(q)
         records = self.records
         return find_contacts(
-            records.shapes, records.contacts, records.pairs, self.pose, self.outline, margin,
-            self.points, self.features, self.deformation, self.modes, self.gaps, np.zeros(2, np.int64),
-            self.seams, self.course,
+            records.bodies, records.shapes, records.contacts, records.pairs, self.pose, self.outline, q,
+            margin, self.points, self.features, self.deformation, self.modes, self.gaps,
+            np.zeros(2, np.int64), self.seams, self.course,
         )  # fmt: skip
 
 

@@ -49,15 +49,15 @@ class Course(Block):
     """Where bodies are going: what is needed to look ahead.
 
     horizon     (1,)            time to look ahead; none where it is 0
+    known       (1,)            whether `speed` is filled for this look
     speed       (bodies, 3)     velocity of the centre, and rate of turning
-    sink        (bodies,)       greatest compression of a contact of the body
     pose, outline               of what is placed ahead
     points (2, 5), features (2,) of a pair placed ahead
     """
 
     horizon: Reals
+    known: Ints
     speed: Reals
-    sink: Reals
     pose: Reals
     outline: Reals
     points: Reals
@@ -69,8 +69,8 @@ def allocate_course(records: Records) -> Course:
     count = len(records.bodies)
     return Course(
         horizon=np.zeros(1),
+        known=np.zeros(1, np.int64),
         speed=np.zeros((count, 3)),
-        sink=np.zeros(count),
         pose=np.zeros((count, 4)),
         outline=np.zeros((len(records.vertices), 4)),
         points=np.zeros((2, 5)),
@@ -79,23 +79,13 @@ def allocate_course(records: Records) -> Course:
 
 
 @kernel
-def set_course(
-    bodies: RecordArray,
-    contacts: RecordArray,
-    pairs: RecordArray,
-    pose: Reals,
-    v: Reals,
-    features: Ints,
-    deformation: Reals,
-    horizon: float,
-    course: Course,
-) -> None:
-    """The course, for the time `horizon`, of bodies that move with `v` (n,)."""
-    course.horizon[0] = horizon
-    course.sink[:] = 0.0
+def set_course(bodies: RecordArray, pose: Reals, v: Reals, course: Course) -> None:
+    """The course of placed bodies that move with `v` (n,), if it is not known yet."""
+    if course.known[0] != 0:
+        return
+    course.known[0] = 1
     for b in range(bodies.shape[0]):
-        for k in range(3):
-            course.speed[b, k] = 0.0
+        course.speed[b, 0] = course.speed[b, 1] = course.speed[b, 2] = 0.0
         for j in range(coordinate_count(bodies[b])):
             i = bodies[b].coordinate + j
             vx, vy = lever(bodies[b], pose[b], j, pose[b, X], pose[b, Y])
@@ -103,11 +93,22 @@ def set_course(
             course.speed[b, 1] += vy * v[i]
             if turns(bodies[b], i):
                 course.speed[b, 2] += v[i]
+
+
+@kernel
+def sunk(
+    a: int, b: int, contacts: RecordArray, pairs: RecordArray, features: Ints, deformation: Reals
+) -> float:
+    """Sum, for bodies a and b, of the greatest compression of a contact that the body has."""
+    of_a, of_b = 0.0, 0.0
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and deformation[slot, 0] != 0.0:
-            contact = contacts[pairs[slot // 2].contact]
-            for b in (contact.body_a, contact.body_b):
-                course.sink[b] = max(course.sink[b], abs(deformation[slot, 0]))
+            contact, deep = contacts[pairs[slot // 2].contact], abs(deformation[slot, 0])
+            if a in (contact.body_a, contact.body_b):
+                of_a = max(of_a, deep)
+            if b in (contact.body_a, contact.body_b):
+                of_b = max(of_b, deep)
+    return of_a + of_b
 
 
 @kernel
@@ -120,17 +121,16 @@ def touching_face(
     seams: Seams,
     seamed: bool,
     count: int,
+    compressed: float,
     course: Course,
     points: Reals,
     features: Ints,
 ) -> int:
     """Put the face by which the shapes will touch in the place of the one that separates them now; returns
-    the number of points, at first `count`."""
-    if count == 0 or a.kind == HALFPLANE or b.kind == HALFPLANE:
-        return count
+    the number of points, at first `count`. By as much as contacts are `compressed`, and a little more, shapes
+    may be below a face that they go over."""
     thick = a.width + b.width
-    sunk = min(SOFT * thick, LEAN * (course.sink[a.body] + course.sink[b.body]))
-    slack = FLUSH * max(a.reach, b.reach) + sunk
+    slack = FLUSH * max(a.reach, b.reach) + min(SOFT * thick, LEAN * compressed)
     nudge = max(NUDGE * thick, 4.0 * slack)
     time = _lost(a, b, pose, points, count, slack, nudge, course)
     if not time <= course.horizon[0]:
@@ -157,16 +157,34 @@ def touching_face(
 
 
 @kernel
+def crosses(a: Record, b: Record, pose: Reals, points: Reals, count: int, course: Course) -> bool:
+    """Whether the motion takes the shapes across what separates them now, and something else may do so."""
+    if a.kind == HALFPLANE or b.kind == HALFPLANE:
+        return False
+    found, nudge = False, NUDGE * (a.width + b.width)
+    for k in range(count):
+        way = course.horizon[0] * _rate(a, b, pose, points[k], course)
+        found |= way < -nudge and points[k, GAP] + way < 0.0
+    return found
+
+
+@kernel
+def _rate(a: Record, b: Record, pose: Reals, point: Reals, course: Course) -> float:
+    """Rate of the gap at a point."""
+    ax, ay = _velocity(a.body, point[POINT_X], point[POINT_Y], pose, course)
+    bx, by = _velocity(b.body, point[POINT_X], point[POINT_Y], pose, course)
+    rate: float = point[NORMAL_X] * (ax - bx) + point[NORMAL_Y] * (ay - by)
+    return rate
+
+
+@kernel
 def _lost(
     a: Record, b: Record, pose: Reals, points: Reals, count: int, slack: float, nudge: float, course: Course
 ) -> float:
     """Time until the shapes are through a point by `nudge`; inf if they are not, nan if they overlap."""
     soonest = math.inf
     for k in range(count):
-        x, y, gap = points[k, POINT_X], points[k, POINT_Y], points[k, GAP]
-        ax, ay = _velocity(a.body, x, y, pose, course)
-        bx, by = _velocity(b.body, x, y, pose, course)
-        rate = points[k, NORMAL_X] * (ax - bx) + points[k, NORMAL_Y] * (ay - by)
+        gap, rate = points[k, GAP], _rate(a, b, pose, points[k], course)
         if gap < -slack:
             return math.nan
         if rate < 0.0:

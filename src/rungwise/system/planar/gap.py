@@ -10,7 +10,7 @@ import math
 
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import HALFPLANE
-from rungwise.system.planar.corners import Course, touching_face
+from rungwise.system.planar.corners import Course, crosses, set_course, sunk, touching_face
 from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import ABSENT, GAP, VERTICES, are_parallel, manifold, next_vertex
 from rungwise.system.planar.place import X, Y
@@ -19,11 +19,13 @@ from rungwise.system.planar.seams import Seams, carry_over, continue_each_other,
 
 @kernel
 def find_contacts(
+    bodies: RecordArray,
     shapes: RecordArray,
     contacts: RecordArray,
     pairs: RecordArray,
     pose: Reals,
     outline: Reals,
+    v: Reals,
     margin: float,
     points: Reals,
     features: Ints,
@@ -41,7 +43,9 @@ def find_contacts(
     scratch.
     """
     least = math.inf
-    gaps[:] = math.inf
+    course.known[0] = 0
+    for c in range(gaps.shape[0]):
+        gaps[c] = math.inf
     if seams.joined[0] != 0:
         keep_slots(features, deformation, modes, seams)
     for p in range(pairs.shape[0]):
@@ -62,10 +66,14 @@ def find_contacts(
                 count = joined_manifold(a, b, outline, seams, points[slot : slot + 2], fresh)
                 for k in range(count):
                     gap = min(gap, points[slot + k, GAP])
-            if course.horizon[0] > 0.0:
-                touching_face(
-                    a, b, shapes, pose, outline, seams, seamed, count, course, points[slot : slot + 2], fresh
-                )
+            if course.horizon[0] > 0.0 and gap <= margin:
+                set_course(bodies, pose, v, course)
+                if crosses(a, b, pose, points[slot : slot + 2], count, course):
+                    compressed = sunk(a.body, b.body, contacts, pairs, features, deformation)
+                    touching_face(
+                        a, b, shapes, pose, outline, seams, seamed, count, compressed, course,
+                        points[slot : slot + 2], fresh,
+                    )  # fmt: skip
             _follow(slot, fresh, a, b, outline, features, deformation, modes)
         gaps[contact] = min(gaps[contact], gap)
         least = min(least, gap)
