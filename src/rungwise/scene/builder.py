@@ -94,8 +94,10 @@ class _Builder:
         conditions = Programs(
             [self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")]
         )
-        for index in self.names.watched:
+        for index in self.names.read["gap"]:
             self.records.contacts[index]["watched"] = 1
+        for index in self.names.read["force"]:
+            self.records.contacts[index]["weighed"] = 1
         written = self.writer
         return Template(
             counts=written.counts,

@@ -14,7 +14,7 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `watched` collects the contacts whose gap, force or impulse some condition reads.
+    `read` collects, for each of `OF_CONTACTS`, the contacts of which some condition reads it.
     """
 
     def __init__(
@@ -24,7 +24,7 @@ class Names:
             if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
-        self.watched: set[int] = set()
+        self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
 
     def number(self, text: str, path: str, timed: bool = False) -> Code:
         """Program of a number of the parameters, and of t if it is timed. Raises SceneError at `path`."""
@@ -66,7 +66,7 @@ class Names:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:
                     index = self.contacts.index(pair)
-                    self.watched.add(index)
+                    self.read[function].add(index)
                     return time + 1 + 2 * n + index + OF_CONTACTS.index(function) * contacts
         return None
 

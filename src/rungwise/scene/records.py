@@ -41,10 +41,11 @@ VERTEX = record_type("", "x y normal_x normal_y length")
 """Position in the body frame; normal and length of the edge that starts here (counter-clockwise)."""
 
 CONTACT = record_type(
-    "body_a body_b watched",
+    "body_a body_b watched weighed",
     "friction restitution stiffness tangential_stiffness coupling_stiffness"
     " damping tangential_damping coupling_damping",
 )
+"""`watched`: some condition reads the gap; `weighed`: some condition reads the force."""
 PAIR = record_type("contact shape_a shape_b", "")
 POTENTIAL = record_type("", "stiffness target")
 TERM = record_type("acts", "factor")

@@ -132,7 +132,7 @@ def withholds(records: Records, state: State) -> bool:
     """Whether a force that conditions read is not yet as large as in the last step: only if it lasts."""
     holds = False
     for c in range(state.pushes.shape[0]):
-        holds |= records.contacts[c].watched and state.pushes[c] < LASTING * state.recent[0, c]
+        holds |= records.contacts[c].weighed and state.pushes[c] < LASTING * state.recent[0, c]
     return holds
 
 
