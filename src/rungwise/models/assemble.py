@@ -282,8 +282,10 @@ def limit_inertia(
     for i in range(n):
         a = free[i]
         heaviest = max(heaviest, terms.inertia[a, a] / terms.metric[a, a])
-    least, fastest = math.inf, _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
     force, acceleration = greatest_load(terms, n, free)
+    least, fastest = math.inf, 0.0
+    if force > 0.0 or limited > 0:
+        fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
     damped, soft = math.inf, math.inf
     for i in range(n):
         a = free[i]

@@ -191,6 +191,8 @@ def _closes(workspace: Workspace) -> bool:
 def _mode_before(slot: int, workspace: Workspace) -> int:
     """Mode in the kept state of the contact that is in the slot now."""
     state, kept = workspace.state, workspace.kept
+    if workspace.seams.joined[0] == 0:
+        return int(kept.modes[slot])
     return mode_before(
         slot, state.features, state.modes, kept.features, kept.modes, state.outline, workspace.seams
     )

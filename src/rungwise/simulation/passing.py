@@ -61,18 +61,17 @@ def _is_clear(records: Records, a: Record, b: Record, workspace: Workspace) -> b
     moved, apart = _excursion(records, a, b, workspace)
     if moved <= allowed or apart - moved > a.reach + b.reach:
         return True
-    begin, span, clear = 0.0, 1.0, False
+    begin, span = 0.0, 1.0
     for _ in range(LOOKS):
         end = min(1.0, begin + span)
         if _least_distance(records, a, b, workspace, begin, end) < -allowed:
             span *= 0.5
         elif end == 1.0:
-            clear = True
-            break
+            return True
         else:
             begin, span = end, 2.0 * span
     _place_pair(records, a, b, workspace, 1.0)
-    return clear
+    return False
 
 
 @kernel
@@ -126,9 +125,11 @@ def _place_pair(records: Records, a: Record, b: Record, workspace: Workspace, pa
     state, q, before = workspace.state, workspace.scratch.row, workspace.before.q
     for shape in (a, b):
         body = records.bodies[shape.body]
+        moved = False
         for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
             q[i] = state.q[i] if part == 1.0 else (1.0 - part) * before[i] + part * state.q[i]
-        if coordinate_count(body) > 0:
+            moved |= state.q[i] != before[i]
+        if moved:
             place_body(
                 shape.body, records.bodies, records.shapes, records.vertices, q, state.pose, state.outline
             )

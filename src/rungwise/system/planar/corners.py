@@ -27,6 +27,7 @@ from rungwise.system.planar.manifold import (
     POINT_X,
     POINT_Y,
     VERTICES,
+    along,
     manifold,
     put,
 )
@@ -157,15 +158,53 @@ def touching_face(
 
 
 @kernel
-def crosses(a: Record, b: Record, pose: Reals, points: Reals, count: int, course: Course) -> bool:
-    """Whether the motion takes the shapes across what separates them now, and something else may do so."""
+def crosses(
+    a: Record,
+    b: Record,
+    pose: Reals,
+    outline: Reals,
+    seams: Seams,
+    points: Reals,
+    features: Ints,
+    count: int,
+    course: Course,
+) -> bool:
+    """Whether the motion takes the shapes across what separates them now, and not where a vertex meets the
+    edge that it is over: something else may then keep them apart."""
     if a.kind == HALFPLANE or b.kind == HALFPLANE:
         return False
-    found, nudge = False, NUDGE * (a.width + b.width)
+    nudge, soonest, first = NUDGE * (a.width + b.width), course.horizon[0], -1
     for k in range(count):
-        way = course.horizon[0] * _rate(a, b, pose, points[k], course)
-        found |= way < -nudge and points[k, GAP] + way < 0.0
-    return found
+        rate = _rate(a, b, pose, points[k], course)
+        if rate * course.horizon[0] < -nudge and max(points[k, GAP], 0.0) < -rate * soonest:
+            soonest, first = max(points[k, GAP], 0.0) / -rate, k
+    return first >= 0 and not _is_met(
+        features[first] // VERTICES, features[first] % VERTICES, a, b, pose, outline, seams, soonest, course
+    )
+
+
+@kernel
+def _is_met(
+    edge: int,
+    vertex: int,
+    a: Record,
+    b: Record,
+    pose: Reals,
+    outline: Reals,
+    seams: Seams,
+    time: float,
+    course: Course,
+) -> bool:
+    """Whether the vertex will be over the edge, and not near its ends, after a time."""
+    if edge >= VERTICES:
+        return False
+    own, other = (a, b) if a.first <= edge < a.end else (b, a)
+    x, y = outline[vertex, 0], outline[vertex, 1]
+    ux, uy = _velocity(other.body, x, y, pose, course)
+    vx, vy = _velocity(own.body, x, y, pose, course)
+    slip = outline[edge, 2] * (uy - vy) - outline[edge, 3] * (ux - vx)
+    place, margin = along(edge, vertex, outline) + time * slip, SOFT * (a.width + b.width)
+    return margin < place < along(edge, seams.ends[edge], outline) - margin
 
 
 @kernel

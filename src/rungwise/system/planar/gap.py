@@ -68,7 +68,7 @@ def find_contacts(
                     gap = min(gap, points[slot + k, GAP])
             if course.horizon[0] > 0.0 and gap <= margin:
                 set_course(bodies, pose, v, course)
-                if crosses(a, b, pose, points[slot : slot + 2], count, course):
+                if crosses(a, b, pose, outline, seams, points[slot : slot + 2], fresh, count, course):
                     compressed = sunk(a.body, b.body, contacts, pairs, features, deformation)
                     touching_face(
                         a, b, shapes, pose, outline, seams, seamed, count, compressed, course,

@@ -326,7 +326,7 @@ def mode_before(
 
     A contact that has left the slot over a seam is accounted for where it is now: its mode here is as before.
     """
-    if seams.joined[0] == 0 or slot >= features.shape[0] or features[slot] == before[slot]:
+    if slot >= features.shape[0] or features[slot] == before[slot]:
         return modes_before[slot]
     for other in range(features.shape[0]):
         if features[slot] == ABSENT:
