@@ -24,15 +24,24 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test bench clean lint format
+.PHONY: demo test apart kernels bench clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
 
-# The kernels are compiled and cached once, before the tests need them in parallel.
-test: lint
+# The kernels of runs are compiled and cached once, before tests need them in parallel; what needs none of them
+# is tested meanwhile.
+test: $(INSTALLED_DEV)
+	$(MAKE) --jobs 2 --output-sync kernels apart
+	$(BIN)/python -m pytest -n 2 $(APART:%=--ignore=%)
+
+APART := tests/contact tests/scene
+
+apart: lint
+	$(BIN)/python -m pytest $(APART)
+
+kernels: $(INSTALLED)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.kernel
-	$(BIN)/python -m pytest -n 2
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py

@@ -19,6 +19,7 @@ from rungwise.scene.expression import (
     Programs,
     compile_expression,
     evaluate,
+    holds,
 )
 
 NAMES = ("a", "b", "part.x", "gap(f, g)")
@@ -221,6 +222,27 @@ def test_conditions_hold_where_python_says_so(operands: list[str], data: st.Data
         text += f" {data.draw(st.sampled_from(['<', '<=', '>', '>=']))} {operand}"
     text = data.draw(st.sampled_from([text, f"not {text}", f"{text} and a > 0", f"a < 0 or not ({text})"]))
     assert (value(text, condition=True) >= 0.0) is bool(python(text)), text
+
+
+PARTS = st.sampled_from(["a > 0", "b > 0", "a < b", "inf - inf < a", "b <= -2.5"])
+NESTED = st.recursive(
+    PARTS,
+    lambda inner: st.one_of(
+        inner.map(lambda x: f"not ({x})"),
+        st.tuples(inner, inner).map(lambda x: f"({x[0]}) and ({x[1]})"),
+        st.tuples(inner, inner).map(lambda x: f"({x[0]}) or ({x[1]})"),
+        inner.map(lambda x: f"(1 if {x} else 2) < 1.5"),
+    ),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None, derandomize=True, max_examples=300)
+@given(NESTED)
+def test_a_condition_holds_where_its_margin_is_not_negative(text: str) -> None:
+    programs = Programs([compile_expression(text, lookup, lambda: "a, b", condition=True)])
+    found = holds(programs.code, programs.constants, *programs.table[0], VALUES, np.zeros(STACK))
+    assert found is (value(text, condition=True) >= 0.0), text
 
 
 REFUSED = {

@@ -24,7 +24,7 @@ MAX_LENGTH = 2000
 MAX_NODES = 300
 STACK = 64
 
-CONSTANT, LOAD, SELECT, STRICT = 0, 1, 2, 3
+CONSTANT, LOAD, SELECT, STRICT, NEEDED = 0, 1, 2, 3, 4
 ADD, SUBTRACT, MULTIPLY, DIVIDE, POWER, MINIMUM, MAXIMUM, ATAN2, HYPOT, MARGIN = (
     10,
     11,
@@ -90,7 +90,10 @@ def compile_expression(
     if sum(1 for _ in ast.walk(tree)) > MAX_NODES:
         raise ExpressionError(f"more than {MAX_NODES} terms")
     compiler = _Compiler(text.strip(), lookup, names)
-    (compiler.condition if condition else compiler.number)(tree)
+    if condition:
+        compiler.condition(tree, needed=True)
+    else:
+        compiler.number(tree)
     if compiler.deepest > STACK:
         raise ExpressionError("nested too deeply")
     return compiler.code
@@ -132,7 +135,8 @@ class _Compiler:
                     f"{self._show(node)} is not allowed; use + - * / **, numbers, names and functions"
                 )
 
-    def condition(self, node: ast.expr) -> None:
+    def condition(self, node: ast.expr, needed: bool = False) -> None:
+        """A condition; `needed`: without which the whole one does not hold."""
         match node:
             case ast.Compare(left, ops, comparators):
                 operands = [left, *comparators]
@@ -141,8 +145,11 @@ class _Compiler:
                     if i:
                         self._emit(MINIMUM, 0, -1)
             case ast.BoolOp(op, values):
+                needed = needed and isinstance(op, ast.And)
                 for i, value in enumerate(values):
-                    self.condition(value)
+                    self.condition(value, needed)
+                    if needed:
+                        self._emit(NEEDED, 0, 0)
                     if i:
                         self._emit(MINIMUM if isinstance(op, ast.And) else MAXIMUM, 0, -1)
             case ast.UnaryOp(ast.Not(), operand):
@@ -244,6 +251,19 @@ class Programs:
 @kernel
 def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> float:
     """Value of the program in rows start..stop of `code`, reading names from `values`; `stack` is scratch."""
+    return _run(code, constants, start, stop, values, stack, False)
+
+
+@kernel
+def holds(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> bool:
+    """Whether a condition, compiled as above, holds: no more of it is looked at than that takes."""
+    return _run(code, constants, start, stop, values, stack, True) >= 0.0
+
+
+@kernel
+def _run(
+    code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals, only_sign: bool
+) -> float:
     top = -1
     for row in range(start, stop):
         operation = code[row, 0]
@@ -259,12 +279,16 @@ def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals,
         elif operation == STRICT:
             if stack[top] == 0.0:
                 stack[top] = -5e-324
+        elif operation == NEEDED:
+            if only_sign and stack[top] < 0.0:
+                break
         elif operation < NEGATE:
             top -= 1
             stack[top] = _binary(operation, stack[top], stack[top + 1])
         else:
             stack[top] = _unary(operation, stack[top])
-    return stack[top]
+    value: float = stack[top]
+    return value
 
 
 @kernel

@@ -58,8 +58,9 @@ def passes(records: Records, workspace: Workspace) -> bool:
 def _is_clear(records: Records, a: Record, b: Record, workspace: Workspace) -> bool:
     """Whether a pair keeps apart, or nearly so, all the way. Both bodies are where they were, afterwards."""
     allowed = SLIP * thickness(a, b)
-    moved, apart = _excursion(records, a, b, workspace)
-    if moved <= allowed or apart - moved > a.reach + b.reach:
+    moved = _excursion(records, a, b, workspace)
+    x, y = _between(a, b, workspace)
+    if moved <= allowed or math.sqrt(x * x + y * y) - moved > a.reach + b.reach:
         return True
     begin, span = 0.0, 1.0
     for _ in range(LOOKS):
@@ -75,9 +76,8 @@ def _is_clear(records: Records, a: Record, b: Record, workspace: Workspace) -> b
 
 
 @kernel
-def _excursion(records: Records, a: Record, b: Record, workspace: Workspace) -> tuple[float, float]:
-    """Bound of the relative motion of any two points of the shapes on the whole way, and how far apart their
-    bodies' centres are at its end."""
+def _excursion(records: Records, a: Record, b: Record, workspace: Workspace) -> float:
+    """Bound of the relative motion of any two points of the shapes on the whole way."""
     moved = 0.0
     for shape in (a, b):
         body = records.bodies[shape.body]
@@ -86,8 +86,7 @@ def _excursion(records: Records, a: Record, b: Record, workspace: Workspace) -> 
             if body.motion != HINGE and j < 2:
                 i = body.coordinate + j
                 moved += abs(workspace.state.q[i] - workspace.before.q[i])
-    pose = workspace.state.pose
-    return moved, math.hypot(pose[a.body, X] - pose[b.body, X], pose[a.body, Y] - pose[b.body, Y])
+    return moved
 
 
 @kernel

@@ -6,7 +6,7 @@ import math
 
 from rungwise.kernel import RecordArray, copy, kernel
 from rungwise.outcome import Code
-from rungwise.scene.expression import evaluate
+from rungwise.scene.expression import evaluate, holds
 from rungwise.scene.records import FORCE, SERVO, Records
 from rungwise.simulation.nearby import swing
 from rungwise.simulation.passing import thickness
@@ -43,7 +43,7 @@ def _verdict(conditions: Conditions, state: State, scratch: Scratch) -> int:
     code, constants, table = conditions
     for index, verdict in ((1, UNSAFE), (0, GOAL), (2, DOOMED)):
         first, last = table[index, 0], table[index, 1]
-        if last > first and evaluate(code, constants, first, last, state.values, scratch.stack) >= 0.0:
+        if last > first and holds(code, constants, first, last, state.values, scratch.stack):
             return verdict
     return RUNNING
 

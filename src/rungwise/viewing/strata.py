@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.scene import Scene
-from rungwise.scene.expression import STACK, evaluate
+from rungwise.scene.expression import STACK, holds
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import ABSENT
@@ -67,7 +67,7 @@ class Space:
         values[at : at + n], values[at + n : at + 2 * n] = q, 0.0
         values[at + 2 * n : at + 2 * n + len(gaps)], values[-1] = gaps, tolerance
         stack = np.zeros(STACK)
-        return last > first and evaluate(program.code, program.constants, first, last, values, stack) >= 0.0
+        return last > first and holds(program.code, program.constants, first, last, values, stack)
 
     def coordinates_of(self, contact: int) -> list[int]:
         """The coordinates that the gap of a contact depends on."""
