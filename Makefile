@@ -38,7 +38,7 @@ test: $(INSTALLED_DEV)
 APART := tests/contact tests/scene
 
 apart: lint
-	$(BIN)/python -m pytest $(APART)
+	$(BIN)/python -m pytest -n 2 $(APART)
 
 kernels: $(INSTALLED)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.kernel
