@@ -115,6 +115,32 @@ def test_pushed_over_tiles_stays_flat(model: rw.Rung, free: bool) -> None:
         assert np.abs(height - height[0]).max() < (1e-8 if model is rw.QUASISTATIC_RIGID else SUNK)
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("model", DYNAMIC, ids=str)
+def test_a_disc_rolls_over_gaps(model: rw.Rung, gap: float) -> None:
+    """It sinks by gap^2 / (8 r) between two tiles, and hops no higher than its compression."""
+    radius = 0.1
+    for speed, step in ((1.0, 8e-3), (1.0, 2e-3), (3.0, 2e-3), (3.0, 8e-3)):
+        bodies: dict[str, Data] = {
+            f"f{k}": {"role": "obstacle", "shape": box(k * (0.3 + gap), -0.1, 0.3, 0.2)} for k in range(5)
+        }
+        bodies["part"] = {
+            "role": "object",
+            "shape": {"kind": "disc", "radius": radius},
+            "mass": 1.0,
+            "motion": {"kind": "free"},
+            "pose": {"y": radius},
+            "coordinates": {"x": {"speed": speed}, "angle": {"speed": -speed / radius}},
+        }
+        contacts = [{"between": ["part", "f*"], "friction": 0.3, "stiffness": 1e6, "damping": 1e3}]
+        data = {"name": "roll", "gravity": [0.0, -GRAVITY], "bodies": bodies, "contacts": contacts}
+        run = rw.simulate(data, model, step=step, duration=0.9 / speed)
+        height = run.trajectory.position.sel(coordinate="part.y").values - radius
+        assert np.abs(height).max() < (1e-5 if gap < 1e-3 else 1e-3)
+        assert run.final["part"]["x"] == pytest.approx(0.9, abs=1e-3 if gap < 1e-3 else 5e-3)
+        assert run.notes == ()
+
+
 def mirrored(data: Data) -> Data:
     """The scene with x reversed."""
     bodies = {}

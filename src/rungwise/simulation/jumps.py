@@ -19,6 +19,8 @@ from rungwise.simulation.step import SUPPORTED, solve_step
 
 GROWN = 2.0
 """Only where acceleration has grown by this factor since the last step is a jump looked for."""
+ROUNDED = 1e-9
+"""Change of velocity, over the velocity, that is rounding and no jump."""
 SHORTER = 1.0 / 16.0
 """The step in which a jump is as large, and anything else is less than half."""
 
@@ -29,11 +31,13 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
     as it was."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    if rung[0].compliant or rung[0].inertia == 0.0 or _collides(contacts, workspace):
+    if rung[0].compliant or rung[0].inertia == 0.0 or contacts == 0 or _collides(contacts, workspace):
         return False
-    change = _change_of_velocity(workspace)
+    change = _norm(workspace, 1.0)
     before, clock.shake = clock.shake, change / h
     if not (clock.shake > GROWN * before and _rubs(contacts, workspace)):
+        return False
+    if change <= ROUNDED * _norm(workspace, 0.0):
         return False
     found = _changes_so_soon(rung, h, contacts, workspace, change)
     if found:
@@ -51,7 +55,7 @@ def _changes_so_soon(rung: RecordArray, h: float, contacts: int, workspace: Work
     status = solve_step(
         rung, SHORTER * h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
     )
-    return status == SUPPORTED and _change_of_velocity(workspace) > 0.5 * change
+    return status == SUPPORTED and _norm(workspace, 1.0) > 0.5 * change
 
 
 @kernel
@@ -76,11 +80,12 @@ def _rubs(contacts: int, workspace: Workspace) -> bool:
 
 
 @kernel
-def _change_of_velocity(workspace: Workspace) -> float:
-    """Norm of the change of velocity in the solved step, in the metric of the inertia."""
-    state, inertia, v_new = workspace.state, workspace.terms.inertia, workspace.scratch.v_new
+def _norm(workspace: Workspace, less: float) -> float:
+    """Norm, in the metric of the inertia, of the velocity after the solved step less a part `less` of the
+    velocity before it: with 1 of the change, with 0 of the velocity."""
+    v, v_new, inertia = workspace.state.v, workspace.scratch.v_new, workspace.terms.inertia
     total = 0.0
-    for i in range(state.v.shape[0]):
-        for j in range(state.v.shape[0]):
-            total += (v_new[i] - state.v[i]) * inertia[i, j] * (v_new[j] - state.v[j])
+    for i in range(v.shape[0]):
+        for j in range(v.shape[0]):
+            total += (v_new[i] - less * v[i]) * inertia[i, j] * (v_new[j] - less * v[j])
     return math.sqrt(max(total, 0.0))

@@ -288,7 +288,7 @@ def _take_face(
         if edge >= VERTICES and not missed:
             return count
         if edge >= VERTICES:
-            _put_vertices(a, b, vertex, edge - VERTICES, outline, course.points[k])
+            _put_vertices(a, b, vertex, edge - VERTICES, outline, course, course.points[k])
         elif a.first <= edge < a.end:
             put(edge, vertex, a.radius, b.radius, -1.0, outline, course.points[k])
         else:
@@ -307,10 +307,19 @@ def _take_face(
 
 
 @kernel
-def _put_vertices(a: Record, b: Record, i: int, j: int, outline: Reals, point: Reals) -> None:
-    """Write the point of vertices i of a and j of b that are to touch with the normal that `point` has."""
+def _put_vertices(a: Record, b: Record, i: int, j: int, outline: Reals, course: Course, point: Reals) -> None:
+    """Write the point of vertices i of a and j of b that are to touch with the normal that `point` has.
+
+    The normal need not go through both vertices: the point lies on it from that of the body that turns
+    faster, whose turning has then no more to do with the gap than it should.
+    """
     nx, ny = point[NORMAL_X], point[NORMAL_Y]
     dx, dy = outline[i, 0] - outline[j, 0], outline[i, 1] - outline[j, 1]
     point[GAP] = nx * dx + ny * dy - a.radius - b.radius
-    back = a.radius + 0.5 * point[GAP]
-    point[POINT_X], point[POINT_Y] = outline[i, 0] - back * nx, outline[i, 1] - back * ny
+    turn_a, turn_b = abs(course.speed[a.body, 2]), abs(course.speed[b.body, 2])
+    if turn_a > turn_b or (turn_a == turn_b and a.radius >= b.radius):
+        back = a.radius + 0.5 * point[GAP]
+        point[POINT_X], point[POINT_Y] = outline[i, 0] - back * nx, outline[i, 1] - back * ny
+    else:
+        back = b.radius + 0.5 * point[GAP]
+        point[POINT_X], point[POINT_Y] = outline[j, 0] + back * nx, outline[j, 1] + back * ny
