@@ -32,7 +32,7 @@ demo: $(INSTALLED_VIEW)
 # The kernels of runs are compiled and cached once, before tests need them in parallel; what needs none of them
 # is tested meanwhile.
 test: $(INSTALLED_DEV)
-	$(MAKE) --jobs 2 --output-sync kernels apart
+	$(MAKE) --jobs 2 kernels apart
 	$(BIN)/python -m pytest -n 2 $(APART:%=--ignore=%)
 
 APART := tests/contact tests/scene
