@@ -211,6 +211,28 @@ def test_a_rate_of_rounding_size_does_not_prove_a_jam(body):
     assert certify_infeasible(p) is None
 
 
+def weak_grip(body, mu, stiffness):
+    """A part held against a wall by a damped finger that a force of 5 drives, and pulled down by 10."""
+    p = body(2, 1)
+    p.c[:], p.mu[:] = (-10.0, 5.0), mu
+    p.W[:] = [[0, -1], [1, 0]]
+    p.R[0] = np.eye(2) / stiffness
+    return p, np.diag([0.0, 10.0])
+
+
+@pytest.mark.parametrize("stiffness", [np.inf, 1e4])
+def test_a_part_slips_out_of_a_grip_whose_force_is_limited(body, stiffness):
+    p, resisting = weak_grip(body, 1.9, stiffness)
+    found = certify_unsupported(p, resisting)
+    assert found is not None
+    assert found.kind == "unbalanced"
+    assert check(p, found, resisting)
+    assert not check(p, changed(found, 0, -found.vectors[0]), resisting)
+    held, _ = weak_grip(body, 2.1, stiffness)
+    assert certify_unsupported(held, resisting) is None
+    assert not check(held, found, resisting)
+
+
 def test_unsupported_needs_more_than_the_drives_give(body):
     p = body(1, 0, 1)
     p.c[:], p.S[:], p.F[:] = 10.0, 1.0, 9.0

@@ -7,6 +7,9 @@
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
+* unbalanced: Farkas vectors for every contact mode, as a frictional one has them, of the problem with H_0 in
+  the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count with
+  their rates: so a part slips out of a grip whose force is limited by what drives it.
 
 Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
 a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
@@ -24,8 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.modes import ANY, choices, linear_system, natural_units, yielding
-from rungwise.contact.problem import ContactProblem
+from rungwise.contact.modes import ANY, choices, contains, linear_system, natural_units, parts, yielding
+from rungwise.contact.problem import ContactProblem, trim
 
 REACH = 1e3
 _ROUNDING = 2.0**-52
@@ -34,7 +37,7 @@ _ROUNDING = 2.0**-52
 @dataclass(frozen=True)
 class Certificate:
     """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row for each of `modes`
-    (frictional), which together cover all."""
+    (frictional, unbalanced), which together cover all."""
 
     kind: str
     vectors: tuple[NDArray[np.float64], ...]
@@ -44,23 +47,32 @@ class Certificate:
 def check(
     problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None
 ) -> bool:
-    """Whether the certificate proves that the problem has no solution (unsupported: no balance without
-    inertia).
+    """Whether the certificate proves that the problem has no solution (unsupported, unbalanced: no balance
+    without inertia).
 
-    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported ones. "Proves" is meant up
-    to the bound that the module states.
+    `resisting` is H_0 (n, n), the part of H that is not inertia, for those two; zero if not given. "Proves"
+    is meant up to the bound that the module states.
     """
     if not certificate.vectors or not all(np.isfinite(vector).all() for vector in certificate.vectors):
         return False
+    rest = np.zeros_like(problem.H) if resisting is None else resisting
     match certificate.kind:
         case "kinematic":
             return _check_kinematic(problem, certificate.vectors[0])
         case "frictional":
-            return _check_frictional(problem, certificate)
+            return _check_frictional(problem, certificate, held=True)
         case "unsupported":
-            rest = np.zeros_like(problem.H) if resisting is None else resisting
             return _check_unsupported(problem, certificate.vectors[0], rest)
+        case "unbalanced":
+            return _check_frictional(without_inertia(problem, rest), certificate, held=False)
     return False
+
+
+def without_inertia(problem: ContactProblem, resisting: NDArray[np.float64]) -> ContactProblem:
+    """The problem with H_0 (n, n) in the place of H."""
+    limit = trim(problem, len(problem.c), len(problem.mu), len(problem.F))
+    limit.H[...] = resisting
+    return limit
 
 
 def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
@@ -88,9 +100,10 @@ def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float
 
 
 def _free_motion(problem: ContactProblem) -> float:
-    """One more than the size of the motion that the loads alone would cause, in natural units."""
+    """One more than the size of the motion that the loads alone would cause, in natural units, where
+    something resists it."""
     try:
-        motion = np.linalg.solve(problem.H, problem.c)
+        motion = np.linalg.lstsq(problem.H, problem.c, rcond=None)[0]
     except np.linalg.LinAlgError:
         return np.inf
     return 1.0 + float(np.abs(motion / natural_units(problem).coordinates).sum())
@@ -105,9 +118,12 @@ def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> boo
     return _excludes(-force * offset / demanded(offset, contacts), left)
 
 
-def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64]) -> bool:
-    """Whether the Farkas vector proves that no solution is in a completion of `mode`."""
-    equal, value, lower, bound = linear_system(problem, mode, held=True)
+def excludes_mode(
+    problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64], held: bool
+) -> bool:
+    """Whether the Farkas vector proves that no solution is in a completion of `mode`; `held` as in
+    `linear_system`."""
+    equal, value, lower, bound = linear_system(problem, mode, held)
     if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
         return False
     return _excludes(
@@ -117,27 +133,32 @@ def excludes_mode(problem: ContactProblem, mode: tuple[int, ...], vector: NDArra
     )
 
 
-def _check_frictional(problem: ContactProblem, certificate: Certificate) -> bool:
-    options, modes = choices(problem, held=True), certificate.modes
+def _check_frictional(problem: ContactProblem, certificate: Certificate, held: bool) -> bool:
+    options, modes = choices(problem, held), certificate.modes
     if problem.R.shape[1] != 2 or len(modes) != len(certificate.vectors):
         return False
     if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):
         return False
-    return all(excludes_mode(problem, *pair) for pair in zip(modes, certificate.vectors, strict=True))
+    return all(excludes_mode(problem, *pair, held) for pair in zip(modes, certificate.vectors, strict=True))
 
 
 def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: list[tuple[int, ...]]) -> bool:
     """Whether every completion of `part` is a completion of one of `modes`."""
     compatible = [
-        mode for mode in modes if all(m in (ANY, p) or p == ANY for m, p in zip(mode, part, strict=True))
+        mode
+        for mode in modes
+        if all(contains(m, p) or contains(p, m) for m, p in zip(mode, part, strict=True))
     ]
     if not compatible:
         return False
-    undecided = [i for i, p in enumerate(part) if p == ANY and compatible[0][i] != ANY]
+    undecided = [i for i, p in enumerate(part) if not contains(compatible[0][i], p)]
     if not undecided:
         return True
     i = undecided[0]
-    return all(_cover(compatible, (*part[:i], option, *part[i + 1 :]), options) for option in options[i])
+    return all(
+        _cover(compatible, (*part[:i], option, *part[i + 1 :]), options)
+        for option in parts(options[i], part[i])
+    )
 
 
 def _check_unsupported(

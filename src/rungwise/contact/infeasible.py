@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.certificate import REACH, Certificate, check, demanded, excludes_mode, rigid_rows
-from rungwise.contact.modes import ANY, choices, linear_system, natural_units
+from rungwise.contact.certificate import (
+    REACH,
+    Certificate,
+    check,
+    demanded,
+    excludes_mode,
+    rigid_rows,
+    without_inertia,
+)
+from rungwise.contact.modes import ANY, CLOSED, choices, linear_system, natural_units, parts
 from rungwise.contact.problem import ContactProblem
 
 MAX_NODES = 2000
@@ -29,12 +37,16 @@ def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Cert
 
 
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
-    """A checked motion along which the loads are not resisted; `resisting` (n, n) is H less its inertia."""
+    """A checked motion along which the loads are not resisted, or else a checked proof that no motion makes
+    up their balance; `resisting` (n, n) is H less its inertia."""
     with np.errstate(all="ignore"):
         for part in _apart(problem, resisting):
             certificate = _unsupported(problem, resisting, part)
             if certificate is not None and check(problem, certificate, resisting):
                 return certificate
+        certificate = _frictional(without_inertia(problem, resisting), held=False)
+        if certificate is not None and check(problem, certificate, resisting):
+            return certificate
     return None
 
 
@@ -145,37 +157,48 @@ def _least_left(
     return x
 
 
-def _frictional(problem: ContactProblem) -> Certificate | None:
+def _frictional(problem: ContactProblem, held: bool = True) -> Certificate | None:
     """Branch and bound over partial modes: one that no solution is in is not split any further."""
     if problem.R.shape[1] != 2:
         return None
-    options = choices(problem, held=True)
+    options = choices(problem, held)
     waiting = [tuple(own[0] if len(own) == 1 else ANY for own in options)]
     modes: list[tuple[int, ...]] = []
     vectors: list[NDArray[np.float64]] = []
+    resisted = _is_resisted(problem)
     for _ in range(MAX_NODES):
         if not waiting:
-            return Certificate("frictional", tuple(vectors), tuple(modes))
+            return Certificate("frictional" if held else "unbalanced", tuple(vectors), tuple(modes))
         mode = waiting.pop()
-        vector, point = _farkas(problem, mode)
-        if vector is not None and excludes_mode(problem, mode, vector):
+        vector, point = _farkas(problem, mode, held)
+        if vector is not None and excludes_mode(problem, mode, vector, held):
             modes.append(mode)
             vectors.append(vector)
             continue
         contradicts = _contradictions(problem, mode, point)
-        if ANY not in mode or (vector is None and contradicts.max() <= _SOLVES):
+        if not {ANY, CLOSED} & set(mode) or (vector is None and contradicts.max() <= _SOLVES):
             return None
-        i = int(np.argmax(contradicts))
-        waiting += [(*mode[:i], option, *mode[i + 1 :]) for option in options[i]]
+        first = resisted & (contradicts > _SOLVES)
+        i = int(np.argmax(np.where(first, contradicts, -1.0) if first.any() else contradicts))
+        waiting += [(*mode[:i], option, *mode[i + 1 :]) for option in parts(options[i], mode[i])]
     return None
 
 
+def _is_resisted(problem: ContactProblem) -> NDArray[np.bool_]:
+    """Which contacts and limited rows feel a coordinate that something resists: their forces are bounded, and
+    their modes say more than those of others."""
+    own = np.diag(problem.H) > 0.0
+    feels = (np.vstack([problem.W, problem.S])[:, own] != 0.0).any(axis=1)
+    contacts, d = len(problem.mu), problem.R.shape[1]
+    return np.concatenate([feels[: contacts * d].reshape(contacts, d).any(axis=1), feels[contacts * d :]])
+
+
 def _farkas(
-    problem: ContactProblem, mode: tuple[int, ...]
+    problem: ContactProblem, mode: tuple[int, ...], held: bool
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vector that combines the rows of `mode` to the largest contradiction, if any, and the unknowns that
     satisfy them best."""
-    equal, value, least, bound = linear_system(problem, mode, held=True)
+    equal, value, least, bound = linear_system(problem, mode, held)
     bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
     return _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
 
@@ -197,7 +220,7 @@ def _contradictions(
     apart = np.concatenate(
         [np.minimum(rate[::2], normal) + friction, _dissipates(slip, tau / units.force, p.F / units.force)]
     )
-    return np.where(np.array(mode) == ANY, np.maximum(apart, 0.0), -1.0)
+    return np.where(np.isin(mode, (ANY, CLOSED)), np.maximum(apart, 0.0), -1.0)
 
 
 def _dissipates(

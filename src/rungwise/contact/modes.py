@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from rungwise.contact.problem import ContactProblem
 
-ANY, OPEN, STICK, FORWARD, BACKWARD = -1, 0, 1, 2, 3
+CLOSED, ANY, OPEN, STICK, FORWARD, BACKWARD = -2, -1, 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
-"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided."""
+"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided; of what
+is CLOSED only the slip is not."""
 
 _FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
 
@@ -45,6 +46,18 @@ def choices(problem: ContactProblem, held: bool = False) -> list[tuple[int, ...]
     return modes
 
 
+def parts(options: tuple[int, ...], mode: int) -> tuple[int, ...]:
+    """The modes that one which is not decided consists of; `options` are those that there are."""
+    if mode == ANY:
+        return (OPEN, CLOSED) if OPEN in options and STICK in options else options
+    return options[1:] if mode == CLOSED else ()
+
+
+def contains(whole: int, part: int) -> bool:
+    """Whether `part` is `whole` or one of its parts."""
+    return whole in (ANY, part) or (whole == CLOSED and part in (STICK, FORWARD, BACKWARD))
+
+
 class Units(NamedTuple):
     """Natural units of a problem: what each coordinate's speed, a contact's speed and a contact force count
     as one."""
@@ -59,16 +72,19 @@ def natural_units(problem: ContactProblem) -> Units:
 
     A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded,
     or where none is that which the loads give to what is heaviest. A coordinate that no row feels has the
-    unit that its inertia gives beside the others'.
+    unit that its inertia gives beside the others', or 1 where it has none. Rates that are rounding are not
+    demanded.
     """
     p = problem
     inertia = np.sqrt(np.diag(p.H))
     lever = np.abs(np.vstack([p.W, p.S])).max(axis=0, initial=0.0)
-    longest = float((lever / inertia).max(initial=0.0)) or 1.0
-    lever = np.where(lever > 1e-9 * longest * inertia, lever, longest * inertia)
+    resists = inertia > 0.0
+    longest = float((lever[resists] / inertia[resists]).max(initial=0.0)) or 1.0
+    lever = np.where(lever > 1e-9 * longest * inertia, lever, np.where(resists, longest * inertia, 1.0))
     load = float((np.abs(p.c) / lever).max(initial=0.0))
     heaviest = float((inertia / lever).max(initial=0.0))
     demand = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)))
+    demand = 0.0 if demand <= p.quantum[0] else demand
     resist = heaviest * heaviest
     velocity = demand or (load / resist if resist > 0.0 else 0.0) or 1.0
     return Units(
@@ -79,9 +95,9 @@ def natural_units(problem: ContactProblem) -> Units:
 
 
 def linear_system(problem: ContactProblem, mode: tuple[int, ...], held: bool = False) -> Inequalities:
-    """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY, those
-    that it satisfies in every mode. With `held`, so for what yields, and its rates are left out: by so much
-    force that a float no longer tells the difference it gives way to any motion.
+    """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY or
+    CLOSED, those that it satisfies in each of its parts. With `held`, so for what yields, and its rates are
+    left out: by so much force that a float no longer tells the difference it gives way to any motion.
 
     Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
     units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never
@@ -117,9 +133,9 @@ def linear_system(problem: ContactProblem, mode: tuple[int, ...], held: bool = F
     soft, soft_rows = soft & held, soft_rows & held
     for k in range(contacts):
         normal, tangent = own_force[2 * k], own_force[2 * k + 1]
-        if mode[k] == ANY or soft[k]:
+        if mode[k] in (ANY, CLOSED) or soft[k]:
             if not soft[k]:
-                add(rates[2 * k], -offset[2 * k], True)
+                add(rates[2 * k], -offset[2 * k], mode[k] == ANY)
             add(normal, 0.0, True)
             if p.mu[k] > 0.0:
                 add(p.mu[k] * normal - tangent, 0.0, True)

@@ -27,6 +27,8 @@ LIMIT = 1e-8
 FAINT = 1e-3
 """Damping that resists less than this part of the softest contact, as rates, leaves it to inertia which way
 nothing else decides: so far below the stiffness it would be lost in the rounding of contact forces."""
+STIR = 1e3
+"""Motion in a step, over the rounding of positions, from which on something under load no longer rests."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
 of what balances the greatest."""
@@ -268,9 +270,10 @@ def limit_inertia(
 
     Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
     over inertia, a row's resistance times what the row yields to a force, a load over the momentum of the
-    fastest motion demanded. With `landing` eps is so small that what closes any gap within the step still
-    needs no force for it, nor what moves against the faintest damping. Without loads, damping, servos and
-    compliance the limit does not depend on eps, and 1 is exact.
+    fastest motion demanded. Damping that is faint beside other damping or the loads does not count. With
+    `landing` it does, and eps is so small that what closes any gap within the step still needs no force for
+    it, nor what moves against the faintest damping. Without loads, damping, servos and compliance the limit
+    does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
         return 0.0
@@ -282,19 +285,19 @@ def limit_inertia(
     for i in range(n):
         a = free[i]
         heaviest = max(heaviest, terms.inertia[a, a] / terms.metric[a, a])
-    force, acceleration = greatest_load(terms, n, free)
     least, fastest = math.inf, 0.0
-    if force > 0.0 or limited > 0:
+    if limited > 0 or greatest_load(terms, n, free)[0] > 0.0:
         fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
+        least = _load_rate(terms, n, free, fastest)
     damped, soft = math.inf, math.inf
+    faint = 0.0
+    if not landing:
+        beside = _greatest_damping(h, heaviest, terms, n, free)
+        faint = LIMIT * (max(beside, least) if least < math.inf else beside)
     for i in range(n):
-        a = free[i]
-        rate = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.metric[a, a])
-        if rate > 0.0:
+        rate = _damping_rate(h, heaviest, terms, free[i])
+        if rate > 0.0 and rate >= faint:
             damped = min(damped, rate)
-        if force > 0.0 and fastest > 0.0:
-            momentum = terms.inertia[a, a] * fastest / math.sqrt(terms.metric[a, a])
-            least = min(least, noticed_load(terms, a, force, acceleration, _SMALL) / momentum)
     if rung[0].compliant:
         d = terms.contact_stiffness.shape[1]
         for r in range(contacts * d):
@@ -315,6 +318,55 @@ def limit_inertia(
         if terms.limit[r] > 0.0 and pace > 0.0:
             least = min(least, terms.limit[r] * mobility / pace)
     return min(1.0, LIMIT * least * h)
+
+
+@kernel
+def resting_inertia(h: float, terms: Terms, n: int, free: Ints) -> float:
+    """An eps for what rests under load: beside the loads inertia shows in motions beyond `STIR` roundings of
+    positions a step, and in no others.
+
+    Where damping is faint beside the loads, the rounding of contact forces would otherwise move what rests.
+    """
+    pace = STIR * terms.rounding[0] / h
+    return min(1.0, LIMIT * _load_rate(terms, n, free, pace) * h)
+
+
+@kernel
+def stirs(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
+    """Whether something moves with `v` beyond `STIR` roundings of positions in the step."""
+    moves = False
+    for i in range(n):
+        a = free[i]
+        moves |= h * abs(v[a]) * math.sqrt(terms.metric[a, a]) > STIR * terms.rounding[0]
+    return moves
+
+
+@kernel
+def _load_rate(terms: Terms, n: int, free: Ints, pace: float) -> float:
+    """The least load over the momentum of a coordinate at this pace; inf without loads or pace."""
+    force, acceleration = greatest_load(terms, n, free)
+    least = math.inf
+    if force > 0.0 and pace > 0.0:
+        for i in range(n):
+            a = free[i]
+            momentum = terms.inertia[a, a] * pace / math.sqrt(terms.metric[a, a])
+            least = min(least, noticed_load(terms, a, force, acceleration, _SMALL) / momentum)
+    return least
+
+
+@kernel
+def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
+    """Rate at which a coordinate's own springs and dampers stop the heaviest body."""
+    rate: float = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.metric[a, a])
+    return rate
+
+
+@kernel
+def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Ints) -> float:
+    greatest = 0.0
+    for i in range(n):
+        greatest = max(greatest, _damping_rate(h, heaviest, terms, free[i]))
+    return greatest
 
 
 @kernel

@@ -14,6 +14,7 @@ from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.passing import SLIP, passes
 from rungwise.simulation.state import Scratch, State, Workspace
 from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
+from rungwise.simulation.strays import note_strays
 from rungwise.simulation.verdicts import sense
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -255,6 +256,7 @@ def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scrat
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
+    note_strays(records, h, contacts, workspace)
     work = state.clock[0].contact_work
     account(rung, h, terms, contacts, state, scratch, state.v)
     work = state.clock[0].contact_work - work

@@ -20,7 +20,7 @@ from rungwise.simulation.step import SUPPORTED, solve_step
 GROWN = 2.0
 """Only where acceleration has grown by this factor since the last step is a jump looked for."""
 ROUNDED = 1e-9
-"""Change of velocity, over the velocity, that is rounding and no jump."""
+"""Change of velocity, over the velocity and what loads would add to it, that is rounding and no jump."""
 SHORTER = 1.0 / 16.0
 """The step in which a jump is as large, and anything else is less than half."""
 
@@ -37,7 +37,7 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
     before, clock.shake = clock.shake, change / h
     if not (clock.shake > GROWN * before and _rubs(contacts, workspace)):
         return False
-    if change <= ROUNDED * _norm(workspace, 0.0):
+    if change <= ROUNDED * (_norm(workspace, 0.0) + h * _pull(workspace)):
         return False
     found = _changes_so_soon(rung, h, contacts, workspace, change)
     if found:
@@ -77,6 +77,16 @@ def _rubs(contacts: int, workspace: Workspace) -> bool:
     for k in range(contacts):
         rubs |= workspace.scratch.contact_force[2 * k + 1] != 0.0
     return rubs
+
+
+@kernel
+def _pull(workspace: Workspace) -> float:
+    """Norm of the acceleration that the loads alone would cause, by the diagonal of the inertia."""
+    state, terms, total = workspace.state, workspace.terms, 0.0
+    for i in range(state.clock[0].free):
+        a = state.free[i]
+        total += terms.load[a] * terms.load[a] / terms.inertia[a, a]
+    return math.sqrt(total)
 
 
 @kernel

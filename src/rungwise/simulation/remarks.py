@@ -20,7 +20,13 @@ def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) 
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
     """
-    found = (_theta(rung, theta), _step(control, clock), _tolerance(control, clock), _jumps(clock))
+    found = (
+        _theta(rung, theta),
+        _step(control, clock),
+        _tolerance(control, clock),
+        _jumps(clock),
+        _strays(clock),
+    )
     return tuple(remark for remark in found if remark)
 
 
@@ -70,4 +76,15 @@ def _jumps(clock: RecordArray) -> str:
     return (
         f"at t = {time:.6g}{more} velocities jumped without a collision: no acceleration satisfies rigid"
         " contact with so much friction (Painlevé); a compliant rung shows what happens there"
+    )
+
+
+def _strays(clock: RecordArray) -> str:
+    """Contacts that a long step left wide open."""
+    gap, time, step = (float(clock[0][name]) for name in ("stray", "stray_time", "stray_step"))
+    if gap == 0.0:
+        return ""
+    return (
+        f"step: from t = {time:.6g} one of {step:.3g} left bodies {gap:.3g} apart that it pressed together:"
+        " it is too long for what moves there; --tol chooses steps"
     )

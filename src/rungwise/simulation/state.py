@@ -30,7 +30,7 @@ CLOCK = record_type(
     " surfaces leaper jumps",
     "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
     " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time"
-    " shake",
+    " shake stray stray_time stray_step",
 )
 """Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
 starts from the preferred velocity; `bounces`: whether some contact may bounce; `bounced`: whether one does in
@@ -39,7 +39,8 @@ this step. `taken` is the last step's length, `tried` that of the last attempt, 
 pair. `gained` is energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of
 coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of
 velocity without a collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the
-inertia."""
+inertia. `stray` is the widest gap of a contact that carried load in the step to its end (see
+`simulation.strays`), of `stray_step` from `stray_time`."""
 
 SUPPORT = record_type("piece", "offset force power along scale yields")
 """A row of dry friction that shares a limit surface (see `simulation.support`): rate at rest, force over its

@@ -9,12 +9,15 @@ from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import (
+    LIMIT,
     assemble,
     deform,
     greatest_load,
     lean,
     limit_inertia,
     noticed_load,
+    resting_inertia,
+    stirs,
 )
 from rungwise.simulation.notes import note
 from rungwise.simulation.state import Scratch, State
@@ -22,8 +25,13 @@ from rungwise.simulation.support import solve_supported
 from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-_UNBALANCED = 1e-4
-"""Part of the load and of what resists that inertia may make up in a balance without it."""
+RESTING, MOVING, HEAVY, LANDING = 0, 1, 2, 3
+"""How inertia is chosen in the limit 0+: first for what rests, then for what moves, with more of it where
+rounding leaves no solution, then for what falls."""
+_UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-4)
+"""Part of the load and of what resists that inertia may then make up in a balance without it."""
+_MORE = 1e2
+"""How much more inertia there is if `HEAVY`."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 what `limit_inertia` leaves to inertia."""
@@ -45,22 +53,43 @@ def solve_step(
     """
     clock = state.clock[0]
     status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
-    for landing in (False, True):
-        clock.eps = limit_inertia(
-            rung, h, terms, contacts, clock.limited, free, state.free, state.speed, landing
-        )
-        if clock.eps == tried:
-            break
-        tried = clock.eps
-        status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem)
+    first = RESTING if _may_rest(rung, h, terms, state) else MOVING
+    for care in range(first, LANDING + 1):
+        if care == RESTING:
+            clock.eps = resting_inertia(h, terms, free, state.free)
+        elif care == HEAVY:
+            heavier = rung[0].compliant and rung[0].inertia == 0.0 and status != SOLVED
+            clock.eps = min(1.0, _MORE * clock.eps) if heavier else clock.eps
+        else:
+            clock.eps = limit_inertia(
+                rung, h, terms, contacts, clock.limited, free, state.free, state.speed, care == LANDING
+            )
+        if clock.eps != tried:
+            tried = clock.eps
+            status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem)
+            if status == SOLVED:
+                _take_over(rung, terms, contacts, state, scratch, problem)
         if status == SOLVED:
-            _take_over(rung, terms, contacts, state, scratch, problem)
-            balanced = rung[0].inertia > 0.0 or not rung[0].loads or _is_balanced(h, terms, state, scratch)
+            balanced = rung[0].inertia > 0.0 or not rung[0].loads
+            balanced = balanced or _is_balanced(h, _UNBALANCED[care], terms, state, scratch)
         if status == SOLVED and balanced:
             break
     if status != SOLVED:
         return UNSOLVED
     return SUPPORTED if balanced else UNSUPPORTED
+
+
+@kernel
+def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
+    """Whether what is under load may be at rest on rigid contacts: nothing free or driven moves."""
+    clock = state.clock[0]
+    free = not rung[0].compliant and rung[0].inertia == 0.0 and rung[0].loads
+    if not free or clock.leans or greatest_load(terms, clock.free, state.free)[0] == 0.0:
+        return False
+    for i in range(state.speed.shape[0]):
+        if state.speed[i] != 0.0:
+            return False
+    return not stirs(h, terms, clock.free, state.free, state.v)
 
 
 @kernel
@@ -174,7 +203,7 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 
 @kernel
-def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> bool:
+def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
     """Whether what inertia the limit eps -> 0+ leaves in the balance of each coordinate is negligible beside
     what springs and dampers resist there and the load."""
     clock = state.clock[0]
@@ -185,7 +214,7 @@ def _is_balanced(step: float, terms: Terms, state: State, scratch: Scratch) -> b
         left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
         load = noticed_load(terms, a, force, acceleration, _ROUNDING)
         resisted = (step * terms.stiffness[a, a] + terms.damping[a, a]) * abs(scratch.v_new[a])
-        balanced &= force == 0.0 or left <= _UNBALANCED * (load + resisted)
+        balanced &= force == 0.0 or left <= unbalanced * (load + resisted)
     return balanced
 
 

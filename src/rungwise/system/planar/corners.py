@@ -31,7 +31,7 @@ from rungwise.system.planar.manifold import (
     manifold,
     put,
 )
-from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever, turns
+from rungwise.system.planar.place import X, Y, coordinate_count, lever, turns
 from rungwise.system.planar.seams import FLUSH, Seams
 
 LOOKS = 8
@@ -126,16 +126,16 @@ def touching_face(
     course: Course,
     points: Reals,
     features: Ints,
-) -> int:
-    """Put the face by which the shapes will touch in the place of the one that separates them now; returns
-    the number of points, at first `count`. By as much as contacts are `compressed`, and a little more, shapes
-    may be below a face that they go over."""
+) -> None:
+    """Put the face by which the shapes will touch in the place of the one that separates them now, in `count`
+    points. By as much as contacts are `compressed`, and a little more, shapes may be below a face that they
+    go over."""
     thick = a.width + b.width
     slack = FLUSH * max(a.reach, b.reach) + min(SOFT * thick, LEAN * compressed)
     nudge = max(NUDGE * thick, 4.0 * slack)
     time = _lost(a, b, pose, points, count, slack, nudge, course)
     if not time <= course.horizon[0]:
-        return count
+        return
     nx, ny, found, missed = points[0, NORMAL_X], points[0, NORMAL_Y], 0, False
     for _ in range(LOOKS):
         _place_ahead(a, b, shapes, pose, outline, time, seamed, course)
@@ -144,17 +144,23 @@ def touching_face(
         else:
             found = manifold(a, b, course.outline, course.points, course.features)
         if found == 0:
-            return count
-        mx, my = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
-        if abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0:
+            return
+        if _is_one_face(nx, ny, course.points[0]):
             break
-        nx, ny = mx, my
+        nx, ny = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
         left = _lost(a, b, course.pose, course.points, found, slack, nudge, course)
         time += left
         if not time <= course.horizon[0]:
             missed = left >= 0.0
             break
-    return _take_face(a, b, outline, found, slack, missed, course, points, features, count)
+    _take_face(a, b, outline, found, slack, missed, course, points, features)
+
+
+@kernel
+def _is_one_face(nx: float, ny: float, point: Reals) -> bool:
+    """Whether the point's normal is (nx, ny)."""
+    mx, my = point[NORMAL_X], point[NORMAL_Y]
+    return abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0
 
 
 @kernel
@@ -256,16 +262,15 @@ def _place_ahead(
             continue
         body = shape.body
         x, y, turn = pose[body, X], pose[body, Y], time * course.speed[body, 2]
-        c, s_ = math.cos(turn), math.sin(turn)
+        cosine, sine = math.cos(turn), math.sin(turn)
         far_x, far_y = x + time * course.speed[body, 0], y + time * course.speed[body, 1]
         course.pose[body, X], course.pose[body, Y] = far_x, far_y
-        course.pose[body, COS], course.pose[body, SIN] = pose[body, COS], pose[body, SIN]
         for i in range(shape.first, shape.end):
             dx, dy = outline[i, 0] - x, outline[i, 1] - y
-            course.outline[i, 0] = far_x + c * dx - s_ * dy
-            course.outline[i, 1] = far_y + s_ * dx + c * dy
-            course.outline[i, 2] = c * outline[i, 2] - s_ * outline[i, 3]
-            course.outline[i, 3] = s_ * outline[i, 2] + c * outline[i, 3]
+            course.outline[i, 0] = far_x + cosine * dx - sine * dy
+            course.outline[i, 1] = far_y + sine * dx + cosine * dy
+            course.outline[i, 2] = cosine * outline[i, 2] - sine * outline[i, 3]
+            course.outline[i, 3] = sine * outline[i, 2] + cosine * outline[i, 3]
 
 
 @kernel
@@ -279,14 +284,13 @@ def _take_face(
     course: Course,
     points: Reals,
     features: Ints,
-    count: int,
-) -> int:
+) -> None:
     """Take over what was found ahead, where the other shape is on its outer side now; from one corner by
     another, only where they will pass and not meet."""
     for k in range(found):
         edge, vertex = course.features[k] // VERTICES, course.features[k] % VERTICES
         if edge >= VERTICES and not missed:
-            return count
+            return
         if edge >= VERTICES:
             _put_vertices(a, b, vertex, edge - VERTICES, outline, course, course.points[k])
         elif a.first <= edge < a.end:
@@ -294,16 +298,13 @@ def _take_face(
         else:
             put(edge, vertex, b.radius, a.radius, 1.0, outline, course.points[k])
         if course.points[k, GAP] < -slack:
-            return count
-    nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
-    mx, my = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
-    if abs(nx * my - ny * mx) <= SAME and nx * mx + ny * my > 0.0:
-        return count
+            return
+    if _is_one_face(points[0, NORMAL_X], points[0, NORMAL_Y], course.points[0]):
+        return
     for k in range(2):
         features[k] = course.features[k] if k < found else ABSENT
         for i in range(points.shape[1]):
             points[k, i] = course.points[k, i]
-    return found
 
 
 @kernel

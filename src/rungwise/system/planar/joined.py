@@ -22,11 +22,13 @@ from rungwise.system.planar.manifold import (
     along,
     are_parallel,
     closest_vertices,
+    ends_of_overlap,
     has_area,
+    height,
     put,
     span,
 )
-from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, height, outer_ends
+from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, outer_ends
 
 
 @kernel
@@ -198,13 +200,14 @@ def _from_edge(
     single = other.end - other.first == 1
     facing = vertex if single else _facing_edge(edge, vertex, outline, seams)
     first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
-    ends = 4 if not plane and not single and are_parallel(edge, facing, outline) else 2
+    over = _ends_over(plane, single, edge, facing, first_vertex, last_vertex, outline, seams)
     deepest, least = -1, math.inf
-    for k in range(1 if single else ends):
-        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
-        distance = height(e, j, outline)
-        if over and distance < least:
-            deepest, least = k, distance
+    for k in range(4):
+        if over[k]:
+            e, j = _end(k, edge, facing, first_vertex, last_vertex, seams)
+            distance = height(e, j, outline)
+            if distance < least:
+                deepest, least = k, distance
     lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
     nearest = first_vertex if lower else last_vertex
     gap = height(edge, nearest, outline)
@@ -220,10 +223,10 @@ def _from_edge(
         features, 0,
     )  # fmt: skip
     second, farthest = -1, 0.0
-    _, _, j0 = _end(deepest, plane, edge, facing, first_vertex, last_vertex, outline, seams)
-    for k in range(1 if single else ends):
-        over, e, j = _end(k, plane, edge, facing, first_vertex, last_vertex, outline, seams)
-        if over and k != deepest:
+    _, j0 = _end(deepest, edge, facing, first_vertex, last_vertex, seams)
+    for k in range(4):
+        if over[k] and k != deepest:
+            _, j = _end(k, edge, facing, first_vertex, last_vertex, seams)
             away = abs(along(edge, j, outline) - along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
@@ -236,17 +239,27 @@ def _from_edge(
 
 
 @kernel
-def _end(
-    k: int, plane: bool, edge: int, facing: int, first: int, last: int, outline: Reals, seams: Seams
-) -> tuple[bool, int, int]:
-    """Candidate k = 0..3: (is it over the whole face, edge, vertex). Ends of the facing face, then of the
-    best edge's."""
-    if k < 2:
-        j = first if k == 0 else last
-        return plane or _is_over(edge, j, outline, seams), edge, j
+def _ends_over(
+    plane: bool, single: bool, edge: int, facing: int, first: int, last: int, outline: Reals, seams: Seams
+) -> tuple[bool, bool, bool, bool]:
+    """Which candidates of `_end` are over the other's whole face."""
+    if plane:
+        return True, not single, False, False
+    if single or not are_parallel(edge, facing, outline):
+        last_over = not single and _is_over(edge, last, outline, seams)
+        return _is_over(edge, first, outline, seams), last_over, False, False
     start, end = outer_ends(edge, seams)
-    j = start if k == 2 else end
-    return _is_over(facing, j, outline, seams), facing, j
+    low, high = along(edge, start, outline), along(edge, end, outline)
+    return ends_of_overlap(low, high, along(edge, last, outline), along(edge, first, outline))
+
+
+@kernel
+def _end(k: int, edge: int, facing: int, first: int, last: int, seams: Seams) -> tuple[int, int]:
+    """Candidate k = 0..3: (edge, vertex). Ends of the facing face, then of the best edge's."""
+    if k < 2:
+        return edge, first if k == 0 else last
+    start, end = outer_ends(edge, seams)
+    return facing, start if k == 2 else end
 
 
 @kernel
@@ -290,7 +303,7 @@ def _put_end(
 ) -> int:
     """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
     plane = shape.kind == HALFPLANE
-    _, e, j = _end(k, plane, edge, facing, first, last, outline, seams)
+    e, j = _end(k, edge, facing, first, last, seams)
     own, against = (other, shape) if k < 2 else (shape, other)
     if not (own.first <= j < own.end and against.first <= e < against.end):
         return at

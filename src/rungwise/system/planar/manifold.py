@@ -84,12 +84,12 @@ def _from_edge(
         features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     facing = facing_edge(other, edge, vertex, outline)
-    ends = 4 if shape.kind != HALFPLANE and are_parallel(edge, facing, outline) else 2
+    over = _ends_over(shape, other, edge, facing, outline)
     first, least = -1, math.inf
-    for k in range(ends):
-        over, e, j = _end(k, shape, other, edge, facing, outline)
-        if over:
-            distance = _distance(e, j, outline)
+    for k in range(4):
+        if over[k]:
+            e, j = _end(k, shape, other, edge, facing)
+            distance = height(e, j, outline)
             if distance < least:
                 first, least = k, distance
     if first < 0 or (gap > 0.0 and least > gap + TIE * span(edge, vertex, outline)):
@@ -99,10 +99,10 @@ def _from_edge(
         return 1
     features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
     second, farthest = -1, 0.0
-    _, _, j0 = _end(first, shape, other, edge, facing, outline)
-    for k in range(ends):
-        over, e, j = _end(k, shape, other, edge, facing, outline)
-        if over and k != first:
+    _, j0 = _end(first, shape, other, edge, facing)
+    for k in range(4):
+        if over[k] and k != first:
+            _, j = _end(k, shape, other, edge, facing)
             away = abs(along(edge, j, outline) - along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
@@ -134,15 +134,40 @@ def span(edge: int, vertex: int, outline: Reals) -> float:
 
 
 @kernel
-def _end(
-    k: int, shape: Record, other: Record, edge: int, facing: int, outline: Reals
-) -> tuple[bool, int, int]:
-    """Candidate k = 0..3: (is it over, edge, vertex). Ends of the facing edge, then of the best edge."""
+def _ends_over(
+    shape: Record, other: Record, edge: int, facing: int, outline: Reals
+) -> tuple[bool, bool, bool, bool]:
+    """Which candidates of `_end` are over the other's edge."""
+    if shape.kind == HALFPLANE:
+        return True, True, False, False
+    last = next_vertex(other, facing)
+    if not are_parallel(edge, facing, outline):
+        first_over, last_over = _is_over(shape, edge, facing, outline), _is_over(shape, edge, last, outline)
+        return first_over, last_over, False, False
+    far, near = along(edge, facing, outline), along(edge, last, outline)
+    return ends_of_overlap(0.0, along(edge, next_vertex(shape, edge), outline), near, far)
+
+
+@kernel
+def ends_of_overlap(start: float, end: float, near: float, far: float) -> tuple[bool, bool, bool, bool]:
+    """Which of far, near, start and end bound the stretch common to start..end and near..far; two places that
+    rounding alone parts both do.
+
+    All are places along one axis. Were each face's ends looked for along the other face, both vertices at one
+    end of faces that a hair of tilt and of depth parts could be over, and none at the other end.
+    """
+    slack = TIE * (end - start)
+    if max(start, near) > min(end, far) + slack:
+        return False, False, False, False
+    return far <= end + slack, near >= start - slack, near <= start + slack, far >= end - slack
+
+
+@kernel
+def _end(k: int, shape: Record, other: Record, edge: int, facing: int) -> tuple[int, int]:
+    """Candidate k = 0..3: (edge, vertex). Ends of the facing edge, then of the best edge."""
     if k < 2:
-        j = facing if k == 0 else next_vertex(other, facing)
-        return shape.kind == HALFPLANE or _is_over(shape, edge, j, outline), edge, j
-    j = edge if k == 2 else next_vertex(shape, edge)
-    return _is_over(other, facing, j, outline), facing, j
+        return edge, facing if k == 0 else next_vertex(other, facing)
+    return facing, edge if k == 2 else next_vertex(shape, edge)
 
 
 @kernel
@@ -166,7 +191,7 @@ def along(edge: int, vertex: int, outline: Reals) -> float:
 
 
 @kernel
-def _distance(edge: int, vertex: int, outline: Reals) -> float:
+def height(edge: int, vertex: int, outline: Reals) -> float:
     """Distance of the vertex from the line of the edge, positive outside."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
     return outline[edge, 2] * dx + outline[edge, 3] * dy
@@ -186,7 +211,7 @@ def facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
 def _put_end(
     k: int, shape: Record, other: Record, edge: int, facing: int, sign: float, outline: Reals, point: Reals
 ) -> int:
-    _, e, j = _end(k, shape, other, edge, facing, outline)
+    e, j = _end(k, shape, other, edge, facing)
     if k < 2:
         return put(e, j, shape.radius, other.radius, sign, outline, point)
     return put(e, j, other.radius, shape.radius, -sign, outline, point)
@@ -204,7 +229,7 @@ def put(
 ) -> int:
     """Write the point of a vertex over an edge; returns its feature."""
     nx, ny = outline[edge, 2], outline[edge, 3]
-    gap = _distance(edge, vertex, outline) - edge_radius - vertex_radius
+    gap = height(edge, vertex, outline) - edge_radius - vertex_radius
     back = vertex_radius + 0.5 * gap
     point[GAP] = gap
     point[NORMAL_X], point[NORMAL_Y] = sign * nx, sign * ny

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FIXED, HALFPLANE, SPEED, Records
-from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel
+from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel, height
 from rungwise.system.planar.place import X, Y
 
 NONE = -1
@@ -280,13 +280,6 @@ def _is_inner(i: int, seams: Seams) -> bool:
 @kernel
 def _is_covered_at_end(i: int, seams: Seams) -> bool:
     return seams.exposed[i, 1] < math.inf
-
-
-@kernel
-def height(edge: int, vertex: int, outline: Reals) -> float:
-    """Distance of the vertex from the line of the edge, positive outside."""
-    dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
-    return outline[edge, 2] * dx + outline[edge, 3] * dy
 
 
 @kernel
