@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, Record, RecordArray, kernel
+from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, kernel
 from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE
 
 X, Y, COS, SIN = 0, 1, 2, 3
@@ -29,7 +29,7 @@ def place(
         place_body(b, bodies, shapes, vertices, q, pose, outline)
 
 
-@kernel
+@inner_kernel
 def place_body(
     b: int,
     bodies: RecordArray,
