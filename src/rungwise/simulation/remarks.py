@@ -86,5 +86,5 @@ def _strays(clock: RecordArray) -> str:
         return ""
     return (
         f"step: from t = {time:.6g} one of {step:.3g} left bodies {gap:.3g} apart that it pressed together:"
-        " it is too long for what moves there; --tol chooses steps"
+        " a shorter one, or --tol, follows the way between where anything damps it"
     )
