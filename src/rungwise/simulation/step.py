@@ -7,6 +7,7 @@ import math
 from rungwise.contact.modes import OPEN, STICK
 from rungwise.contact.problem import ContactProblem
 from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
+from rungwise.contact.solvers.settle import settle
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import (
     LIMIT,
@@ -123,6 +124,8 @@ def _solve_in_turn(
         else:
             bounced = False
     clock.bounced = bounced
+    if status == SOLVED and rung[0].inertia == 0.0:
+        settle(problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order)
     return status
 
 
