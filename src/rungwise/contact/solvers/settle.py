@@ -27,7 +27,7 @@ _BETTER = 0.1
 def settle(
     p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
 ) -> None:
-    """Correct v (n,) of an answer in these modes if a row that holds moves, beyond the rounding of v itself."""
+    """Correct v (n,) of an answer in these modes if a row that holds moves by more than the rounding of v."""
     before = _greatest_rate(p, n, contacts, limited, mode, v)
     if not before > _NOTICED * p.quantum[0]:
         return
