@@ -1,8 +1,8 @@
 """Siconos and Pinocchio beside `rw.solve`: the same problem in their formats, the answers judged as our own.
 
 Each is given the problem as it is where it has a format for it, and what is left after elimination, in the
-problem's units and in those of `rungwise.contact.system`; it is run with ever tighter tolerances of its own
-until our judge accepts. What a form takes to prepare is counted as time of the peer.
+problem's units and in those of `rungwise.contact.prepare.system`; it is run with ever tighter tolerances of
+its own until our judge accepts. What a form takes to prepare is counted as time of the peer.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ import siconos_peer
 from peer_process import Answer, Peer, Task
 
 import rungwise as rw
-from rungwise.contact.judge import judge
-from rungwise.contact.system import System, scaled
+from rungwise.contact.judge.verdict import judge
+from rungwise.contact.prepare.system import System, scaled
 
 TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 BUDGET, LIMITS = 25.0, (0.4, 1.5, 5.0)

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.read import read_problem
+from rungwise.contact.files.read import read_problem
 
 Rng = np.random.Generator
 LOOSE, FAINT = 1e-7, 1e-8

@@ -13,14 +13,14 @@ import scipy.sparse as sp
 from contact_peers import Cost
 
 import rungwise as rw
-from rungwise.contact import schur, small
-from rungwise.contact.elimination import eliminated
-from rungwise.contact.small import solve_dense
-from rungwise.contact.solvers import pivoting
+from rungwise.contact.prepare import schur
+from rungwise.contact.prepare.elimination import eliminated
+from rungwise.contact.prepare.system import System, scaled
+from rungwise.contact.prepare.units import compress, fitted, measured, rescaled
+from rungwise.contact.solvers import pivoting, small
 from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import System, scaled
-from rungwise.contact.units import compress, fitted, measured, rescaled
+from rungwise.contact.solvers.small import solve_dense
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 TOL = 1e-8

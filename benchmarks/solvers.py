@@ -62,8 +62,8 @@ from peer_process import Peer
 from solver_times import TOL
 
 import rungwise as rw
-from rungwise.contact.fclib import write_fclib
-from rungwise.contact.read import read_problem
+from rungwise.contact.files.fclib import write_fclib
+from rungwise.contact.files.read import read_problem
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "problems"
 SUFFIXES = (".dat", ".hdf5", ".npz")

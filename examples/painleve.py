@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rungwise as rw
-from rungwise.contact.pieces import check
+from rungwise.contact.analysis.pieces import check
 
 STEP = 1e-2
 ANGLES = (15.0, 30.0, 45.0, 60.0, math.degrees(math.atan(2.0)), 75.0)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.read import read_problem
+from rungwise.contact.files.read import read_problem
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 

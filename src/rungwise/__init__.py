@@ -7,14 +7,14 @@ for model in rw.LADDER[1:]:
     print(model.name, run.outcome, run.worst_residual)
 """
 
-from rungwise.contact.closure import Closure, force_closure, form_closure
-from rungwise.contact.fclib import write_fclib
-from rungwise.contact.mixed import Problem
-from rungwise.contact.pieces import Kind, Piece, Solutions
-from rungwise.contact.read import read_problem
-from rungwise.contact.sensitivity import Sensitivity, sensitivity
+from rungwise.contact.analysis.all_solutions import extreme_motions, solutions
+from rungwise.contact.analysis.closure import Closure, force_closure, form_closure
+from rungwise.contact.analysis.pieces import Kind, Piece, Solutions
+from rungwise.contact.analysis.sensitivity import Sensitivity, sensitivity
+from rungwise.contact.files.fclib import write_fclib
+from rungwise.contact.files.read import read_problem
+from rungwise.contact.problem import Problem
 from rungwise.contact.solution import ContactSolution, Status
-from rungwise.contact.solutions import extreme_motions, solutions
 from rungwise.contact.solve import solve
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,

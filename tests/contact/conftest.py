@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rungwise.contact.problem import ContactProblem, allocate_problem
-from rungwise.contact.residual import residual
-from rungwise.contact.solvers.enumerate_modes import solve_by_enumeration
-from rungwise.contact.solvers.lemke import solve_lemke
-from rungwise.contact.solvers.mode_newton import solve_by_modes
-from rungwise.contact.solvers.planar import TOLERANCE, matrix_size, solve_planar
-from rungwise.contact.solvers.proximal import solve_proximal
+from rungwise.contact.step.enumerate_modes import solve_by_enumeration
+from rungwise.contact.step.lemke import solve_lemke
+from rungwise.contact.step.mode_newton import solve_by_modes
+from rungwise.contact.step.planar import TOLERANCE, matrix_size, solve_planar
+from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from rungwise.contact.step.proximal import solve_proximal
+from rungwise.contact.step.residual import residual
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,11 @@ import pytest
 from scipy.linalg import block_diag
 
 import rungwise as rw
-from rungwise.contact.farkas import check
-from rungwise.contact.islands import islands
-from rungwise.contact.judge import judge
+from rungwise.contact.judge.farkas import check
+from rungwise.contact.judge.verdict import judge
+from rungwise.contact.prepare.islands import islands
+from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.system import scaled
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rungwise.contact import certificate as module
-from rungwise.contact.certificate import Certificate, check
-from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
-from rungwise.contact.modes import ANY
+from rungwise.contact.judge.certificate import Certificate, check
+from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.judge.verdict import certificate as module
+from rungwise.contact.step.modes import ANY
 
 
 def walls(body, speed=-1.0):
@@ -263,5 +263,5 @@ def test_the_checker_imports_no_solver():
     names = {
         node.module if isinstance(node, ast.ImportFrom) else a.name for node in nodes for a in node.names
     }
-    ours = {"rungwise.contact.modes", "rungwise.contact.problem"}
+    ours = {"rungwise.contact.step.modes", "rungwise.contact.step.problem"}
     assert names == {"__future__", "collections.abc", "dataclasses", "numpy", "numpy.typing"} | ours

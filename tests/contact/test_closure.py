@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rungwise as rw
-from rungwise.contact.closure import check
+from rungwise.contact.analysis.closure import check
 
 SQUARE = np.array([[-0.3, -1.0], [1.0, -0.3], [0.3, 1.0], [-1.0, 0.3]])
 """One contact on each side of a square, each off the middle in the same sense of rotation."""

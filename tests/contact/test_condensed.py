@@ -10,10 +10,10 @@ import pytest
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.product import MOST
+from rungwise.contact.prepare.product import MOST
+from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.solvers.condensed import diagonal_blocks, invert, solver
 from rungwise.contact.solvers.factors import factors
-from rungwise.contact.system import System, scaled, uneliminated
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies
@@ -77,7 +77,7 @@ def test_blocks_of_contacts_and_single_others() -> None:
 
 def test_velocities_that_are_kept_are_not_taken_for_what_hides_a_low_rank() -> None:
     """Many contacts of few bodies, nothing eliminated: the first step of the path inside is a step."""
-    from rungwise.contact import rank
+    from rungwise.contact.prepare import rank
     from rungwise.contact.solvers import interior_point
     from rungwise.contact.solvers.work import Work
 

@@ -11,14 +11,14 @@ import pytest
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.inverse import inverse
-from rungwise.contact.islands import islands
+from rungwise.contact.prepare.inverse import inverse
+from rungwise.contact.prepare.islands import islands
+from rungwise.contact.prepare.system import System, scaled
+from rungwise.contact.prepare.units import compressed
 from rungwise.contact.solvers import condensed, newton
 from rungwise.contact.solvers.cones import cones_of
 from rungwise.contact.solvers.measure import all_rates, natural
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System, scaled
-from rungwise.contact.units import compressed
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies

@@ -14,9 +14,9 @@ import scipy.sparse as sp
 
 import rungwise as rw
 from rungwise.cli import main
-from rungwise.contact.fclib import write_fclib
-from rungwise.contact.problem import allocate_problem
-from rungwise.contact.read import read_problem
+from rungwise.contact.files.fclib import write_fclib
+from rungwise.contact.files.read import read_problem
+from rungwise.contact.step.problem import allocate_problem
 
 pytest.importorskip("h5py", reason="FCLIB files need h5py")
 W = np.array([[2.0, 0.1, 0.0], [0.1, 1.0, 0.0], [0.0, 0.0, 1.0]])

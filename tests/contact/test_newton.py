@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rungwise.contact.refine import jacobian
 from rungwise.contact.solvers.newton_reduced import (
     INTS,
     REALS,
@@ -12,6 +11,7 @@ from rungwise.contact.solvers.newton_reduced import (
     factorise_reduced,
     solve_reduced,
 )
+from rungwise.contact.solvers.refine import jacobian
 
 RHO, KEPT, DAMPING = 0.8, 0.7, 1e-3
 

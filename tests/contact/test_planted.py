@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.farkas import Infeasible, excludes_given, proves
-from rungwise.contact.read import read_problem
-from rungwise.contact.small import solve_at_once
-from rungwise.contact.system import scaled
+from rungwise.contact.files.read import read_problem
+from rungwise.contact.judge.farkas import Infeasible, excludes_given, proves
+from rungwise.contact.prepare.system import scaled
+from rungwise.contact.solvers.small import solve_at_once
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.read import read_problem
-from rungwise.contact.system import scaled
+from rungwise.contact.files.read import read_problem
+from rungwise.contact.prepare.system import scaled
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
 REFERENCES = sorted(FOLDER.glob("refs/*.ref.npz"))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.farkas import check
-from rungwise.contact.system import scaled
+from rungwise.contact.judge.farkas import check
+from rungwise.contact.prepare.system import scaled
 
 TRIALS, SEEDS = 1000, 10
 MOST = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.problem import ContactProblem, allocate_problem
-from rungwise.contact.sensitivity import DATA, Sensitivity, sensitivity
+from rungwise.contact.analysis.sensitivity import DATA, Sensitivity, sensitivity
+from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 STEP = 1e-5
 

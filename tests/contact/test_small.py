@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.elimination import eliminated
-from rungwise.contact.judge import judge
-from rungwise.contact.small import solve_at_once
+from rungwise.contact.judge.verdict import judge
+from rungwise.contact.prepare.elimination import eliminated
+from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solve import SOLVERS
-from rungwise.contact.system import scaled
+from rungwise.contact.solvers.small import solve_at_once
 
 CHAIN = tuple(module.NAME for module in SOLVERS)
 

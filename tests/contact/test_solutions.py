@@ -12,11 +12,12 @@ import pytest
 from scipy.optimize import linprog
 
 import rungwise as rw
-from rungwise.contact import farkas, modes
-from rungwise.contact.pieces import check
-from rungwise.contact.problem import ContactProblem, allocate_problem
-from rungwise.contact.read import read_problem
-from rungwise.contact.system import scaled
+from rungwise.contact.analysis.pieces import check
+from rungwise.contact.files.read import read_problem
+from rungwise.contact.judge.verdict import farkas
+from rungwise.contact.prepare.system import scaled
+from rungwise.contact.step import modes
+from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
 Array = np.ndarray

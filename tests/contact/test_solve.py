@@ -10,11 +10,11 @@ import pytest
 import scipy.sparse as sp
 
 import rungwise as rw
-from rungwise.contact.farkas import Infeasible, check
-from rungwise.contact.pieces import check as check_solutions
-from rungwise.contact.problem import ContactProblem, allocate_problem
+from rungwise.contact.analysis.pieces import check as check_solutions
+from rungwise.contact.judge.farkas import Infeasible, check
+from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solve import SOLVERS
-from rungwise.contact.system import scaled
+from rungwise.contact.step.problem import ContactProblem, allocate_problem
 
 ONE = np.diag([2.0, 1.0, 1.0])
 

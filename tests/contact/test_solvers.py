@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rungwise.contact.certificate import check
-from rungwise.contact.infeasible import certify_infeasible
-from rungwise.contact.modes import linear_system, natural_units, yielding
-from rungwise.contact.solvers.planar import TOLERANCE
+from rungwise.contact.judge.certificate import check
+from rungwise.contact.judge.infeasible import certify_infeasible
+from rungwise.contact.step.modes import linear_system, natural_units, yielding
+from rungwise.contact.step.planar import TOLERANCE
 
 
 def problems(random_problem, count, seed=1, most=4):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.closure import check
+from rungwise.contact.analysis.closure import check
 
 from .conftest import MOVING
 

@@ -12,9 +12,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.cli import main
-from rungwise.contact.equivalent import in_contacts
-from rungwise.contact.mixed import Problem
-from rungwise.contact.problem import ContactProblem, trim
+from rungwise.contact.prepare.equivalent import in_contacts
+from rungwise.contact.problem import Problem
+from rungwise.contact.step.problem import ContactProblem, trim
 from rungwise.simulation import hard
 from rungwise.simulation.notes import Note
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rungwise.contact.farkas import Infeasible
-from rungwise.contact.judge import Residuals
-from rungwise.contact.mixed import Array, Problem
+from rungwise.contact.judge.farkas import Infeasible
+from rungwise.contact.judge.verdict import Residuals
+from rungwise.contact.problem import Array, Problem
 
 
 class Status(StrEnum):

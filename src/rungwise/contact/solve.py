@@ -8,13 +8,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.farkas import Infeasible, proves
-from rungwise.contact.islands import islands
-from rungwise.contact.judge import Residuals, judged
-from rungwise.contact.mixed import Array, Problem, vector
-from rungwise.contact.problem import ContactProblem
-from rungwise.contact.refine import SMALL, rate_error, refined, sharpened
-from rungwise.contact.small import try_at_once
+from rungwise.contact.judge.farkas import Infeasible, proves
+from rungwise.contact.judge.verdict import Residuals, judged
+from rungwise.contact.prepare.islands import islands
+from rungwise.contact.prepare.system import System, scaled, uneliminated
+from rungwise.contact.prepare.units import settle
+from rungwise.contact.problem import Array, Problem, vector
 from rungwise.contact.solution import Attempt, ContactSolution, Status
 from rungwise.contact.solvers import (
     branching,
@@ -27,9 +26,10 @@ from rungwise.contact.solvers import (
     step,
 )
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.refine import SMALL, rate_error, refined, sharpened
+from rungwise.contact.solvers.small import try_at_once
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System, scaled, uneliminated
-from rungwise.contact.units import settle
+from rungwise.contact.step.problem import ContactProblem
 
 SOLVERS: tuple[ModuleType, ...] = (
     gauss_seidel,

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, kernel
 from rungwise.system.terms import JOINT, Terms
 

@@ -13,7 +13,6 @@ from rungwise.kernel import record_type
 
 FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
 NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
-WELDED, HINGED, SLIDING = 0, 1, 2
 ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
 

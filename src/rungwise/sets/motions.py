@@ -1,4 +1,4 @@
-"""Sets of a model that has several motions: those of the slowest, of some and of all admissible ones.
+"""Sets of a model that has several motions: the sets of the slowest, of some and of all admissible motions.
 
 On a kinematic or quasistatic rung an object that must move may move in many ways. The extremes are those that
 go as fast as contacts allow along one coordinate, either way, until something stops them. A point is possible

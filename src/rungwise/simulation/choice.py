@@ -25,7 +25,7 @@ REST = 1e-6
 STRIDE = 0.05
 """How far a preferred motion may go in one step, over the smallest shape's reach: conditions see it there."""
 ONSET = 1e-4
-"""The same for the step in which it begins: so well is its beginning dated."""
+"""How far it may go in the step in which it begins, in the same unit: so exactly is its beginning dated."""
 FLUNG = 10.0
 """What is faster than the pace by this factor is part of a preferred motion."""
 FAR = 10.0

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rungwise.contact.fclib import h5py_library, write_fclib
-from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import ENUMERATION, NO_SOLUTION, SOLVED
+from rungwise.contact.files.fclib import h5py_library, write_fclib
+from rungwise.contact.step.planar import ENUMERATION, NO_SOLUTION, SOLVED
+from rungwise.contact.step.problem import ContactProblem
 from rungwise.simulation.notes import Note, taken
 from rungwise.simulation.state import Workspace
 

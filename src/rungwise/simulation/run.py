@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.contact.certificate import Certificate
-from rungwise.contact.infeasible import certify_infeasible, certify_unsupported
-from rungwise.contact.problem import ContactProblem, trim
-from rungwise.contact.solvers.planar import TOLERANCE
+from rungwise.contact.judge.certificate import Certificate
+from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.step.planar import TOLERANCE
+from rungwise.contact.step.problem import ContactProblem, trim
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load

@@ -20,8 +20,8 @@ OPTIONS = record_type("", "step duration tol longest jam budget")
 """nan: the scene's own step or duration. tol 0: fixed steps; longest: in parts of the duration; jam: in parts
 of the goal's tolerance; budget: greatest number of steps of a run."""
 
-STOPPED, DONE = 0, 1
-"""Signals: whether to stop, and how many runs are done."""
+STOPPED = 0
+"""Place, among the signals, of whether to stop."""
 
 
 class Programs(Block):

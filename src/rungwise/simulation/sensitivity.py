@@ -17,9 +17,9 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.contact.problem import trim
-from rungwise.contact.sensitivity import DATA, Sensitivity
-from rungwise.contact.solvers.planar import solve_planar
+from rungwise.contact.analysis.sensitivity import DATA, Sensitivity
+from rungwise.contact.step.planar import solve_planar
+from rungwise.contact.step.problem import trim
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
 from rungwise.simulation.attempt import MAX_LINEARISATIONS, TAKEN, attempt

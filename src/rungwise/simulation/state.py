@@ -7,8 +7,8 @@ from typing import TypeAlias
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.contact.problem import ContactProblem, allocate_problem
-from rungwise.contact.solvers.planar import matrix_size
+from rungwise.contact.step.planar import matrix_size
+from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records

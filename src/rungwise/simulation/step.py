@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.modes import OPEN, STICK
-from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
-from rungwise.contact.solvers.settle import settle
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.steady import steady
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.models.assemble import (
     LIMIT,
@@ -125,7 +125,7 @@ def _solve_in_turn(
             bounced = False
     clock.bounced = bounced
     if status == SOLVED and rung[0].inertia == 0.0:
-        settle(problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order)
+        steady(problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order)
     return status
 
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.modes import BACKWARD, FORWARD, STICK
-from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import NO_SOLUTION, SOLVED, solve_planar
+from rungwise.contact.step.modes import BACKWARD, FORWARD, STICK
+from rungwise.contact.step.planar import NO_SOLUTION, SOLVED, solve_planar
+from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Reals, kernel
 from rungwise.simulation.state import Scratch, State
 from rungwise.system.terms import APART, Terms

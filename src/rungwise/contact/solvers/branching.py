@@ -18,13 +18,13 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from rungwise.contact.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
-from rungwise.contact.islands import islands
-from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.judge.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
+from rungwise.contact.prepare.islands import islands
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 from rungwise.kernel import Ints
 
 NAME = "branching"

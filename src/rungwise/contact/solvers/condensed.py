@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from rungwise.contact.linear import factorise, substitute_many
-from rungwise.contact.mixed import Array
-from rungwise.contact.product import Condensed
+from rungwise.contact.prepare.product import Condensed
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers.factors import (
     FULL,
     Factors,

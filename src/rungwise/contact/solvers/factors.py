@@ -12,7 +12,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.csgraph import structural_rank
 from scipy.sparse.linalg import splu
 
-from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.work import DENSE
 from rungwise.kernel import Ints, kernel
 

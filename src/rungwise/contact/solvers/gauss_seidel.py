@@ -18,16 +18,16 @@ import math
 
 import numpy as np
 
-from rungwise.contact.islands import Islands, islands
-from rungwise.contact.mixed import Array
-from rungwise.contact.natural import natural_map
-from rungwise.contact.product import FEW
+from rungwise.contact.judge.natural import natural_map
+from rungwise.contact.prepare.islands import Islands, islands
+from rungwise.contact.prepare.product import FEW
+from rungwise.contact.prepare.system import System
+from rungwise.contact.prepare.units import expand
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers.measure import distance, rates, row_times
 from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
 from rungwise.contact.solvers.one_contact import solve_contact
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
-from rungwise.contact.units import expand
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 NAME = "gauss-seidel"

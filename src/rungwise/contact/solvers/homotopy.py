@@ -19,7 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.mixed import Array
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.cones import (
     Cones,
@@ -34,7 +35,6 @@ from rungwise.contact.solvers.cones import (
 )
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "homotopy"

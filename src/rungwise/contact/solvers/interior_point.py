@@ -17,7 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rungwise.contact.mixed import Array
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.cones import (
     Cones,
@@ -33,7 +34,6 @@ from rungwise.contact.solvers.cones import (
 )
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 
 NAME = "interior-point"
 _STEPS, _DEAR = 100, 60

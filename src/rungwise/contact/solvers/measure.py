@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from rungwise.contact.mixed import Array
-from rungwise.contact.natural import natural_map
-from rungwise.contact.system import System
+from rungwise.contact.judge.natural import natural_map
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 
 _ROUNDING = 2.0**-53

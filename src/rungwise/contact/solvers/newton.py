@@ -17,8 +17,9 @@ from collections.abc import Callable
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact import rank
-from rungwise.contact.mixed import Array, Matrix
+from rungwise.contact.prepare import rank
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.condensed import solver
 from rungwise.contact.solvers.factors import factors
 from rungwise.contact.solvers.measure import all_rates, natural
@@ -32,7 +33,6 @@ from rungwise.contact.solvers.newton_dense import (
     descend_dense,
 )
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 
 NAME = "newton"
 _STEPS = 40

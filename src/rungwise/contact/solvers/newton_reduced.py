@@ -1,9 +1,9 @@
 """Linear systems of Newton steps in small problems, reduced to unknowns that depend on each other.
 
-With D the derivative of the projections, (I + damping - kept D + rho D A) dx = F says at once what forces of
-open contacts are, and of unknowns at limits; where a contact slides, what friction along the slip is, by the
-normal force. What is left are directions u of forces, one equation l each: the normal force of a closed
-contact (with its friction, if that slides), both tangential ones where it sticks, that across the slip.
+With D the derivative of the projections, (I + damping - kept D + rho D A) dx = F gives the forces of open
+contacts and of unknowns at limits at once; where a contact slides, the normal force gives the friction along
+the slip. Directions u of forces remain, with one equation l each: the normal force of a closed contact (with
+its friction if it slides), both tangential forces where it sticks, the force across the slip where it slides.
 """
 
 from __future__ import annotations

@@ -20,10 +20,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rungwise.contact.linear import solve_in_place
-from rungwise.contact.mixed import Array
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "pivoting"

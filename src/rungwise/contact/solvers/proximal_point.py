@@ -13,16 +13,16 @@ import math
 
 import numpy as np
 
-from rungwise.contact.mixed import Array
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
 from rungwise.contact.solvers import gauss_seidel, newton
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
-from rungwise.contact.system import System
 
 NAME = "proximal-point"
 _OUTER, _PATIENT = 120, 5000
-"""Subproblems, and those of one who is near and has time: where gaps of next to nothing decide which contacts
-carry, forces drift for long from one set to another."""
+"""How many subproblems are solved at most, and how many near a solution with time to spare: where tiny gaps
+decide which contacts carry, forces drift for long from one set to another."""
 _WINDOW, _STALLED = 40, 0.7
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0

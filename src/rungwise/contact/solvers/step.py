@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.modes import BACKWARD, FORWARD, OPEN, STICK
-from rungwise.contact.problem import ContactProblem
-from rungwise.contact.solvers.planar import matrix_size, solve_planar
+from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.step.planar import matrix_size, solve_planar
+from rungwise.contact.step.problem import ContactProblem
 
 NAME = "step"
 

@@ -26,7 +26,7 @@ class Work:
 
     @property
     def is_low(self) -> bool:
-        """Whether so little is left that nothing more is worth to be begun."""
+        """Whether too little work is left to begin anything more."""
         return self.left < _LOW * LIMIT
 
     def spend(self, multiplications: float) -> None:

@@ -1,0 +1,123 @@
+"""Modes whose solutions all have the motion of a known one, and the independent check of that.
+
+For two solutions x and x*, with the symmetric part of A positive, the sum over all laws of (x - x*)(y - y*)
+is (x - x*) A (x - x*) >= 0. A law that is monotone adds no more than 0 to it: without friction, or within
+limits. With friction it does so
+
+    at rest in x*:      where r*_t = 0, or x sticks too, or x slips along r*_t;
+    open in x*:         where y*_n >= mu |y*_t| against every slip that x may have, or x is open too;
+    slipping in x*:     where r* = 0, and x is open or slips the other way.
+
+Where this holds for all laws the sum vanishes, and with it (x - x*) A (x - x*); if that leaves no freedom to
+the motion, all solutions of the mode have that of x*, and lie in the piece of its own, widest mode. Source:
+uniqueness by monotonicity, as in Rockafellar, Convex Analysis (1970), section 24; with friction that carries
+no load, as in Moreau, in Nonsmooth Mechanics and Applications (1988), 1-82.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.contact.judge.farkas import (
+    CLOSED,
+    HULL,
+    INSIDE,
+    LOWER,
+    OPEN,
+    SLIPS,
+    STICK,
+    UPPER,
+    Mode,
+)  # fmt: skip
+from rungwise.contact.prepare.system import System
+from rungwise.contact.problem import Array
+
+_TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
+
+
+class Demands(NamedTuple):
+    """What a solution must have so that all those of a mode have its motion: unknowns that are zero, those
+    that are not negative, and those that are not positive."""
+
+    zero: tuple[int, ...]
+    positive: tuple[int, ...]
+    negative: tuple[int, ...]
+
+    def met(self, point: Array) -> bool:
+        """Whether the scaled point has it, to rounding."""
+        room = _TIGHT * (1.0 + float(np.abs(point).max(initial=0.0)))
+        return bool(
+            (np.abs(point[list(self.zero)]) <= room).all()
+            and (point[list(self.positive)] >= -room).all()
+            and (point[list(self.negative)] <= room).all()
+        )
+
+
+def is_monotone(system: System, motion: Array) -> bool:
+    """Whether the symmetric part of A is positive, and a change for which it vanishes moves nothing."""
+    if system.size == 0:
+        return False
+    A = system.matrix().toarray()
+    values, axes = np.linalg.eigh(0.5 * (A + A.T))
+    least = _RANK * max(float(np.abs(values).max()), 1e-300)
+    idle = axes[:, values <= least]
+    largest = np.abs(motion).max(axis=1, initial=0.0)
+    moved = (motion / np.where(largest > 0.0, largest, 1.0)[:, None]) @ idle
+    return bool(values[0] >= -least and np.abs(moved).max(initial=0.0) <= _SAME)
+
+
+def widest(system: System, point: Array) -> Mode:
+    """The mode, dividing no further, that leaves most to forces at the rates of the scaled point."""
+    s, d = system, system.directions
+    y = s.matrix() @ point + s.b
+    room = _TIGHT * (1.0 + float(np.abs(point).sum()))
+    mode: list[int] = []
+    for k, mu in enumerate(s.mu):
+        normal, slip = y[k * d], y[k * d + 1 : (k + 1) * d]
+        if normal > room:
+            mode.append(OPEN)
+        elif mu == 0.0 or d == 1:
+            mode.append(CLOSED)
+        elif (np.abs(slip) <= room).all():
+            mode.append(STICK)
+        else:
+            mode.append(next(piece for piece, sign in SLIPS[d].items() if (slip * sign >= 0.0).all()))
+    for j, (lower, upper) in enumerate(zip(s.lower, s.upper, strict=True)):
+        rate = y[s.rows + j]
+        if np.isneginf(lower) and np.isposinf(upper):
+            mode.append(HULL)
+        elif lower == upper:
+            mode.append(LOWER)
+        else:
+            mode.append(INSIDE if abs(rate) <= room else LOWER if rate > 0.0 else UPPER)
+    return tuple(mode)
+
+
+def demands(system: System, point: Array, own: Mode, mode: Mode) -> Demands | None:
+    """What a point of the piece `own`, whose rates are those of `point`, must have so that all solutions in
+    `mode` have its motion; None if no point will do. In space, with friction, there is none."""
+    s, d = system, system.directions
+    if d > 2 and (s.mu > 0.0).any():
+        return None
+    y = s.matrix() @ point + s.b
+    found: dict[int, list[int]] = {0: [], 1: [], -1: []}
+    for k, mu in enumerate(s.mu):
+        if mu == 0.0 or d == 1 or (own[k] != STICK and mode[k] == OPEN and own[k] == OPEN):
+            continue
+        normal, tangent = k * d, k * d + 1
+        slips = [int(sign) for (sign,) in SLIPS[2].values()]
+        if mode[k] in SLIPS[2]:
+            slips = [int(SLIPS[2][mode[k]][0])]
+        if own[k] == STICK:
+            if mode[k] != STICK:
+                found[slips[0] if len(slips) == 1 else 0].append(tangent)
+        elif own[k] == OPEN:
+            if any(y[normal] < mu * slip * y[tangent] for slip in slips):
+                return None
+        elif mode[k] == OPEN or (mode[k] in SLIPS[2] and mode[k] != own[k]):
+            found[0].append(normal)
+        else:
+            return None
+    return Demands(*(tuple(found[sign]) for sign in (0, 1, -1)))

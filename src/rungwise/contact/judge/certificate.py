@@ -1,0 +1,185 @@
+"""Certificates that a problem has no solution, and the checker, which knows no solver.
+
+* kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, of
+  neither loads nor momentum.
+* frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
+  mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
+* unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
+  c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
+* unbalanced: Farkas vectors for every contact mode, as a frictional one has them, of the problem with H_0 in
+  the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count with
+  their rates: so a part slips out of a grip whose force is limited by what drives it.
+
+Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
+a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
+A certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause,
+all in the problem's natural units (a kinematic one: than the motion that changes gaps as fast as they must
+change); rounding in the check itself is charged against it. Near a singular position, where what is pushed
+would have to be far faster than what pushes it, `left` is not rounding, and the bound is what holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.step.modes import ANY, choices, contains, linear_system, natural_units, parts, yielding
+from rungwise.contact.step.problem import ContactProblem, trim
+
+REACH = 1e3
+_ROUNDING = 2.0**-52
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Why there is no solution. `vectors` has one row (kinematic, unsupported) or one row for each of `modes`
+    (frictional, unbalanced), which together cover all."""
+
+    kind: str
+    vectors: tuple[NDArray[np.float64], ...]
+    modes: tuple[tuple[int, ...], ...] = ()
+
+
+def check(
+    problem: ContactProblem, certificate: Certificate, resisting: NDArray[np.float64] | None = None
+) -> bool:
+    """Whether the certificate proves that the problem has no solution (unsupported, unbalanced: no balance
+    without inertia).
+
+    `resisting` is H_0 (n, n), the part of H that is not inertia, for those two; zero if not given. "Proves"
+    is meant up to the bound that the module states.
+    """
+    if not certificate.vectors or not all(np.isfinite(vector).all() for vector in certificate.vectors):
+        return False
+    rest = np.zeros_like(problem.H) if resisting is None else resisting
+    match certificate.kind:
+        case "kinematic":
+            return _check_kinematic(problem, certificate.vectors[0])
+        case "frictional":
+            return _check_frictional(problem, certificate, held=True)
+        case "unsupported":
+            return _check_unsupported(problem, certificate.vectors[0], rest)
+        case "unbalanced":
+            return _check_frictional(without_inertia(problem, rest), certificate, held=False)
+    return False
+
+
+def without_inertia(problem: ContactProblem, resisting: NDArray[np.float64]) -> ContactProblem:
+    """The problem with H_0 (n, n) in the place of H."""
+    limit = trim(problem, len(problem.c), len(problem.mu), len(problem.F))
+    limit.H[...] = resisting
+    return limit
+
+
+def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
+    """Rows and offsets of what cannot yield: rigid contacts' normals, then joints; and how many contacts."""
+    d = problem.R.shape[1]
+    soft, soft_rows = yielding(problem)
+    rigid, joints = ~soft, np.isinf(problem.F) & ~soft_rows
+    rows = np.vstack([problem.W[::d][rigid], problem.S[joints]])
+    offset = np.concatenate([problem.w[::d][rigid], problem.w_s[joints]])
+    return rows, offset, int(rigid.sum())
+
+
+def demanded(offset: NDArray[np.float64], contacts: int) -> float:
+    """The fastest rate that some row demands: a gap's that would close, or a joint's; 1 when none does."""
+    greatest = max((-offset[:contacts]).max(initial=0.0), np.abs(offset[contacts:]).max(initial=0.0))
+    return float(greatest) or 1.0
+
+
+def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float = 1.0) -> bool:
+    """Whether 0 >= sum(gain) + x . (sum of left's rows) is impossible for every |x|_1 <= REACH * least."""
+    rounding = _ROUNDING * (len(gain) + 1)
+    surely = float(gain.sum()) - rounding * float(np.abs(gain).sum())
+    at_most = np.abs(left.sum(axis=0)) + rounding * np.abs(left).sum(axis=0)
+    return surely > REACH * least * float(at_most.max(initial=0.0))
+
+
+def _free_motion(problem: ContactProblem) -> float:
+    """One more than the size of the motion that the loads alone would cause, in natural units, where
+    something resists it."""
+    try:
+        motion = np.linalg.lstsq(problem.H, problem.c, rcond=None)[0]
+    except np.linalg.LinAlgError:
+        return np.inf
+    return 1.0 + float(np.abs(motion / natural_units(problem).coordinates).sum())
+
+
+def _check_kinematic(problem: ContactProblem, force: NDArray[np.float64]) -> bool:
+    rows, offset, contacts = rigid_rows(problem)
+    if force.shape != offset.shape or (force[:contacts] < 0.0).any():
+        return False
+    units = natural_units(problem)
+    left = force[:, None] * rows * (units.coordinates / units.velocity)
+    return _excludes(-force * offset / demanded(offset, contacts), left)
+
+
+def excludes_mode(
+    problem: ContactProblem, mode: tuple[int, ...], vector: NDArray[np.float64], held: bool
+) -> bool:
+    """Whether the Farkas vector proves that no solution is in a completion of `mode`; `held` as in
+    `linear_system`."""
+    equal, value, lower, bound = linear_system(problem, mode, held)
+    if vector.shape != (len(value) + len(bound),) or (vector[len(value) :] < 0.0).any():
+        return False
+    return _excludes(
+        vector * np.concatenate([value, bound]),
+        vector[:, None] * np.vstack([equal, lower]),
+        _free_motion(problem),
+    )
+
+
+def _check_frictional(problem: ContactProblem, certificate: Certificate, held: bool) -> bool:
+    options, modes = choices(problem, held), certificate.modes
+    if problem.R.shape[1] != 2 or len(modes) != len(certificate.vectors):
+        return False
+    if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):
+        return False
+    return all(excludes_mode(problem, *pair, held) for pair in zip(modes, certificate.vectors, strict=True))
+
+
+def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: list[tuple[int, ...]]) -> bool:
+    """Whether every completion of `part` is a completion of one of `modes`."""
+    compatible = [
+        mode
+        for mode in modes
+        if all(contains(m, p) or contains(p, m) for m, p in zip(mode, part, strict=True))
+    ]
+    if not compatible:
+        return False
+    undecided = [i for i, p in enumerate(part) if not contains(compatible[0][i], p)]
+    if not undecided:
+        return True
+    i = undecided[0]
+    return all(
+        _cover(compatible, (*part[:i], option, *part[i + 1 :]), options)
+        for option in parts(options[i], part[i])
+    )
+
+
+def _check_unsupported(
+    problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
+) -> bool:
+    """The motion's power: loads less drives against what rates, contact forces and joint forces may still
+    do, forces counting beside the greatest load."""
+    if motion.shape != problem.c.shape:
+        return False
+    d, units = problem.R.shape[1], natural_units(problem)
+    power = float(np.abs(problem.c * units.coordinates).max(initial=0.0)) or 1.0
+    joints = np.isinf(problem.F)
+    rates = problem.S @ motion
+    slip = np.sqrt(sum((problem.W[i::d] @ motion) ** 2 for i in range(1, d))) if d > 1 else 0.0
+    closing = np.maximum(problem.mu * slip - problem.W[::d] @ motion, 0.0) / units.velocity
+    gain = np.concatenate([problem.c * motion, -problem.F[~joints] * np.abs(rates[~joints])]) / power
+    size = float(np.abs(motion / units.coordinates).max(initial=0.0))
+    per_joint = np.abs(rates[joints]) / units.velocity
+    # A rate counts as one when it takes a force of one: H_0 limits how fast things move that loads drive.
+    stiff = np.abs(np.diag(resisting)) * units.coordinates**2
+    resist = np.abs(resisting @ motion) * units.coordinates / max(float(stiff.max(initial=0.0)), 1e-300)
+    left = np.concatenate([closing, per_joint, resist])
+    slack = np.full_like(left, _ROUNDING * len(left) * size)
+    return _excludes(gain, np.vstack([left, slack]))

@@ -1,0 +1,153 @@
+"""Parts of a system that have nothing to do with each other, each in a size of its own."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.prepare.components import join, number
+from rungwise.contact.prepare.product import MOST, Condensed
+from rungwise.contact.prepare.system import Form, System
+from rungwise.contact.problem import Array
+from rungwise.kernel import Ints
+
+
+@dataclass(frozen=True)
+class Islands:
+    """The system's rows, gathered island by island, with columns counted within the island.
+
+    place (N,): the rows as the system has them; first (k + 1,), contacts (k + 1,): where islands begin; size
+    (k,): what forces, limits and rates of each are divided by, so that its rates without forces have norm 1.
+    """
+
+    place: Ints
+    first: Ints
+    contacts: Ints
+    size: Array
+    row_start: Ints
+    column: Ints
+    value: Array
+    blocks: Array
+    diagonal: Array
+    b: Array
+    mu: Array
+    lower: Array
+    upper: Array
+    force: Array
+    rate: Array
+    kept: Ints
+    condensed: Condensed | None
+
+    def __len__(self) -> int:
+        return len(self.size)
+
+    def goals(self, tol: float) -> Array:
+        """Tolerances (k,), in the islands' own sizes, that together make `tol`."""
+        return tol / (self.size * math.sqrt(len(self)))
+
+    def inwards(self, x: Array) -> Array:
+        """The system's forces (N,) as the islands count them."""
+        return x[self.place] / self.size.repeat(np.diff(self.first))
+
+    def outwards(self, x: Array) -> Array:
+        """The islands' forces (N,) as the system counts them."""
+        full = np.empty(len(x))
+        full[self.place] = x * self.size.repeat(np.diff(self.first))
+        return full
+
+    def part(self, i: int) -> System:
+        """Island i as a system by itself."""
+        d = self.blocks.shape[1]
+        rows = slice(self.first[i], self.first[i + 1])
+        contacts = slice(self.contacts[i], self.contacts[i + 1])
+        others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
+        start = self.row_start[rows.start : rows.stop + 1]
+        entries, place = slice(start[0], start[-1]), self.place[rows]
+        form = Form(
+            start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
+            self.diagonal[others],
+        )  # fmt: skip
+        return System(
+            lambda: form, self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
+            self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
+            _condensed(self.condensed, place),
+        )  # fmt: skip
+
+
+_known: WeakKeyDictionary[System, Islands | None] = WeakKeyDictionary()
+
+
+def islands(system: System) -> Islands | None:
+    """The islands of a system, made once; None where there is only one."""
+    if system not in _known:
+        label, count = _labels(system)
+        _known[system] = _gathered(system, label, count) if count > 1 else None
+    return _known[system]
+
+
+def _labels(system: System) -> tuple[Ints, int]:
+    """The number of the island of each contact, and of each other unknown, and how many there are."""
+    s, p, size = system, system.product, len(system.mu) + len(system.lower)
+    label = np.arange(size + (p.velocities if p else 0))
+    if p is None:
+        join(s.row_start, s.column, s.value, s.rows, s.directions, 0, label)
+    else:
+        join(p.back_start, p.back_column, p.back_value, s.rows, s.directions, s.size, label)
+        join(p.response_start, p.response_row, p.response_value, s.rows, s.directions, s.size, label)
+    return label[:size], number(label, size)
+
+
+def _gathered(system: System, label: Ints, count: int) -> Islands:
+    s, d, rows = system, system.directions, system.rows
+    own = np.concatenate([label[: len(s.mu)].repeat(d), label[len(s.mu) :]])
+    place = np.argsort(own, kind="stable")
+    first, contacts = _starts(own, count), _starts(label[: len(s.mu)], count)
+    position = np.empty(s.size, np.int64)
+    position[place] = np.arange(s.size) - first[own[place]]
+    length = np.diff(s.row_start)[place]
+    row_start = np.concatenate([[0], np.cumsum(length)])
+    taken = np.arange(row_start[-1]) + (s.row_start[place] - row_start[:-1]).repeat(length)
+    size = np.sqrt(np.add.reduceat(s.b[place] ** 2, first[:-1]))
+    size[size == 0.0] = 1.0
+    pairs, single = place[place < rows][::d] // d, place[place >= rows] - rows
+    per = size[own[place]]
+    limits = per[place >= rows]
+    return Islands(
+        place, first, contacts, size, row_start, position[s.column[taken]], s.value[taken],
+        s.blocks[pairs], s.diagonal[single], s.b[place] / per, s.mu[pairs], s.lower[single] / limits,
+        s.upper[single] / limits, s.force[place] * per, s.rate[place] * per, s.kept[place], s.condensed,
+    )  # fmt: skip
+
+
+def _starts(label: Ints, count: int) -> Ints:
+    return np.concatenate([[0], np.cumsum(np.bincount(label, minlength=count))]).astype(np.int64)
+
+
+def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
+    """The parts of these rows; None where their velocities are coupled with others."""
+    if whole is None:
+        return None
+    back_start, back_column, back = _rows(whole.back_start, whole.back_column, whole.back_value, place)
+    start, row, value = _rows(whole.across_start, whole.across_row, whole.across_value, place)
+    used = np.zeros(whole.own.shape[0], bool)
+    used[back_column] = used[row] = True
+    if abs(whole.own[used][:, ~used]).sum() > 0.0 or abs(whole.own[~used][:, used]).sum() > 0.0:
+        return None
+    number = np.cumsum(used) - 1
+    own = whole.own[used][:, used]
+    if not sp.issparse(own) or own.shape[0] <= MOST:
+        own = np.ascontiguousarray(own.toarray() if sp.issparse(own) else own)
+    return Condensed(
+        own, whole.front[place], back_start, number[back_column], back, start, number[row], value
+    )
+
+
+def _rows(start: Ints, column: Ints, value: Array, place: Ints) -> tuple[Ints, Ints, Array]:
+    length = np.diff(start)[place]
+    begin = np.concatenate([[0], np.cumsum(length)])
+    taken = np.arange(begin[-1]) + (start[place] - begin[:-1]).repeat(length)
+    return begin, column[taken], value[taken]

@@ -1,0 +1,223 @@
+"""A problem as solvers see it: free unknowns eliminated where they can be, and free of units.
+
+Each contact is measured in a unit s of its own: s^2 is one over the mean diagonal of its block, so that its
+block has a unit diagonal, all its directions alike, and friction is what it was. Forces and rates are divided
+by |s q|, the norm of the rates without forces: `natural_map` of the scaled system is the residual by which
+answers are judged. Rates without forces may hide the rates that are demanded, because inertia is next to none
+or because the demands are. Only the answer tells which: an answer that moves is judged by the first system,
+any other by a second one, `massless`, of all unknowns, whose measures are the demanded rates and the loads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.prepare.elimination import Left, eliminated, everything
+from rungwise.contact.prepare.inverse import Sparse
+from rungwise.contact.prepare.product import Condensed, Product
+from rungwise.contact.prepare.units import compressed, expand, fitted, measured, rescaled
+from rungwise.contact.problem import Array, Problem
+from rungwise.kernel import Ints, Reals, kernel
+
+
+class Form(NamedTuple):
+    """The scaled matrix A: row_start (N + 1,), column, value, its rows in CSR; blocks (k, d, d), its diagonal
+    blocks; diagonal (m,), that of the others."""
+
+    row_start: Ints
+    column: Ints
+    value: Array
+    blocks: Array
+    diagonal: Array
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
+
+    form: makes A, in the parts of `Form`; kept (N,): places of the unknowns in the problem; condensed,
+    product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
+    to multiply by it; demanded: the largest rate demanded over that without forces, or infinite; load: the
+    largest load over the least unit of a contact's force, or one.
+    """
+
+    form: Callable[[], Form]
+    b: Array
+    mu: Array
+    directions: int
+    lower: Array
+    upper: Array
+    force: Array
+    rate: Array
+    kept: Ints
+    recover: Callable[[Array], Array]
+    condensed: Condensed | None
+    product: Product | None = None
+    demanded: float = math.inf
+    load: float = 1.0
+
+    row_start: Ints = field(init=False)
+    column: Ints = field(init=False)
+    value: Array = field(init=False)
+    blocks: Array = field(init=False)
+    diagonal: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._fill()
+
+    def _fill(self) -> None:
+        for name, part in zip(Form._fields, self.form(), strict=True):
+            object.__setattr__(self, name, part)
+
+    @property
+    def size(self) -> int:
+        return len(self.b)
+
+    @property
+    def rows(self) -> int:
+        return self.directions * len(self.mu)
+
+    @cached_property
+    def has_free(self) -> bool:
+        """Whether there are unknowns without limits, which were not eliminated."""
+        return bool((np.isneginf(self.lower) & np.isposinf(self.upper)).any())
+
+    def dense(self) -> Array:
+        """A (N, N)."""
+        A = np.zeros((self.size, self.size))
+        expand(self.row_start, self.column, self.value, A)
+        return A
+
+    def matrix(self) -> sp.csr_array:
+        return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
+
+
+class Postponed(System):
+    """A system whose A is made when something asks for it: a product seldom needs it."""
+
+    def __post_init__(self) -> None:
+        pass
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in Form._fields:
+            raise AttributeError(name)
+        self._fill()
+        return getattr(self, name)
+
+
+_prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
+_massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
+
+
+def scaled(problem: Problem, massless: bool = False) -> System:
+    """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
+
+    `massless`: that in all unknowns, measured by demanded rates and loads; only where velocities can be
+    eliminated.
+    """
+    known = _massless if massless else _prepared
+    made = known.get(problem)
+    if made is None:
+        left = everything(problem) if massless else eliminated(problem)
+        made = known[problem] = _scaled(problem, left, massless)
+    return made
+
+
+def uneliminated(problem: Problem) -> System:
+    """The system in all unknowns."""
+    return _scaled(problem, everything(problem))
+
+
+def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
+    kept, b, size = left.kept, left.b, len(left.b)
+    rows, d = problem.rows, problem.directions
+    lower, upper = problem.lower, problem.upper
+    if len(kept) < len(problem.b):
+        lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
+    s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+    lowest, highest = lower.copy(), upper.copy()
+    kind, entries = System, _entries(left)
+    if left.product is not None:
+        kind = Postponed
+        fitted(np.arange(size + 1), np.arange(size), left.product.diagonal, rows, d, s)
+    elif massless or (
+        problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries())
+    ):
+        _fit_massless(problem, *entries(), s)
+    else:
+        fitted(*entries(), rows, d, s)
+    if not measured(s, b, lowest, highest, rows, force, rate, offset):
+        raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
+    return kind(
+        partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
+        left.recover, left.condensed and left.condensed.scaled(s, rows, d),
+        left.product and left.product.scaled(s, rows, d), left.demanded,
+        _load(problem, force[: len(problem.mu) * d]) if len(kept) < len(problem.b) else 1.0,
+    )  # fmt: skip
+
+
+def _entries(left: Left) -> Callable[[], Sparse]:
+    """What gives A's rows, unscaled: those of a product when they are asked for."""
+    if left.product is not None:
+        return lambda: compressed(left.matrix())
+    made = compressed(left.matrix())
+    return lambda: made
+
+
+def _form(entries: Callable[[], Sparse], s: Array, rows: int, d: int) -> Form:
+    row_start, column, value = entries()
+    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(s) - rows)
+    rescaled(row_start, column, s, value, blocks, diagonal)
+    return Form(row_start, column, value, blocks, diagonal)
+
+
+def _load(problem: Problem, unit: Array) -> float:
+    if len(unit) == 0 or problem.velocities == 0:
+        return 1.0
+    own = slice(problem.rows, problem.rows + problem.velocities)
+    row_start, _, value = compressed(problem.A[own, : problem.rows])
+    lever = np.empty(problem.velocities)
+    largest(row_start, value, lever)
+    loads = np.abs(problem.b[own])[lever > 0.0] / lever[lever > 0.0]
+    return max(1.0, float(loads.max(initial=0.0) / unit.min()))
+
+
+@kernel
+def largest(row_start: Ints, value: Reals, out: Reals) -> None:
+    """The largest size of each row's entries, or zero."""
+    for i in range(len(out)):
+        out[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            out[i] = max(out[i], abs(value[k]))
+
+
+def _has_diagonal(entries: Sparse) -> bool:
+    """Whether inertia or compliance says what rate is much for a force: nothing else does."""
+    row_start, column, value = entries
+    own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
+    return bool(value[own].any())
+
+
+def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
+    """s (N,) as without inertia: demanded rates and loads, each in units of their own, are of one size."""
+    first, last = problem.rows, problem.rows + problem.velocities
+    row = np.arange(len(s)).repeat(np.diff(row_start))
+    inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)
+    fitted(row_start, column, np.where(inertia, 0.0, value), problem.rows, problem.directions, s)
+    limits = np.concatenate([problem.lower, problem.upper]) / np.tile(s[first:], 2)
+    loads = np.concatenate([s[first:last] * problem.b[first:last], limits[np.isfinite(limits)]])
+    demands = s * problem.b
+    demands[first:last] = 0.0
+    demands[problem.rows :][problem.lower == problem.upper] = 0.0
+    ratio = np.linalg.norm(loads) / (np.linalg.norm(demands) or 1.0)
+    if ratio > 0.0 and demands.any():
+        s *= ratio**0.5
+        s[first:last] /= ratio

@@ -1,0 +1,227 @@
+"""The units in which a system is solved: kernels on its rows in CSR.
+
+Each contact is measured in a unit s of its own, and each other unknown in one: s A s has a diagonal of about
+one. Forces are then s |s b| and rates |s b| / s.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from rungwise.contact.problem import Array, Matrix
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+
+_ROUNDS = 10
+_GREATEST, _LEAST = 1e140, 1e-290
+
+
+def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
+    """Starts of the rows, columns in order and values (copies) of what is not zero in A, dense or CSR."""
+    if sp.issparse(A):
+        A = A if A.has_sorted_indices else A.sorted_indices()
+        return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
+    start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
+    used = compress(A, start, column, value)
+    return start, column[:used], value[:used]
+
+
+def part(A: Matrix, rows: Ints, columns: Ints) -> Matrix:
+    """A in these rows and columns, both in order."""
+    if not sp.issparse(A):
+        return A[rows[:, None], columns]
+    number = np.full(A.shape[1], -1)
+    number[columns] = np.arange(len(columns))
+    start, column, value = np.empty(len(rows) + 1, np.int32), np.empty(A.nnz, np.int32), np.empty(A.nnz)
+    used = gather(A.indptr, A.indices, A.data, rows, number, start, column, value)
+    return sp.csr_array((value[:used], column[:used], start), shape=(len(rows), len(columns)))
+
+
+@kernel
+def gather(
+    row_start: NDArray[np.int32],
+    column: NDArray[np.int32],
+    value: Reals,
+    rows: Ints,
+    number: Ints,
+    start: NDArray[np.int32],
+    place: NDArray[np.int32],
+    entry: Reals,
+) -> int:
+    """Fill the entries of these rows whose columns have a number, which is then theirs; returns how many."""
+    used = 0
+    for i in range(len(rows)):
+        start[i] = used
+        for k in range(row_start[rows[i]], row_start[rows[i] + 1]):
+            if number[column[k]] >= 0:
+                place[used], entry[used] = number[column[k]], value[k]
+                used += 1
+    start[len(rows)] = used
+    return used
+
+
+@kernel
+def expand(row_start: Ints, column: Ints, value: Reals, A: Reals) -> None:
+    """Fill A, zero before, from its rows."""
+    for i in range(len(A)):
+        for k in range(row_start[i], row_start[i + 1]):
+            A[i, column[k]] = value[k]
+
+
+@kernel
+def compress(A: Reals, row_start: Ints, column: Ints, value: Reals) -> int:
+    """Fill the rows of A's entries that are not zero; returns how many."""
+    used = 0
+    for i in range(A.shape[0]):
+        row_start[i] = used
+        for j in range(A.shape[1]):
+            if A[i, j] != 0.0:
+                column[used], value[used] = j, A[i, j]
+                used += 1
+    row_start[len(row_start) - 1] = used
+    return used
+
+
+@kernel
+def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
+    size, least, some, every = len(s), math.inf, False, True
+    for i in range(size):
+        s[i] = 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            if column[k] == i:
+                s[i] = abs(value[k])
+    for first in range(0, rows, d):
+        mean = 0.0
+        for i in range(first, first + d):
+            mean += s[i] / d
+        for i in range(first, first + d):
+            s[i] = mean
+        if mean > 0.0:
+            least, some = min(least, mean), True
+    for i in range(size):
+        if i < rows and some and not s[i] > 0.0:
+            s[i] = least
+        every = every and s[i] > 0.0
+        s[i] = -1.0 / math.sqrt(s[i]) if s[i] > 0.0 else 1.0
+    if not every:
+        equilibrate(row_start, column, value, rows, d, s)
+    for i in range(size):
+        s[i] = abs(s[i])
+
+
+@kernel
+def measured(
+    s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int, force: Reals, rate: Reals, offset: Reals
+) -> bool:
+    """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range.
+
+    Of an unknown whose limits are the same its force counts, and not its rate, which nothing asks for.
+    """
+    size, total = 0.0, 0.0
+    for i in range(len(s)):
+        if not 1.0 / _GREATEST < s[i] < _GREATEST:
+            return False
+        size = max(size, _size_alone(i, s, b, lower, upper, rows))
+    if not size < _GREATEST:
+        return False
+    if size > 0.0:  # squares of small numbers are zero
+        for i in range(len(s)):
+            total += (_size_alone(i, s, b, lower, upper, rows) / size) ** 2
+        size *= math.sqrt(total)
+    else:
+        for j in range(len(lower)):
+            for limit in (lower[j], upper[j]):
+                if not math.isinf(limit):
+                    size = max(size, abs(limit) / s[rows + j])
+        size = size if size > 0.0 else 1.0
+    for i in range(len(s)):
+        force[i], rate[i] = s[i] * size, size / s[i]
+        if not min(force[i], rate[i]) > _LEAST:
+            return False
+        offset[i] = b[i] / rate[i]
+        if not abs(offset[i]) < _GREATEST:
+            return False
+    for j in range(len(lower)):
+        lower[j] /= force[rows + j]
+        upper[j] /= force[rows + j]
+    return True
+
+
+@inner_kernel
+def _size_alone(i: int, s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int) -> float:
+    """What there is of unknown i without other forces, as rate or force in the unit s."""
+    if i >= rows and lower[i - rows] == upper[i - rows]:
+        return float(abs(lower[i - rows] / s[i]))
+    return float(abs(s[i] * b[i]))
+
+
+@kernel
+def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
+    """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
+    d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
+    for i in range(len(s)):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = column[k]
+            value[k] *= s[i] * s[j]
+            if i < rows and j < rows and i // d == j // d:
+                blocks[i // d, i % d, j % d] = value[k]
+            elif i == j:
+                diagonal[i - rows] = value[k]
+
+
+@kernel
+def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> None:
+    """Move what is limited to a limit from which it differs by no more than this share of the largest."""
+    largest = 0.0
+    for i in range(len(x)):
+        largest = max(largest, abs(x[i]))
+    for j in range(len(lower)):
+        for limit in (lower[j], upper[j]):
+            if abs(x[rows + j] - limit) <= share * largest:
+                x[rows + j] = limit
+
+
+@kernel
+def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
+    """A first s where it is not fixed (negative): from neighbours to theirs; one where nothing is fixed."""
+    for i in range(len(s)):
+        s[i] = min(s[i], 0.0)
+    reached = True
+    while reached:
+        reached = False
+        for i in range(len(s)):
+            largest = 0.0
+            for k in range(row_start[i], row_start[i + 1]):
+                largest = max(largest, abs(value[k] * s[column[k]]))
+            if s[i] == 0.0 and largest > 0.0:
+                s[i], reached = 1.0 / largest, True
+    for i in range(len(s)):
+        if s[i] == 0.0:
+            s[i] = 1.0
+
+
+@kernel
+def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+    """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one.
+
+    There are many such s. That which is found starts from what is fixed, and so follows its units.
+    """
+    size = len(s)
+    spread(row_start, column, value, s)
+    for _ in range(_ROUNDS):
+        for i in range(size):
+            largest = 0.0
+            for k in range(row_start[i], row_start[i + 1]):
+                largest = max(largest, abs(value[k] * s[column[k]]))
+            if s[i] > 0.0 and largest > 0.0:
+                s[i] = math.sqrt(s[i] / largest)
+        for first in range(0, rows, d):
+            least = math.inf
+            for i in range(first, first + d):
+                least = min(least, s[i])
+            for i in range(first, first + d):
+                s[i] = least

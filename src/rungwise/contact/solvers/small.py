@@ -1,0 +1,241 @@
+"""Small problems in one compiled call: scaled, solved and judged as `solve` does, without Python in between.
+
+Algorithm: what is free is eliminated (`schur`); then the first solver of the chain that accepts what is left,
+`gauss_seidel` or `pivoting`. Accepts: up to `LARGEST` unknowns, of which `MOST_LEFT` have limits; no demands
+that are next to nothing. Promises: nothing; what is not within tolerance is left to the chain.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from rungwise.contact.judge.verdict import Residuals, imbalance, judge_rows
+from rungwise.contact.prepare import schur
+from rungwise.contact.prepare.units import compress, expand, fitted, measured, rescaled, settle
+from rungwise.contact.problem import Array, Problem
+from rungwise.contact.solvers import gauss_seidel, pivoting
+from rungwise.contact.solvers.gauss_seidel import alternate
+from rungwise.contact.solvers.measure import distance
+from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.solvers.refine import SMALL as LITTLE
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+
+LARGEST, MOST_LEFT = 120, 60
+SWEPT, PIVOTED, REFUSED = 0, 1, 2
+_NAMES = gauss_seidel.NAME, pivoting.NAME
+_MARGIN = 0.3
+_START, _SOLVE, _REFINE = 0, 1, 2
+_NEAR, _FINEST, _STEPS = 0.1, 1e-17, 4
+"""Residual from which on an answer is refined, that to which it is, and how many steps that may take."""
+_NOTHING = 2.0**-50
+"""Share of the largest force from a limit that is rounding: such a force is at its limit."""
+_REST = np.zeros(LARGEST)
+_COVERING = np.ones((1, 4 * MOST_LEFT))
+
+
+class Answer(NamedTuple):
+    """x and y (N,), judged; the solver, and its iterations, or -1 where the start was good enough."""
+
+    x: Array
+    y: Array
+    residuals: Residuals
+    solver: str
+    iterations: int
+
+
+def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
+    """The answer from x = `start` (N,) or from rest; None where it is not within `tol`, or not tried."""
+    answer = try_at_once(problem, start, tol)
+    return answer if answer is not None and answer.residuals.worst <= tol else None
+
+
+def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
+    """What is found from x = `start` (N,) or from rest, within `tol` or not; None where it is not tried."""
+    n = len(problem.b)
+    if not 0 < n <= LARGEST:
+        return None
+    A = problem.A.toarray() if sp.issparse(problem.A) else problem.A
+    x, y, found = np.empty(n), np.empty(n), np.empty(7)
+    given = _REST[:n] if start is None else start
+    solver, iterations = solve_dense(
+        A, problem.b, problem.mu, problem.directions, problem.velocities, problem.lower, problem.upper, given,
+        start is not None, tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
+    )  # fmt: skip
+    if solver == REFUSED:
+        return None
+    residuals = Residuals(*found.tolist())
+    return Answer(x, y, residuals, _NAMES[solver], iterations)
+
+
+@allocating_kernel
+def solve_dense(
+    A: Reals,
+    b: Reals,
+    mu: Reals,
+    d: int,
+    velocities: int,
+    lower: Reals,
+    upper: Reals,
+    start: Reals,
+    given: bool,
+    tol: float,
+    dampings: Reals,
+    covering: Reals,
+    x: Reals,
+    y: Reals,
+    found: Reals,
+) -> tuple[int, int]:
+    """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations. A
+    start that was given is judged as it is, before it is improved."""
+    n, rows, done = len(b), d * len(mu), -1
+    kept, gone = _parted(lower, upper, rows)
+    k, g = len(kept), len(gone)
+    if k > MOST_LEFT:
+        return REFUSED, done
+    M, q, factor = A, b, np.empty((g, g))
+    unit, order, scale = np.empty(g), np.empty(g, np.int64), np.empty(g)
+    if g > 0:
+        M, q = np.empty((k, k)), np.empty(k)
+        if not schur.eliminate(A, b, kept, gone, M, q, factor, unit, order, scale):
+            return REFUSED, done
+        if schur.demanded(b, rows, velocities, lower, upper, kept, q) < LITTLE:
+            return REFUSED, done
+    row_start, column, entry = np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k)
+    compress(M, row_start, column, entry)
+    s, force, rate, offset = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+    value, lowest, highest = entry.copy(), lower[kept[rows:] - rows], upper[kept[rows:] - rows]
+    blocks, diagonal, matrix = np.zeros((len(mu), d, d)), np.zeros(k - rows), np.zeros((k, k))
+    fitted(row_start, column, value, rows, d, s)
+    if not measured(s, q, lowest, highest, rows, force, rate, offset):
+        return REFUSED, done
+    rescaled(row_start, column, s, value, blocks, diagonal)
+    solver = _chosen(d, blocks, diagonal)
+    if solver == REFUSED:
+        return REFUSED, done
+    expand(row_start, column, value, matrix)
+    vectors, scratch, ints = np.empty((VECTORS, k)), np.empty((6, n)), np.empty(4 * k, np.int64)
+    factors, best = np.empty((k, k)), start[kept] / force
+    given_start, given_column, given_value = row_start, column, entry
+    if g > 0:
+        given_start, given_column, given_value = (
+            np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n),
+        )  # fmt: skip
+        compress(A, given_start, given_column, given_value)
+    for attempt in range(_START if given else _SOLVE, _REFINE + 1):
+        if attempt == _START:
+            x[:] = start
+        elif attempt == _REFINE:
+            done += descend_dense(
+                row_start, column, value, matrix, offset, 0.0, mu, d, lowest, highest, best, _FINEST, _STEPS,
+                dampings, factors, vectors, ints,
+            )  # fmt: skip
+        elif distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) > tol:
+            if solver == SWEPT:
+                done = alternate(
+                    row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
+                    best.copy(), best, _MARGIN * tol, dampings, factors, vectors, ints,
+                )  # fmt: skip
+            else:
+                done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+        if attempt != _START:
+            settle(best, rows, lowest, highest, _NOTHING)
+            for i in range(k):
+                x[kept[i]] = best[i] * force[i]
+            if g > 0:
+                schur.recover(A, b, kept, gone, factor, unit, order, x)
+        judge_rows(
+            given_start, given_column, given_value, b, kept, force, rate, mu, d, lowest, highest, lower,
+            upper, gone, scale, x, y, scratch, found,
+        )  # fmt: skip
+        if g > 0:
+            found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
+        if max(found[0], found[1]) <= tol or (attempt == _SOLVE and not found[0] <= _NEAR):
+            break
+    if g > 0 and _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
+        return REFUSED, done
+    return solver, done
+
+
+@allocating_kernel
+def _parted(lower: Reals, upper: Reals, rows: int) -> tuple[Ints, Ints]:
+    """Places of the unknowns that are kept, and of those without limits."""
+    kept, gone = np.empty(rows + len(lower), np.int64), np.empty(len(lower), np.int64)
+    for i in range(rows):
+        kept[i] = i
+    k, g = rows, 0
+    for j in range(len(lower)):
+        if lower[j] == -math.inf and upper[j] == math.inf:
+            gone[g] = rows + j
+            g += 1
+        else:
+            kept[k] = rows + j
+            k += 1
+    return kept[:k], gone[:g]
+
+
+@kernel
+def _imbalance(
+    A: Reals,
+    b: Reals,
+    kept: Ints,
+    gone: Ints,
+    rows: int,
+    lower: Reals,
+    upper: Reals,
+    force: Reals,
+    scale: Reals,
+    x: Reals,
+    y: Reals,
+    scratch: Reals,
+) -> float:
+    """As that of the judge; scratch (4, N), of which the first is left alone."""
+    size, own, terms = scratch[1], scratch[2], scratch[3]
+    for i in range(len(x)):
+        size[i] = abs(x[i])
+    for i in range(len(kept)):
+        j = kept[i] - rows
+        most = max(abs(lower[j]), abs(upper[j])) if j >= 0 else math.inf
+        size[kept[i]] += min(force[i], most)
+    for i in range(len(gone)):
+        own[i], terms[i] = y[gone[i]], abs(b[gone[i]])
+        for j in range(len(x)):
+            terms[i] += abs(A[gone[i], j]) * size[j]
+    return imbalance(own[: len(gone)], terms, scale)
+
+
+@kernel
+def _hides_rates(b: Reals, rows: int, velocities: int, kept: Ints, rate: Reals, terms: Reals) -> bool:
+    """Whether rates are demanded, and next to nothing beside those without forces: more is to do then."""
+    demands, actual = False, 0.0
+    for i in range(len(b)):
+        demands = demands or (b[i] != 0.0 and not rows <= i < rows + velocities)
+    for i in range(len(kept)):
+        actual = max(actual, (terms[kept[i]] + abs(b[kept[i]])) / rate[i])
+    return demands and velocities > 0 and 0.0 < actual < LITTLE
+
+
+@kernel
+def _chosen(d: int, blocks: Reals, diagonal: Reals) -> int:
+    if gauss_seidel.accepts_rows(d, blocks, diagonal):
+        return SWEPT
+    return PIVOTED if d < 3 or len(blocks) == 0 else REFUSED
+
+
+@allocating_kernel
+def _pivot(
+    A: Reals, b: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, tol: float, covering: Reals, x: Reals
+) -> int:
+    """Fill x (N,); returns the pivots."""
+    m = pivoting.unfolded_size(len(mu), d, lower, upper)
+    row, sign, origin = np.empty(m, np.int64), np.ones(m), np.zeros(len(b))
+    M, q, z = np.zeros((m, m)), np.zeros(m), np.empty(m)
+    pivoting.unfold_into(A, b, mu, d, lower, upper, row, sign, origin, M, q)
+    done = pivoting.pivot(
+        M, q, covering[:, :m], tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64)
+    )
+    pivoting.fold(row, sign, origin, z, x)
+    return done

@@ -1,0 +1,1 @@
+"""The problem of one compiled step, and the chain that solves it in the plane."""

@@ -1,0 +1,72 @@
+"""Exhaustive search over contact modes, the judge for few contacts.
+
+Algorithm: the linear system of every mode, one after the other. Source: the paper, section 2.2 (3^n modes;
+sliding has two senses in the plane, so 4^n here).
+Accepts: planar problems with at most `MAX_MODES` modes.
+Promises: a solution whenever some mode's system is regular and solves the problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.step.mode_newton import solve_mode
+from rungwise.contact.step.modes import FORWARD, OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual import residual
+from rungwise.kernel import Ints, Reals, kernel
+
+MAX_MODES = 5000
+
+
+@kernel
+def mode_count(contacts: int, limited: int) -> float:
+    """Number of modes, as a float: it grows fast."""
+    return 4.0**contacts * 3.0**limited
+
+
+@kernel
+def solve_by_enumeration(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    tolerance: float,
+) -> float:
+    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least
+    met."""
+    best = 1e300
+    for index in range(int(mode_count(contacts, limited))):
+        rest = index
+        for k in range(contacts):
+            mode[k] = OPEN + rest % 4
+            rest //= 4
+        for r in range(limited):
+            mode[contacts + r] = STICK + rest % 3
+            rest //= 3
+        if _repeats(problem, contacts, limited, mode):
+            continue
+        solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
+        found = residual(problem, n, contacts, limited, v, force, tau)
+        best = min(best, found)
+        if found <= tolerance:
+            return found
+    return best
+
+
+@kernel
+def _repeats(p: ContactProblem, contacts: int, limited: int, mode: Ints) -> bool:
+    """Whether another mode says the same: without friction every closed one does, and joints only hold."""
+    for k in range(contacts):
+        if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
+            return True
+    repeated = False
+    for r in range(limited):
+        repeated |= math.isinf(p.F[r]) and mode[contacts + r] != STICK
+    return repeated

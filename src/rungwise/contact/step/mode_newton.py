@@ -1,0 +1,315 @@
+"""Warm mode guess: solve the linear system of a contact mode, flip what it contradicts, until nothing flips.
+
+Algorithm: semismooth Newton (active set) on the mixed problem, whose pieces are the contact modes.
+Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
+Accepts: planar problems (d = 2), singular H included as long as the mode's saddle system determines v.
+Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it
+may cycle, so its answer counts only if the residual says so.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.linear import solve_in_place
+from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual import residual
+from rungwise.kernel import Ints, Reals, kernel
+
+MAX_FLIPS = 12
+_TOLERANCE = 1e-12
+
+
+@kernel
+def solve_by_modes(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    flips: int,
+) -> float:
+    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
+    found. It ends at a mode that does not determine the forces."""
+    still = matrix[matrix.shape[0] - 1]
+    for r in range(2 * contacts + limited):
+        still[r] = 0.0
+    for i in range(flips):
+        regular = solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
+        # The last solution keeps the mode that it belongs to.
+        if not regular or i + 1 == flips:
+            break
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, still, still, contacts + limited):
+            break
+    return residual(problem, n, contacts, limited, v, force, tau)
+
+
+@kernel
+def solve_mode(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+) -> bool:
+    """A solution of the linear equations of `mode`, inequalities aside; whether it is the only one."""
+    size = _assemble(problem, n, contacts, limited, mode, v, force, tau, matrix)
+    regular = solve_in_place(matrix, size, 1, order) == size
+    _unpack(problem, n, contacts, limited, mode, size, matrix, v, force, tau)
+    return regular
+
+
+@kernel
+def _unpack(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    size: int,
+    matrix: Reals,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> None:
+    """From the solved system, in the units that `_assemble` left in v, force and tau."""
+    for i in range(n):
+        v[i] *= matrix[i, size]
+    at = n
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            force[2 * k] = force[2 * k + 1] = 0.0
+            continue
+        force[2 * k] *= matrix[at, size]
+        at += 1
+        if mode[k] == STICK and p.mu[k] > 0.0:
+            force[2 * k + 1] *= matrix[at, size]
+            at += 1
+        else:
+            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
+    for r in range(limited):
+        if mode[contacts + r] == STICK:
+            tau[r] *= matrix[at, size]
+            at += 1
+        else:
+            tau[r] = sign(mode[contacts + r]) * p.F[r]
+
+
+@kernel
+def sign(mode: int) -> float:
+    """Sign of the friction force."""
+    if mode == BACKWARD:
+        return 1.0
+    return -1.0 if mode == FORWARD else 0.0
+
+
+@kernel
+def _assemble(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    a: Reals,
+) -> int:
+    """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
+
+    Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
+    the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
+    row is lost beside another; the units are left in v, force and tau.
+    """
+    size = n
+    for k in range(contacts):
+        if mode[k] != OPEN:
+            size += 2 if mode[k] == STICK and p.mu[k] > 0.0 else 1
+    for r in range(limited):
+        size += 1 if mode[contacts + r] == STICK else 0
+    ease = _ease(p, n, contacts, limited)
+    for i in range(n):
+        v[i] = ease / math.sqrt(p.H[i, i])
+    for i in range(n):
+        for j in range(n):
+            a[i, j] = p.H[i, j] * v[i] * v[j]
+        a[i, size] = p.c[i] * v[i]
+    for i in range(n, size):
+        for j in range(n, size):
+            a[i, j] = 0.0
+    at = n
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            continue
+        row, sticks = 2 * k, mode[k] == STICK and p.mu[k] > 0.0
+        slope = 0.0 if sticks else sign(mode[k]) * p.mu[k]
+        unit = _unit(p.W, row, row + 1, n, p.R[k, 0, 0], v)
+        _unknown(p.W, row, n, slope, row + 1, unit, v, at, a)
+        a[at, at] = (p.R[k, 0, 0] + slope * p.R[k, 0, 1]) * unit * unit
+        a[at, size] = -p.w[row] * unit
+        force[row] = unit
+        if sticks:
+            other = _unit(p.W, row + 1, row, n, p.R[k, 1, 1], v)
+            _unknown(p.W, row + 1, n, 0.0, row, other, v, at + 1, a)
+            a[at, at + 1], a[at + 1, at] = p.R[k, 0, 1] * unit * other, p.R[k, 1, 0] * unit * other
+            a[at + 1, at + 1] = p.R[k, 1, 1] * other * other
+            a[at + 1, size] = -p.w[row + 1] * other
+            force[row + 1] = other
+            at += 1
+        at += 1
+    for r in range(limited):
+        if mode[contacts + r] == STICK:
+            unit = _unit(p.S, r, r, n, p.R_s[r], v)
+            _unknown(p.S, r, n, 0.0, r, unit, v, at, a)
+            a[at, at] = p.R_s[r] * unit * unit
+            a[at, size] = -p.w_s[r] * unit
+            tau[r] = unit
+            at += 1
+        else:
+            for i in range(n):
+                a[i, size] += p.S[r, i] * v[i] * sign(mode[contacts + r]) * p.F[r]
+    return size
+
+
+@kernel
+def _ease(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
+    """Factor of the units of velocities: 1, or less where inertia is far below the stiffness of contacts (the
+    quasistatic limit), so that neither is lost beside the other."""
+    least = 1.0
+    for k in range(contacts):
+        least = min(least, _share(p.W, 2 * k, n, p.R[k, 0, 0], p.H))
+    for r in range(limited):
+        least = min(least, _share(p.S, r, n, p.R_s[r], p.H))
+    return math.sqrt(math.sqrt(least))
+
+
+@kernel
+def _share(rows: Reals, row: int, n: int, yields: float, inertia: Reals) -> float:
+    """Part of a row's yielding that is its own and not the bodies'; 1 for a rigid row."""
+    total = yields
+    for i in range(n):
+        total += rows[row, i] * rows[row, i] / inertia[i, i]
+    return yields / total if yields > 0.0 else 1.0
+
+
+@kernel
+def _unit(rows: Reals, row: int, other: int, n: int, yields: float, v: Reals) -> float:
+    """Unit of a row's force: the row then has a length of about one, in units v of the velocities, or where
+    nothing yields to it the `other` direction of its contact, which friction may push."""
+    for i in range(n):
+        yields += (rows[row, i] * v[i]) ** 2
+    if yields == 0.0:
+        for i in range(n):
+            yields += (rows[other, i] * v[i]) ** 2
+    return 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
+
+
+@kernel
+def _unknown(
+    rows: Reals, row: int, n: int, slope: float, other: int, unit: float, v: Reals, at: int, a: Reals
+) -> None:
+    """Equation of `row` in line `at`; in column `at` its force, with `slope` times that of row `other`."""
+    for i in range(n):
+        x = unit * v[i]
+        a[at, i] = rows[row, i] * x
+        a[i, at] = -(rows[row, i] + slope * rows[other, i]) * x
+
+
+@kernel
+def flip(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    give: Reals,
+    centre: Reals,
+    most: int,
+) -> bool:
+    """Move at most `most` contacts that contradict their modes to those they ask for; whether any did.
+
+    Row r yields by give[r] for each force beyond centre[r] (2 contacts + limited,), beside what R says.
+    """
+    velocity, largest = p.quantum[0], 0.0
+    for r in range(2 * contacts):
+        velocity = max(velocity, abs(p.w[r]))
+        largest = max(largest, abs(force[r]))
+        for i in range(n):
+            velocity = max(velocity, abs(p.W[r, i] * v[i]))
+        velocity = max(velocity, give[r] * abs(centre[r]))
+    slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
+    changed = 0
+    for k in range(contacts):
+        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny, give, centre)
+        if wanted != mode[k] and changed < most:
+            changed += 1
+            mode[k] = wanted
+    for r in range(limited):
+        at = contacts + r
+        wanted = mode[at]
+        if mode[at] == STICK:
+            if abs(tau[r]) > p.F[r] * (1.0 + _TOLERANCE):
+                wanted = BACKWARD if tau[r] > 0.0 else FORWARD
+        else:
+            own = 2 * contacts + r
+            s = p.R_s[r] * tau[r] + p.w_s[r] + give[own] * (tau[r] - centre[own])
+            for i in range(n):
+                s += p.S[r, i] * v[i]
+            if s * tau[r] > 0.0:
+                wanted = STICK
+        if wanted != mode[at] and changed < most:
+            changed += 1
+            mode[at] = wanted
+    return changed > 0
+
+
+@kernel
+def _contact_mode(
+    p: ContactProblem,
+    n: int,
+    k: int,
+    mode: int,
+    v: Reals,
+    force: Reals,
+    slack: float,
+    tiny: float,
+    give: Reals,
+    centre: Reals,
+) -> int:
+    normal, tangential = force[2 * k], force[2 * k + 1]
+    if mode == OPEN:
+        rate = p.w[2 * k] - give[2 * k] * centre[2 * k]
+        for i in range(n):
+            rate += p.W[2 * k, i] * v[i]
+        if rate >= -slack:
+            return OPEN
+        return STICK if p.mu[k] > 0.0 else FORWARD
+    if normal < -tiny:
+        if mode == STICK and abs(tangential) > -p.mu[k] * normal:
+            return BACKWARD if tangential > 0.0 else FORWARD
+        return OPEN
+    if p.mu[k] == 0.0:
+        return mode
+    if mode == STICK:
+        if abs(tangential) <= p.mu[k] * normal + tiny:
+            return STICK
+        return BACKWARD if tangential > 0.0 else FORWARD
+    slip = p.w[2 * k + 1] + p.R[k, 1, 0] * normal + p.R[k, 1, 1] * tangential
+    slip += give[2 * k + 1] * (tangential - centre[2 * k + 1])
+    for i in range(n):
+        slip += p.W[2 * k + 1, i] * v[i]
+    return STICK if slip * sign(mode) > slack else mode

@@ -1,0 +1,142 @@
+"""The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
+
+A mode with more closed rows than coordinates is no guess; that of a large system comes after the proximal
+point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
+NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
+from rungwise.contact.step.lemke import SOLVED as LEMKE_SOLVED
+from rungwise.contact.step.lemke import solve_lemke
+from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
+from rungwise.contact.step.residual import residual
+from rungwise.kernel import Ints, Reals, kernel
+
+TOLERANCE = 1e-8
+_ACCEPT = 1e-9
+WEDGED = 1e8
+"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode:
+beside them any other error looks small."""
+LARGE = 24
+"""Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
+SOLVED, NO_SOLUTION = 0, 1
+GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
+"""Stages of the chain."""
+_OPPOSITE = 1e-12
+"""Two rows are opposite, and demands in conflict, to this relative error."""
+_SPARE = 8
+"""Rows of the scratch matrix for vectors, beside those of the largest system."""
+
+
+def matrix_size(n: int, contacts: int, limited: int) -> int:
+    """Side of the scratch matrix that `solve_planar` needs, one more in columns."""
+    return n + 2 * contacts + limited + _SPARE
+
+
+@kernel
+def solve_planar(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+) -> tuple[int, float, int]:
+    """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual, the stage
+    that the chain came to)."""
+    size = _determined_size(problem, n, contacts, limited, mode)
+    kept = matrix[matrix.shape[0] - 2]
+    if 0 < size <= LARGE:
+        collect(contacts, limited, force, tau, kept)
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
+        if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+            return SOLVED, found, GUESS
+        spread(contacts, limited, kept, force, tau)
+    if _is_squeezed(problem, n, contacts):
+        _clear(contacts, limited, mode, v, force, tau)
+        return NO_SOLUTION, residual(problem, n, contacts, limited, v, force, tau), GUESS
+    found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
+    if found > TOLERANCE and size > LARGE:
+        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
+    if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+        return SOLVED, found, PROXIMAL
+    if contacts + limited == 0:
+        return NO_SOLUTION, found, PROXIMAL
+    for polish in (True, False):
+        if solve_lemke(problem, n, contacts, limited, mode, v, force, tau) != LEMKE_SOLVED:
+            break
+        if polish:
+            found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
+        else:
+            found = residual(problem, n, contacts, limited, v, force, tau)
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+            return SOLVED, found, PIVOTING
+    if mode_count(contacts, limited) <= MAX_MODES:
+        found = solve_by_enumeration(
+            problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
+        )
+        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+            return SOLVED, found, ENUMERATION
+    _clear(contacts, limited, mode, v, force, tau)
+    return NO_SOLUTION, found, ENUMERATION
+
+
+@kernel
+def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
+    """No forces, nothing moves."""
+    v[:] = 0.0
+    for k in range(contacts):
+        mode[k] = OPEN
+        force[2 * k] = force[2 * k + 1] = 0.0
+    for r in range(limited):
+        mode[contacts + r] = STICK
+        tau[r] = 0.0
+
+
+@kernel
+def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
+    """Whether two rigid contacts push in opposite directions and demand more than either leaves to the other:
+    W_i + ratio W_j = 0 while w_i + ratio w_j < 0."""
+    for i in range(contacts):
+        for j in range(i):
+            a, b = 2 * i, 2 * j
+            across, own, other = 0.0, 0.0, 0.0
+            for k in range(n):
+                across += p.W[a, k] * p.W[b, k] / p.H[k, k]
+                own += p.W[a, k] * p.W[a, k] / p.H[k, k]
+                other += p.W[b, k] * p.W[b, k] / p.H[k, k]
+            if across >= 0.0 or p.R[i, 0, 0] != 0.0 or p.R[j, 0, 0] != 0.0:
+                continue
+            ratio, left = -across / other, 0.0
+            for k in range(n):
+                left = max(left, (p.W[a, k] + ratio * p.W[b, k]) ** 2 / p.H[k, k])
+            demand = p.w[a] + ratio * p.w[b]
+            sure = demand < -_OPPOSITE * (abs(p.w[a]) + ratio * abs(p.w[b]))
+            if sure and left <= _OPPOSITE**2 * own:
+                return True
+    return False
+
+
+@kernel
+def _determined_size(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> int:
+    """Size of the mode's system; 0 if it cannot determine forces: more rigid rows than coordinates."""
+    rigid, rows = 0, 0
+    for k in range(contacts):
+        if mode[k] != OPEN:
+            closed = 2 if mode[k] == STICK and p.mu[k] > 0.0 else 1
+            rows += closed
+            rigid += closed if p.R[k, 0, 0] == 0.0 else 0
+    for r in range(limited):
+        if mode[contacts + r] == STICK:
+            rows += 1
+            rigid += 1 if p.R_s[r] == 0.0 else 0
+    return n + rows if rigid <= n else 0

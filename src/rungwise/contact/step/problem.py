@@ -1,0 +1,75 @@
+"""One step's contact problem, whatever model it came from.
+
+    H v - W^T' lambda - S^T' tau = c                                  (balance; rows of W and S are rates)
+    0 <= lambda_n  _|_  (W v + R lambda + w)_n >= 0                   (Signorini)
+    lambda_t in argmin over |lambda_t| <= mu lambda_n of s . lambda_t,  s = (W v + R lambda + w)_t
+    tau in argmin over |tau| <= F of tau (S v + R_s tau + w_s)        (F infinite: a bilateral row, a joint)
+
+The number of directions d per contact (normal first) is the problem's: 2 in the plane, 3 in space.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
+
+
+class ContactProblem(Block):
+    """Arrays of one problem: n velocities, k contacts of d directions, b force-limited rows.
+
+    H (n, n) symmetric positive definite; c (n,); W (k d, n); R (k, d, d); w (k d,); mu (k,);
+    S (b, n); R_s (b,); w_s (b,); F (b,). Units: H is force per velocity, lambda and tau are forces.
+    quantum (1,): the velocity that rounding of positions amounts to over the step; smaller ones are noise.
+    """
+
+    H: NDArray[np.float64]
+    c: NDArray[np.float64]
+    W: NDArray[np.float64]
+    R: NDArray[np.float64]
+    w: NDArray[np.float64]
+    mu: NDArray[np.float64]
+    S: NDArray[np.float64]
+    R_s: NDArray[np.float64]
+    w_s: NDArray[np.float64]
+    F: NDArray[np.float64]
+    quantum: NDArray[np.float64]
+
+
+def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -> ContactProblem:
+    """Zeroed problem for at most so many rows."""
+    d = directions
+    return ContactProblem(
+        H=np.zeros((n, n)),
+        c=np.zeros(n),
+        W=np.zeros((contacts * d, n)),
+        R=np.zeros((contacts, d, d)),
+        w=np.zeros(contacts * d),
+        mu=np.zeros(contacts),
+        S=np.zeros((limited, n)),
+        R_s=np.zeros(limited),
+        w_s=np.zeros(limited),
+        F=np.zeros(limited),
+        quantum=np.zeros(1),
+    )
+
+
+def trim(problem: ContactProblem, n: int, contacts: int, limited: int) -> ContactProblem:
+    """A copy of the rows in use."""
+    p = problem
+    d = p.R.shape[1]
+    k = contacts * d
+    return ContactProblem(
+        H=p.H[:n, :n].copy(),
+        c=p.c[:n].copy(),
+        W=p.W[:k, :n].copy(),
+        R=p.R[:contacts].copy(),
+        w=p.w[:k].copy(),
+        mu=p.mu[:contacts].copy(),
+        S=p.S[:limited, :n].copy(),
+        R_s=p.R_s[:limited].copy(),
+        w_s=p.w_s[:limited].copy(),
+        F=p.F[:limited].copy(),
+        quantum=p.quantum.copy(),
+    )

@@ -1,0 +1,348 @@
+"""Proximal point method for redundant contacts: forces that may be shared in many ways start from a guess.
+
+Algorithm: a sequence of problems in which each force yields a little about its last value, R + rho and
+w - rho lambda, so that its contact modes have one answer each; every one is solved by Newton's method on the
+modes, in velocities alone (W^T (R + rho)^-1 W + H is as large as there are coordinates, however many contacts
+there are). rho falls while the modes settle and rises when they do not; what it adds vanishes at the end.
+Sources: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; Carpentier, Montaut, Le Lidec: From compliant
+to rigid contact simulation, RSS 2024.
+Accepts: planar problems (d = 2), H positive definite. Promises: nothing but the residual that it returns; it
+keeps the given forces as far as they solve the problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.step.mode_newton import flip, sign
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual import residual
+from rungwise.kernel import Ints, Reals, kernel
+
+FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
+"""Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
+MAX_ROUNDS = 40
+MAX_FLIPS = 12
+"""Solves in which all contacts may change their mode, and then as many in which one does."""
+TARGET = 1e-11
+STILL = 1e-3
+"""Forces that change by more from round to round may be growing without bound, which hides any error."""
+WEDGED = 1e3
+"""Forces may exceed what loads and demanded rates call for by this factor, in wedges; more hides errors."""
+
+
+@kernel
+def solve_proximal(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    matrix: Reals,
+    order: Ints,
+    enough: float,
+) -> float:
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when it came to no rest."""
+    rows = 2 * contacts + limited
+    flat = matrix.reshape(matrix.size)
+    at = n * n
+    factors = flat[:at].reshape(n, n)
+    vectors = flat[at : at + 3 * rows].reshape(3, rows)
+    centre, give, rate = vectors[0], vectors[1], vectors[2]
+    at += 3 * rows
+    push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
+    at += 2 * rows + n
+    unit = flat[at : at + n]
+    for i in range(n):
+        v[i] = 0.0
+        unit[i] = 1.0 / math.sqrt(problem.H[i, i])
+    collect(contacts, limited, force, tau, centre)
+    rho, before, factored, lowered = FIRST, math.inf, False, False
+    for _ in range(MAX_ROUNDS):
+        if not _settle(
+            problem, n, contacts, limited, mode, rho, factored, unit, centre, give, push, factors, order, v,
+            force, tau, rate, step,
+        ):  # fmt: skip
+            if rho >= MOST:
+                break
+            rho, factored = min(100.0 * rho, MOST), False
+            for i in range(n):
+                v[i] = 0.0
+            spread(contacts, limited, centre, force, tau)
+            continue
+        found = residual(problem, n, contacts, limited, v, force, tau)
+        rests = _moved(contacts, limited, force, tau, centre) <= STILL
+        rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
+        # Where a smaller rho does not help, what is left is rounding.
+        if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
+            return found
+        collect(contacts, limited, force, tau, centre)
+        lowered = found > 0.1 * before
+        factored = not lowered
+        if lowered:
+            rho = max(0.01 * rho, LEAST)
+        before = found
+    return math.inf
+
+
+@kernel
+def _settle(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    rho: float,
+    factored: bool,
+    unit: Reals,
+    centre: Reals,
+    give: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    rate: Reals,
+    step: Reals,
+) -> bool:
+    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors are
+    those of `mode` and `rho`; `unit` (n,): of velocities, in which H has a unit diagonal."""
+    for flips in range(2 * MAX_FLIPS):
+        if not factored:
+            _impose(problem, contacts, limited, mode, force, tau)
+            _give(problem, n, contacts, limited, rho, give)
+            _push(problem, contacts, limited, mode, give, push)
+            if not _factorise(problem, n, contacts, limited, unit, push, factors, order):
+                return False
+        for _ in range(2):
+            _correct(
+                problem, n, contacts, limited, unit, give, centre, push, factors, order, v, force, tau, rate,
+                step,
+            )  # fmt: skip
+        # Many flips at once may cycle.
+        most = contacts + limited if flips < MAX_FLIPS else 1
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, give, centre, most):
+            return True
+        factored = False
+    return False
+
+
+@kernel
+def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> float:
+    """Greatest change of a force from its centre, relative to the greatest force."""
+    moved, largest = 0.0, 0.0
+    for r in range(2 * contacts + limited):
+        now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
+        moved, largest = max(moved, abs(now - centre[r])), max(largest, abs(now))
+    return moved / largest if largest > 0.0 else 0.0
+
+
+@kernel
+def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
+    H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms what
+    yields, if that takes more."""
+    called, greatest = 0.0, 0.0
+    for i in range(n):
+        called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        bodies = 0.0
+        for i in range(n):
+            row = p.W[r, i] if c < 0 else p.S[c, i]
+            bodies += row * row / p.H[i, i]
+        if bodies > 0.0:
+            unit = math.sqrt(bodies)
+            greatest = max(greatest, abs(force[r] if c < 0 else tau[c]) * unit)
+            own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
+            least = min(own, bodies) if own > 0.0 else bodies
+            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) * unit / least)
+            if c >= 0 and math.isfinite(p.F[c]):
+                called = max(called, p.F[c] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
+
+
+@kernel
+def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
+    """What each row must yield to its own force beside R: at least rho of what the bodies yield, or those of
+    another row where no body of its own does."""
+    most = 0.0
+    for r in range(2 * contacts + limited):
+        c, bodies = r - 2 * contacts, 0.0
+        for i in range(n):
+            row = p.W[r, i] if c < 0 else p.S[c, i]
+            bodies += row * row / p.H[i, i]
+        give[r] = bodies
+        most = max(most, bodies)
+    for r in range(2 * contacts + limited):
+        c = r - 2 * contacts
+        own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
+        bodies = give[r] if give[r] > 0.0 else (most if most > 0.0 else 1.0)
+        give[r] = max(rho * bodies - own, 0.0)
+
+
+@kernel
+def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
+    for r in range(2 * contacts):
+        centre[r] = force[r]
+    for r in range(limited):
+        centre[2 * contacts + r] = tau[r]
+
+
+@kernel
+def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals) -> None:
+    for r in range(2 * contacts):
+        force[r] = centre[r]
+    for r in range(limited):
+        tau[r] = centre[2 * contacts + r]
+
+
+@kernel
+def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: Reals, tau: Reals) -> None:
+    """Give the forces that follow from the modes their values."""
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            force[2 * k] = force[2 * k + 1] = 0.0
+        elif mode[k] != STICK or p.mu[k] == 0.0:
+            force[2 * k + 1] = sign(mode[k]) * p.mu[k] * force[2 * k]
+    for r in range(limited):
+        if mode[contacts + r] != STICK:
+            tau[r] = sign(mode[contacts + r]) * p.F[r]
+
+
+@kernel
+def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Reals, push: Reals) -> None:
+    """Force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited row."""
+    for k in range(contacts):
+        at = 4 * k
+        a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
+        push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
+        if mode[k] == STICK and p.mu[k] > 0.0:
+            b, c = p.R[k, 0, 1], p.R[k, 1, 0]
+            inverse = 1.0 / (a * d - b * c)
+            push[at], push[at + 1], push[at + 2], push[at + 3] = (
+                d * inverse,
+                -b * inverse,
+                -c * inverse,
+                a * inverse,
+            )
+        elif mode[k] != OPEN:
+            slope = sign(mode[k]) * p.mu[k]
+            push[at] = 1.0 / (a + slope * p.R[k, 0, 1])
+            push[at + 2] = slope * push[at]
+    for r in range(limited):
+        held = mode[contacts + r] == STICK
+        push[4 * contacts + r] = 1.0 / (p.R_s[r] + give[2 * contacts + r]) if held else 0.0
+
+
+@kernel
+def _factorise(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    unit: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
+) -> bool:
+    """Factors of H + W^T push W + S^T push S in these units: pivots are chosen by size."""
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] = p.H[i, j]
+    for k in range(contacts):
+        at = 4 * k
+        if push[at] == 0.0:
+            continue
+        for i in range(n):
+            a, b = p.W[2 * k, i], p.W[2 * k + 1, i]
+            if a == 0.0 and b == 0.0:
+                continue
+            normal = a * push[at] + b * push[at + 2]
+            tangential = a * push[at + 1] + b * push[at + 3]
+            for j in range(n):
+                factors[i, j] += normal * p.W[2 * k, j] + tangential * p.W[2 * k + 1, j]
+    for r in range(limited):
+        if push[4 * contacts + r] == 0.0:
+            continue
+        for i in range(n):
+            a = p.S[r, i] * push[4 * contacts + r]
+            if a != 0.0:
+                for j in range(n):
+                    factors[i, j] += a * p.S[r, j]
+    for i in range(n):
+        for j in range(n):
+            factors[i, j] *= unit[i] * unit[j]
+    return factorise(factors, n, order)
+
+
+@kernel
+def _correct(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    unit: Reals,
+    give: Reals,
+    centre: Reals,
+    push: Reals,
+    factors: Reals,
+    order: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    rate: Reals,
+    step: Reals,
+) -> None:
+    """One Newton step of all equations of the modes, from what is left of each."""
+    for i in range(n):
+        step[i] = p.c[i]
+        for j in range(n):
+            step[i] -= p.H[i, j] * v[j]
+    for k in range(contacts):
+        for d in range(2):
+            r = 2 * k + d
+            x = p.w[r] + p.R[k, d, 0] * force[2 * k] + p.R[k, d, 1] * force[2 * k + 1]
+            x += give[r] * (force[r] - centre[r])
+            for i in range(n):
+                x += p.W[r, i] * v[i]
+            rate[r] = -x
+        normal = push[4 * k] * rate[2 * k] + push[4 * k + 1] * rate[2 * k + 1]
+        tangential = push[4 * k + 2] * rate[2 * k] + push[4 * k + 3] * rate[2 * k + 1]
+        normal += force[2 * k]
+        tangential += force[2 * k + 1]
+        for i in range(n):
+            step[i] += p.W[2 * k, i] * normal + p.W[2 * k + 1, i] * tangential
+    for r in range(limited):
+        at = 2 * contacts + r
+        x = p.w_s[r] + p.R_s[r] * tau[r] + give[at] * (tau[r] - centre[at])
+        for i in range(n):
+            x += p.S[r, i] * v[i]
+        rate[at] = -x
+        x = tau[r] - push[4 * contacts + r] * x
+        for i in range(n):
+            step[i] += p.S[r, i] * x
+    for i in range(n):
+        step[i] *= unit[i]
+    substitute(factors, n, order, step)
+    for i in range(n):
+        step[i] *= unit[i]
+        v[i] += step[i]
+    for k in range(contacts):
+        normal, tangential = rate[2 * k], rate[2 * k + 1]
+        for i in range(n):
+            normal -= p.W[2 * k, i] * step[i]
+            tangential -= p.W[2 * k + 1, i] * step[i]
+        force[2 * k] += push[4 * k] * normal + push[4 * k + 1] * tangential
+        force[2 * k + 1] += push[4 * k + 2] * normal + push[4 * k + 3] * tangential
+    for r in range(limited):
+        x = rate[2 * contacts + r]
+        for i in range(n):
+            x -= p.S[r, i] * step[i]
+        tau[r] += push[4 * contacts + r] * x

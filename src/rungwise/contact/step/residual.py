@@ -1,0 +1,165 @@
+"""Residual of a candidate solution, from the problem alone: no solver has a say in it.
+
+Each equation is measured against the largest term of its kind, so that the residual is free of units, also
+where coordinates of different units meet: each balance row against its own terms and what the largest contact
+force L could do in it, velocities against U, the largest velocity term of the contact rows but no less than
+the problem's quantum, forces against L. Signorini is the natural map min(u_n / U, lambda_n / L); friction is
+lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L
+is at least `_FLOOR` of the force that would change a contact's speed by U, so that forces of rounding size
+count as none; and where U is only rounding beside the change of speed that L causes, it is `_REST` of that
+change, so that things may rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.kernel import Reals, kernel
+
+_FLOOR = 1e-6
+_ROUNDING, _REST = 1e-14, 1e-3
+
+
+@kernel
+def residual(
+    problem: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals
+) -> float:
+    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
+    finite."""
+    p, d = problem, problem.R.shape[1]
+    velocity, largest = p.quantum[0], 0.0
+    for r in range(contacts * d):
+        velocity = max(velocity, _magnitude(p.W, p.w, r, n, v))
+        largest = max(largest, abs(force[r]))
+    for k in range(contacts):
+        for i in range(d):
+            velocity = max(velocity, abs(_yielding(p, k, i, force)))
+    for r in range(limited):
+        velocity = max(velocity, _magnitude(p.S, p.w_s, r, n, v), abs(p.R_s[r] * tau[r]))
+        largest = max(largest, abs(tau[r]))
+    at_rest = velocity
+    for k in range(contacts):
+        velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
+    for r in range(limited):
+        velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
+    for k in range(contacts):
+        largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
+    for r in range(limited):
+        largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
+    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
+    # Where all velocities, or all forces, are zero, nothing is left to be measured.
+    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    for k in range(contacts):
+        worst = _worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))
+    for r in range(limited):
+        s = p.R_s[r] * tau[r] + p.w_s[r]
+        for i in range(n):
+            s += p.S[r, i] * v[i]
+        x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
+        worst = _worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
+    return worst
+
+
+@kernel
+def _worse(a: float, b: float) -> float:
+    """The larger of two violations; inf when b is not a number (max and min may drop it)."""
+    if b <= a:
+        return a
+    return b if math.isfinite(b) else math.inf
+
+
+@kernel
+def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
+    """`force`, or what it takes to change the rate of row r by `speed`, roughly, if that is more."""
+    yields = 0.0
+    for i in range(n):
+        # Most forces are larger by far: no division then.
+        if rows[r, i] * rows[r, i] * force > speed * p.H[i, i]:
+            return force
+        yields = max(yields, rows[r, i] * rows[r, i] / p.H[i, i])
+    return max(force, speed / yields) if yields > 0.0 else force
+
+
+@kernel
+def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
+    """Speed to measure row r against when `velocity` is only the rounding of what `force` does to it; 0 if it
+    is not."""
+    speed = 0.0
+    for i in range(n):
+        push = rows[r, i] * rows[r, i] * force
+        if velocity * p.H[i, i] < _ROUNDING * push:
+            speed = max(speed, _REST * push / p.H[i, i])
+    return speed
+
+
+@kernel
+def _magnitude(rows: Reals, offset: Reals, r: int, n: int, v: Reals) -> float:
+    total = abs(offset[r])
+    for i in range(n):
+        total = max(total, abs(rows[r, i] * v[i]))
+    return total
+
+
+@kernel
+def _yielding(p: ContactProblem, k: int, i: int, force: Reals) -> float:
+    """(R lambda) of contact k in direction i."""
+    d = p.R.shape[1]
+    total = 0.0
+    for j in range(d):
+        total += p.R[k, i, j] * force[k * d + j]
+    return total
+
+
+@kernel
+def _balance(
+    p: ContactProblem, n: int, rows: int, limited: int, v: Reals, force: Reals, tau: Reals, largest: float
+) -> float:
+    worst = 0.0
+    for i in range(n):
+        total, scale, lever = -p.c[i], abs(p.c[i]), 0.0
+        for j in range(n):
+            term = p.H[i, j] * v[j]
+            total += term
+            scale = max(scale, abs(term))
+        for r in range(rows):
+            lever = max(lever, abs(p.W[r, i]))
+            total -= p.W[r, i] * force[r]
+        for r in range(limited):
+            lever = max(lever, abs(p.S[r, i]))
+            total -= p.S[r, i] * tau[r]
+        scale = max(scale, lever * largest)
+        if not abs(total) <= worst * scale:
+            worst = _worse(worst, abs(total) / scale)
+    return worst
+
+
+@kernel
+def _contact(
+    p: ContactProblem, k: int, n: int, v: Reals, force: Reals, per_velocity: float, per_force: float
+) -> float:
+    d = p.R.shape[1]
+    first = k * d
+    normal = force[first] * per_force
+    worst, length = 0.0, 0.0
+    for i in range(d):
+        u = p.w[first + i] + _yielding(p, k, i, force)
+        for j in range(n):
+            u += p.W[first + i, j] * v[j]
+        u *= per_velocity
+        if i == 0:
+            worst = _worse(0.0, abs(min(u, normal)) + 0.0 * u)
+        else:
+            length += (force[first + i] * per_force - u) ** 2
+    length = math.sqrt(length)
+    radius = p.mu[k] * max(normal, 0.0)
+    shrink = 1.0 if length <= radius else radius / length
+    total = 0.0
+    for i in range(1, d):
+        u = p.w[first + i] + _yielding(p, k, i, force)
+        for j in range(n):
+            u += p.W[first + i, j] * v[j]
+        x = force[first + i] * per_force
+        total += (x - shrink * (x - u * per_velocity)) ** 2
+    return _worse(worst, math.sqrt(total))

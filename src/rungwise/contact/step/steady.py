@@ -1,0 +1,124 @@
+"""Velocities of what contacts hold, taken from the contacts where forces leave rounding in them.
+
+v = H^-1 (c + W^T lambda) is a difference of forces; where next to nothing resists a motion, H is so small
+that their rounding moves what rigid contacts hold. Given the modes, the rates of the rows that hold are
+known, and the least change of v (in the norm of the diagonal of H) that gives them is added; the forces
+that it would take are below the rounding of those found, and stay. Accepts planar answers; promises to
+leave v as it was where the rows that hold do not agree.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.linear import solve_in_place
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.kernel import Ints, Reals, kernel
+
+_NOTICED = 1e-3
+"""Rates of rows that hold, over the problem's quantum, that are corrected: they add up from step to step."""
+_ROUNDS = 2
+_BETTER = 0.1
+"""Part of the greatest rate before that must not be left."""
+
+
+@kernel
+def steady(
+    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
+) -> None:
+    """Correct v (n,) of an answer in these modes if a row that holds moves by more than the rounding of v."""
+    before = _greatest_rate(p, n, contacts, limited, mode, v)
+    if not before > _NOTICED * p.quantum[0]:
+        return
+    kept = matrix[matrix.shape[0] - 1]
+    for i in range(n):
+        kept[i] = v[i]
+    for _ in range(_ROUNDS):
+        _correct(p, n, contacts, limited, mode, v, matrix, order)
+    after, opening = _greatest_rate(p, n, contacts, limited, mode, v), True
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            opening &= (
+                _rate(p, 2 * k, contacts, n, v) >= min(0.0, _rate(p, 2 * k, contacts, n, kept)) - before
+            )
+    if not (after <= _BETTER * before and opening):
+        for i in range(n):
+            v[i] = kept[i]
+
+
+@kernel
+def _correct(
+    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
+) -> None:
+    """The least change of v that gives the rows that hold their rates; W H^-1 W^T has a unit diagonal."""
+    size, rows = 0, 2 * contacts + limited
+    for r in range(rows):
+        if _holds(p, r, contacts, mode):
+            at = 0
+            for s in range(rows):
+                if _holds(p, s, contacts, mode):
+                    matrix[size, at] = _coupling(p, r, s, contacts, n)
+                    at += 1
+            matrix[size, at] = -_rate(p, r, contacts, n, v) / _length(p, r, contacts, n)
+            size += 1
+    solve_in_place(matrix, size, 1, order)
+    at = 0
+    for r in range(rows):
+        if _holds(p, r, contacts, mode):
+            push = matrix[at, size] / _length(p, r, contacts, n)
+            for i in range(n):
+                v[i] += _entry(p, r, contacts, i) * push / p.H[i, i]
+            at += 1
+
+
+@kernel
+def _holds(p: ContactProblem, r: int, contacts: int, mode: Ints) -> bool:
+    """Whether row r (of W, then of S) keeps a rate in this mode: nothing yields and nothing slips there."""
+    if r >= 2 * contacts:
+        return bool(mode[r - contacts] == STICK and p.R_s[r - 2 * contacts] == 0.0)
+    k = r // 2
+    closed = mode[k] != OPEN and p.R[k, 0, 0] == 0.0
+    return bool(closed and (r % 2 == 0 or (mode[k] == STICK and p.mu[k] > 0.0)))
+
+
+@kernel
+def _entry(p: ContactProblem, r: int, contacts: int, i: int) -> float:
+    entry: float = p.W[r, i] if r < 2 * contacts else p.S[r - 2 * contacts, i]
+    return entry
+
+
+@kernel
+def _rate(p: ContactProblem, r: int, contacts: int, n: int, v: Reals) -> float:
+    rate: float = p.w[r] if r < 2 * contacts else p.w_s[r - 2 * contacts]
+    for i in range(n):
+        rate += _entry(p, r, contacts, i) * v[i]
+    return rate
+
+
+@kernel
+def _length(p: ContactProblem, r: int, contacts: int, n: int) -> float:
+    """Norm of the row in that of H^-1; 1 for a row without entries."""
+    total = 0.0
+    for i in range(n):
+        total += _entry(p, r, contacts, i) ** 2 / p.H[i, i]
+    return math.sqrt(total) if total > 0.0 else 1.0
+
+
+@kernel
+def _coupling(p: ContactProblem, r: int, s: int, contacts: int, n: int) -> float:
+    """Cosine between two rows in the norm of H^-1."""
+    total = 0.0
+    for i in range(n):
+        total += _entry(p, r, contacts, i) * _entry(p, s, contacts, i) / p.H[i, i]
+    return total / (_length(p, r, contacts, n) * _length(p, s, contacts, n))
+
+
+@kernel
+def _greatest_rate(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals) -> float:
+    """Greatest rate of a row that holds."""
+    greatest = 0.0
+    for r in range(2 * contacts + limited):
+        if _holds(p, r, contacts, mode):
+            greatest = max(greatest, abs(_rate(p, r, contacts, n, v)))
+    return greatest
