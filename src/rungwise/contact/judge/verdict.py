@@ -245,9 +245,11 @@ def own_terms(
     unit: Reals,
     scratch: Reals,
 ) -> None:
-    """Fill the first row of scratch (3, N) with the size of each row's terms, |A| |x| being `terms`. Where the
-    terms of a row are rounding beside the norm of all rates, it is raised: to that norm, but to no more than
-    the row's share of the unknowns that the terms of the free rows allow."""
+    """Fill the first row of scratch (3, N) with the size of each row's terms, |A| |x| being `terms`.
+
+    Where the terms of a row are rounding beside the norm of all rates, its size is raised to that norm, but
+    to no more than the row's share of the unknowns that the terms of the free rows allow.
+    """
     own, others, speed, most = scratch[0], scratch[1], scratch[2], 0.0
     for i in range(len(b)):
         own[i], others[i], speed[i] = terms[i] + abs(b[i]), math.inf, 0.0
