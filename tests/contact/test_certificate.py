@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rungwise.contact.judge import certificate as module
 from rungwise.contact.judge.certificate import Certificate, check
 from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
-from rungwise.contact.judge.verdict import certificate as module
 from rungwise.contact.step.modes import ANY
 
 

@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 import rungwise as rw
 from rungwise.contact.analysis.pieces import check
 from rungwise.contact.files.read import read_problem
-from rungwise.contact.judge.verdict import farkas
+from rungwise.contact.judge import farkas
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.step import modes
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
