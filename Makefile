@@ -41,7 +41,7 @@ apart: lint
 	$(BIN)/python -m pytest -n 2 $(APART)
 
 kernels: $(INSTALLED)
-	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.kernel
+	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py

@@ -27,7 +27,6 @@ from statistics import median
 import hand_loop  # beside this file
 
 import rungwise as rw
-from rungwise.kernel import is_compiled
 
 RATIOS = (0.35, 0.55, 0.75, 0.9, 1.15, 1.6, 2.5)
 STEPS = (2e-4, 2e-3)
@@ -194,8 +193,6 @@ def main(
     parser = argparse.ArgumentParser(description="Steps per second of the two-finger scene on each rung.")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args(arguments)
-    if not is_compiled():
-        print("compiling kernels, once; this takes a minute or two", file=sys.stderr, flush=True)
     rows = benchmark(ratios, repeats, with_command)
     if options.json:
         print(

@@ -21,7 +21,6 @@ import numpy as np
 import peers  # beside this file
 
 import rungwise as rw
-from rungwise.kernel import is_compiled
 
 CLEAR = 0.005
 ACCURACY = 3e-3
@@ -123,8 +122,6 @@ def main(
     parser = argparse.ArgumentParser(description="Speed and verdicts of batches, and the cost of sets.")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args(arguments)
-    if not is_compiled("rungwise.simulation.samples", "run_samples"):
-        print("compiling kernels, once; this takes a minute or two", file=sys.stderr, flush=True)
     scene = rw.load("two_finger")
     rows = [measure(scene, rung, parameters, end, runs) for rung, parameters, end in CASES]
     if peer_runs:

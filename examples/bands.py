@@ -22,7 +22,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import rungwise as rw
-from rungwise.kernel import is_compiled
 
 STEP = 1.9371e-4
 """No contact time of the scene is a multiple of it: luck with the grid of steps would hide errors."""
@@ -110,8 +109,6 @@ def main(arguments: Sequence[str] | None = None, bisections: int = 13) -> int:
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     options = parser.parse_args(arguments)
-    if not is_compiled():
-        print("compiling kernels, once; this takes a minute or two", file=sys.stderr, flush=True)
     scene = rw.load("two_finger")
     if not options.json:
         print("Capture band in r = v2 / v1, mu = 0.5, faster finger at speed 1")

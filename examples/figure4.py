@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.kernel import is_compiled
 from rungwise.viewing.strata import Space
 
 STEP = 1e-4
@@ -169,8 +168,6 @@ def main(
     parser.add_argument("--figure", type=Path, help="draw the figure there, and print no table")
     parser.add_argument("--json", action="store_true", help="print one JSON object, and draw nothing")
     options = parser.parse_args(arguments)
-    if not is_compiled():
-        print("compiling kernels, once; this takes a minute or two", file=sys.stderr, flush=True)
     if options.figure is not None:
         return 0 if draw_if_possible(options.figure, ratios, bisections) else 1
     rows = []

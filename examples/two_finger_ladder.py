@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import rungwise as rw
-from rungwise.kernel import is_compiled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,8 +50,6 @@ def main(arguments: Sequence[str] | None = None, ratios: Sequence[float] = RATIO
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for runs and figure")
     parser.add_argument("--figure", type=Path, help="draw the figure there, and do nothing else")
     options = parser.parse_args(arguments)
-    if not is_compiled():
-        print("compiling kernels, once; this takes a minute or two", file=sys.stderr, flush=True)
     scene = rw.load(SCENE)
     if options.figure is not None:
         return 0 if _draw_if_possible(scene, options.figure) else 1

@@ -18,7 +18,7 @@ import yaml
 
 import rungwise as rw
 from rungwise import cli
-from rungwise.cli import progress
+from rungwise.compilation.progress import compiling
 
 
 class Answer(NamedTuple):
@@ -47,7 +47,7 @@ def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         captured = capsys.readouterr()
         return Answer(int(ended.value.code or 0), captured.out, captured.err)
 
-    monkeypatch.setattr(progress, "announce_compilation", lambda *_: None)
+    monkeypatch.setattr(compiling, "tell", lambda _: None)
     return run
 
 

@@ -1,25 +1,19 @@
 """The one compile decorator.
 
-Every hot function of the package is a *kernel*: arrays in, arrays out, compiled by numba, and still X
+Every hot function of the package is a *kernel*: arrays in, arrays out, compiled when it is first called. With
+the environment variable NUMBA_DISABLE_JIT=1 kernels are the plain functions that they are written as. How
+they are compiled stands in `rungwise.compilation`, which this module loads when the first kernel is called.
 """
 
 from __future__ import annotations
 
-import hashlib
-import importlib
 import os
-import re
-import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import cache
-from pathlib import Path
+import sys
+from collections.abc import Callable
+from functools import cached_property, update_wrapper
 from typing import Any, TypeAlias, TypeVar
 
-import numba
 import numpy as np
-import platformdirs
 from numpy.typing import NDArray
 
 Reals: TypeAlias = NDArray[np.float64]
@@ -42,104 +36,95 @@ def record_type(integers: str, reals: str) -> np.dtype[np.void]:
     return np.dtype((np.record, fields))
 
 
+class Kernel:
+    """A function that is compiled for the types of its arguments; a part, for compiled code that contains it
+    instead of calling it."""
+
+    def __init__(self, function: Callable[..., object], is_part: bool, **options: object) -> None:
+        update_wrapper(self, function)
+        self.name = function.__qualname__
+        self.function = function
+        self.is_part = is_part
+        self.options = {"nogil": True, "error_model": "numpy", "_nrt": False, **options}
+
+    def __call__(self, *arguments: object) -> object:
+        return self._call(self._outside, *arguments)
+
+    @cached_property
+    def _call(self) -> Callable[..., object]:
+        from rungwise.compilation.calls import call
+
+        return call
+
+    @cached_property
+    def _outside(self) -> Any:
+        from rungwise.compilation.calls import KernelDispatcher
+
+        return KernelDispatcher(self.function, "outside", **self.options)
+
+    @cached_property
+    def inside(self) -> Any:
+        """Numba's dispatcher for calls from compiled code."""
+        from rungwise.compilation.calls import KernelDispatcher
+
+        return KernelDispatcher(self.function, "inside", no_cpython_wrapper=True, **self.options)
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        from rungwise.compilation.calls import type_of
+
+        return type_of(self)
+
+
 def kernel(function: F) -> F:
     """Compile `function` on first call, without the GIL, with IEEE division, cached on disk.
+
+    Code of other modules calls it; a private one becomes a part of the code that calls it.
 
     A kernel allocates nothing: it is compiled without reference counting, which would otherwise be paid for
     each array of each call, and numba refuses it if it allocates.
     """
-    return _compile(function)
+    return _compile(function, _is_private(function))
 
 
 def allocating_kernel(function: F) -> F:
     """A kernel that may allocate: for rare work of unknown size, never for a hot path."""
-    return _compile(function, allocates=True)
+    return _compile(function, _is_private(function), _nrt=True)
+
+
+def rare_kernel(function: F) -> F:
+    """A kernel that many runs never need: though it is private, it is compiled when it is first called."""
+    return _compile(function, is_part=False)
 
 
 def inner_kernel(function: F) -> F:
     """A kernel that becomes a part of each that calls it, where a call would take as long as the work."""
-    return _compile(function, forceinline=True)
+    return _compile(function, True, forceinline=True)
 
 
 def summing_kernel(function: F) -> F:
     """An inner kernel whose sums are taken in whatever order is fastest, several terms at a time."""
-    return _compile(function, forceinline=True, fastmath={"reassoc", "contract"})
+    return _compile(function, True, forceinline=True, fastmath={"reassoc", "contract"})
 
 
-def _compile(function: F, allocates: bool = False, **options: object) -> F:
-    compiled = numba.njit(nogil=True, error_model="numpy", _nrt=allocates, **options)(function)
-    if hasattr(compiled, "enable_caching"):
-        with _numba_cache(cache_folder(function.__module__)):
-            compiled.enable_caching()
-    return compiled  # type: ignore[no-any-return]
+def linking_time() -> float:
+    """Seconds that this thread has spent, within compiled code, on loading and compiling what it calls."""
+    calls = sys.modules.get("rungwise.compilation.calls")
+    return 0.0 if calls is None else float(calls.thread.seconds)
 
 
-@cache
-def cache_folder(module: str) -> Path:
-    """Folder of the compiled code of exactly these sources of `module`; made when missing.
-
-    Falls back to the temporary folder where the user's cache cannot be written.
-    """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(_sources(module)):
-        digest.update(source.read_bytes())
-    chosen = os.environ.get("RUNGWISE_CACHE")
-    for root in (Path(chosen) if chosen else platformdirs.user_cache_path("rungwise"), _private_temporary()):
-        folder = root / digest.hexdigest()[:16]
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                return folder
-        except OSError:
-            continue
-    return Path(tempfile.mkdtemp(prefix="rungwise-"))
+def _is_private(function: Callable[..., object]) -> bool:
+    """Whether it belongs to one module, or to one function there."""
+    return function.__name__.startswith("_") or "<" in function.__qualname__
 
 
-_IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+def _compile(function: F, is_part: bool, **options: object) -> F:
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return function
+    return Kernel(function, is_part, **options)  # type: ignore[return-value]
 
 
-def _sources(module: str) -> set[Path]:
-    """Files of `module` and of all that it imports from the package; every file for a module outside it."""
-    found: set[Path] = set()
-    waiting = [module]
-    while waiting:
-        source = _file(waiting.pop())
-        if source is None or source in found:
-            continue
-        found.add(source)
-        for origin, names in _IMPORT.findall(source.read_text("utf-8")):
-            waiting += [origin, *(f"{origin}.{name}" for name in re.findall(r"\w+", names))]
-    return found or set(Path(__file__).parent.rglob("*.py"))
-
-
-def _file(module: str) -> Path | None:
-    package, *path = module.split(".")
-    place = Path(__file__).parent.joinpath(*path)
-    known = (place.with_suffix(".py"), place / "__init__.py") if package == "rungwise" else ()
-    return next((file for file in known if file.is_file()), None)
-
-
-def is_compiled(module: str = "rungwise.simulation.loop", entry: str = "advance") -> bool:
-    """Whether the kernel `entry` of exactly these sources has been compiled and kept before."""
-    return any(cache_folder(module).rglob(f"*{entry}*.nbi"))
-
-
-def _private_temporary() -> Path:
-    return Path(tempfile.gettempdir()) / f"rungwise-{os.getuid() if hasattr(os, 'getuid') else 'user'}"
-
-
-@contextmanager
-def _numba_cache(folder: Path) -> Iterator[None]:
-    """Point numba's cache at `folder` while one kernel is declared; other users of numba keep theirs."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before
-
-
-@kernel
+@inner_kernel
 def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
     """target[...] = source, of one shape, with one dimension or two (numba's own assignment makes a temporary
     copy, and reshaping is a call)."""
@@ -150,26 +135,3 @@ def copy(source: NDArray[Any], target: NDArray[Any]) -> None:
         for i in range(target.shape[0]):
             for j in range(target.shape[1]):
                 target[i, j] = source[i, j]
-
-
-def main() -> None:
-    """Compile and cache all kernels: begin each shipped scene on each rung, at fixed and controlled steps."""
-    # Run as a program, this file is a second module beside the one whose kernels the package uses.
-    package, cached = importlib.import_module("rungwise"), importlib.import_module("rungwise.kernel")
-    began = time.perf_counter()
-    models = [model for model in package.LADDER if model.moves]
-    for name in package.shipped():
-        scene = package.load(name)
-        for model in models:
-            for tol in (None, 1e-2):
-                package.Simulation(scene, model, tol=tol).advance()
-            names = tuple(scene.file.parameters)[:1]
-            defaults = [[scene.file.parameters[name].default for name in names]]
-            package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
-    took = time.perf_counter() - began
-    root = cached.cache_folder("rungwise.simulation.loop").parent
-    print(f"rungwise: kernels of {len(models)} rungs are ready in {root} ({took:.0f} s)")
-
-
-if __name__ == "__main__":
-    main()

@@ -335,7 +335,7 @@ def test_saved_runs_come_back_and_are_replaced_whole(tmp_path: Path) -> None:
     second = rw.simulate("slide_roll", rw.DYNAMIC_RIGID, duration=0.05)
     for run in (first, second):
         assert run.save(tmp_path) == tmp_path
-        data, summary = trajectory.load(tmp_path)
+        data, summary = trajectory.load_run(tmp_path)
         assert data.equals(run.trajectory) and data.attrs == run.trajectory.attrs
         assert summary == run.summary()
         assert sorted(p.name for p in tmp_path.iterdir()) == [trajectory.SUMMARY, trajectory.STORE]
@@ -343,7 +343,7 @@ def test_saved_runs_come_back_and_are_replaced_whole(tmp_path: Path) -> None:
 
 def test_a_folder_without_a_run(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="no saved run"):
-        trajectory.load(tmp_path)
+        trajectory.load_run(tmp_path)
 
 
 def test_progress_and_interruption() -> None:

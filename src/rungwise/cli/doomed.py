@@ -67,7 +67,6 @@ def doomed(
             parameters = parameters_of(loaded, values)
             if out is not None:
                 writable(out)
-            progress.announce_compilation("rungwise.simulation.samples", "run_samples")
             with progress.counting(model, quiet=as_json or not sys.stderr.isatty()) as on_progress:
                 found = doomed_set(
                     loaded, model, names, bounds, box=box, cells=cells, parameters=parameters,

@@ -1,21 +1,13 @@
-"""Telling that something takes time: compilation, and bars."""
+"""Bars that tell how far long work has come."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rungwise.simulation.run import Simulation
-
-
-def announce_compilation(*kernel: str) -> None:
-    from rungwise.kernel import is_compiled
-
-    if not is_compiled(*kernel):
-        print("rungwise: compiling kernels, once; this takes about a minute", file=sys.stderr, flush=True)
 
 
 def watch(simulation: Simulation, quiet: bool) -> bool:

@@ -106,7 +106,6 @@ def sets(
             parameters = parameters_of(loaded, values)
             if out is not None:
                 writable(out)
-            progress.announce_compilation("rungwise.simulation.samples", "run_samples")
             for name, each in wanted:
                 below = found[-per_rung] if lift and name != rungs[0] else None
                 folder = name if each == SLOWEST else f"{name}-{each}"

@@ -87,7 +87,6 @@ def sim(
         parameters = parameters_of(loaded, values)
         if out is not None:
             writable(out)
-        progress.announce_compilation()
         simulation = Simulation(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             save_hard=save_hard,

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
+from rungwise.errors import InputError
+
 BAD_INPUT = 2
 INTERRUPTED = 130
 
@@ -37,12 +39,7 @@ def show_json(value: object, indent: int | None = None) -> None:
 @contextmanager
 def plain_errors() -> Iterator[None]:
     """Wrong input of any kind becomes one line."""
-    from rungwise.scene import SceneError
-    from rungwise.sets.store import SetError
-    from rungwise.simulation.options import ModelError
-    from rungwise.viewing.view import ViewError
-
     try:
         yield
-    except (SceneError, ModelError, SetError, ViewError) as error:
+    except InputError as error:
         refuse(str(error))

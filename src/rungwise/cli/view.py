@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli import progress
 from rungwise.cli.arguments import JsonOption, SetOption, load_scene, number, parameters_of
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
@@ -72,7 +71,6 @@ def _runs(source: str, models: list[str] | None, values: list[str] | None) -> li
     with plain_errors():
         scene = load_scene(source)
         parameters = parameters_of(scene, values)
-        progress.announce_compilation()
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [simulate(scene, name, parameters=parameters) for name in chosen]
     for run in runs:

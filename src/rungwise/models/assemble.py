@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.system.terms import JOINT, Terms
 
 LIMIT = 1e-8
@@ -170,7 +170,7 @@ def _carried(rows: Reals, r: int, speed: Reals) -> float:
     return total
 
 
-@kernel
+@inner_kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause, and no
     faster than in a fall from a height that counts as none."""
@@ -361,7 +361,7 @@ def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
     return rate
 
 
-@kernel
+@rare_kernel
 def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Ints) -> float:
     greatest = 0.0
     for i in range(n):
@@ -369,7 +369,7 @@ def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Int
     return greatest
 
 
-@kernel
+@rare_kernel
 def _demanded_pace(
     h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
 ) -> float:

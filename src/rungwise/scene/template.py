@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.errors import InputError
 from rungwise.scene.expression import Programs
 
 STRICT, MAY_BE_INFINITE = 1, 2
 
 
-class SceneError(ValueError):
+class SceneError(InputError):
     """A scene, or a value given for it, is wrong; the text is one line that names the field."""
 
 

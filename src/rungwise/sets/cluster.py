@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, cache_folder
+from rungwise.compilation.cache import cache_folder
+from rungwise.kernel import Ints, Reals
 from rungwise.scene import Scene, load
 from rungwise.sets.asker import KEPT, Answer, InProcess, Runner
 from rungwise.sets.motions import Motions

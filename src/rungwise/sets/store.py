@@ -20,6 +20,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 REQUEST, BATCHES, STORE = "request.json", "batches", "set.zarr"
 
 
-class SetError(ValueError):
+class SetError(InputError):
     """A request for a set, or a folder of one, is wrong; the text is one line that names what."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, kernel
+from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.choice import SUDDEN, solve_motion
@@ -159,7 +159,7 @@ def _is_thrown(records: Records, state: State, v: Reals) -> bool:
     return free > SWIFT * driven
 
 
-@kernel
+@rare_kernel
 def _leaps(records: Records, h: float, state: State) -> bool:
     """Whether a servo that is followed exactly moves something far in the step."""
     clock, leaps = state.clock[0], False
@@ -194,7 +194,7 @@ def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) ->
     )  # fmt: skip
 
 
-@kernel
+@rare_kernel
 def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scratch) -> bool:
     """Whether a contact with restitution, open at the start, is met at speed during the step: it would not
     bounce."""
@@ -214,7 +214,7 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
     return False
 
 
-@kernel
+@rare_kernel
 def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scratch: Scratch) -> None:
     """Linearise about the trial state: gaps and errors of joints less what the trial velocity contributed."""
     for r in range(drives, limited):
@@ -238,7 +238,7 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
     look(records, workspace, scratch.v_new)
 
 
-@kernel
+@rare_kernel
 def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> float:
     """Contact work in a step that is no more than rounding, or than the residual, of what is exchanged."""
     exchanged = 0.0

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Record, RecordArray, copy, kernel
+from rungwise.kernel import Record, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import NO_DRIVE, Records
 from rungwise.simulation.state import ROUNDING, State, Workspace
 from rungwise.simulation.step import SUPPORTED, solve_step
@@ -100,7 +100,7 @@ def _is_object(records: Records, b: int, state: State) -> bool:
     return alone
 
 
-@kernel
+@rare_kernel
 def _may_be_held(records: Records, b: int, preferred: bool, pace: float, workspace: Workspace) -> bool:
     """Whether a body is an object that is not held yet, with or without a preferred motion."""
     state, body, asked = workspace.state, records.bodies[b], False
@@ -111,7 +111,7 @@ def _may_be_held(records: Records, b: int, preferred: bool, pace: float, workspa
     return asked == preferred and not _goes_on(records, body, pace, workspace)
 
 
-@kernel
+@rare_kernel
 def _pace(records: Records, workspace: Workspace) -> float:
     """Greatest speed of any coordinate in the slowest motion."""
     fastest = 0.0
@@ -120,7 +120,7 @@ def _pace(records: Records, workspace: Workspace) -> float:
     return fastest
 
 
-@kernel
+@rare_kernel
 def _rests(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
     rests = True
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
@@ -128,7 +128,7 @@ def _rests(records: Records, body: Record, pace: float, workspace: Workspace) ->
     return rests
 
 
-@kernel
+@rare_kernel
 def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
     is one step, however many it takes here. One that has gone too far ends."""
@@ -143,7 +143,7 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
     return fastest > FLUNG * pace or along > 0.5 * asked
 
 
-@kernel
+@rare_kernel
 def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
     """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
     is_angle = turns(records.bodies[records.coordinates[i].body], i)
@@ -151,7 +151,7 @@ def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
     return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)
 
 
-@kernel
+@rare_kernel
 def _hold(body: Record, holds: bool, workspace: Workspace) -> None:
     """Take a body's coordinates out of the unknowns, at rest, or back into them."""
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
@@ -159,7 +159,7 @@ def _hold(body: Record, holds: bool, workspace: Workspace) -> None:
     _set_free(workspace)
 
 
-@kernel
+@rare_kernel
 def _set_free(workspace: Workspace) -> None:
     state = workspace.state
     clock = state.clock[0]
@@ -170,7 +170,7 @@ def _set_free(workspace: Workspace) -> None:
             clock.free += 1
 
 
-@kernel
+@rare_kernel
 def _wish(records: Records, pace: float, workspace: Workspace) -> None:
     """Preferred velocities of what is not held."""
     state = workspace.state
@@ -180,7 +180,7 @@ def _wish(records: Records, pace: float, workspace: Workspace) -> None:
             state.wish[i] = state.prefer[i] * pace / records.coordinates[i].lever
 
 
-@kernel
+@rare_kernel
 def _is_sudden(records: Records, h: float, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion begins in this step, or goes far in it."""
     state, scratch = workspace.state, workspace.scratch

@@ -10,7 +10,7 @@ import math
 
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import OPEN
-from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
 from rungwise.simulation.drives import set_speeds
@@ -96,7 +96,7 @@ def take(
     return TAKEN, h, max(following, factor * h) if factor > 1.0 else factor * h
 
 
-@kernel
+@rare_kernel
 def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
     """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
     velocities are continuous, a while later."""
@@ -116,7 +116,7 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
     return worst
 
 
-@kernel
+@rare_kernel
 def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
     """Take from a change of velocity what would open rigid joints: the next step does so itself, by impulses
     along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in which M
@@ -152,7 +152,7 @@ def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
         change[state.free[i]] = a[i, size] / root[i]
 
 
-@kernel
+@rare_kernel
 def _is_uniform(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> bool:
@@ -208,7 +208,7 @@ def _flies(workspace: Workspace) -> bool:
     return flies
 
 
-@kernel
+@rare_kernel
 def _extrapolate(records: Records, workspace: Workspace) -> None:
     """Two half steps and what they gained over the whole one (Richardson): of second order in free flight.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.state import Frames, Workspace
 from rungwise.system.planar import joints
@@ -51,7 +51,7 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
     clock.since = 0
 
 
-@kernel
+@rare_kernel
 def _thin(frames: Frames) -> None:
     """Drop every other frame; impulses of a dropped frame go to the next one kept."""
     count = frames.time.shape[0]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import RecordArray, kernel
+from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
 from rungwise.simulation.nearby import gather
@@ -49,7 +49,7 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
     return found
 
 
-@kernel
+@rare_kernel
 def _changes_so_soon(rung: RecordArray, h: float, contacts: int, workspace: Workspace, change: float) -> bool:
     """Whether velocity changes by half as much at least in a far shorter step."""
     status = solve_step(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, copy, kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.controlled import take, until_contact
@@ -197,7 +197,7 @@ def step(
     return NOT_CONVERGED
 
 
-@kernel
+@rare_kernel
 def _note_leap(records: Records, h: float, state: State) -> None:
     """Remember the farthest that a servo, followed exactly, has moved anything in a step."""
     clock = state.clock[0]
@@ -209,7 +209,7 @@ def _note_leap(records: Records, h: float, state: State) -> None:
             clock.leap_time, clock.leap_step = clock.time, h
 
 
-@kernel
+@rare_kernel
 def _shorter(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> float:

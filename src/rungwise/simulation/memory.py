@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import RecordArray, copy, kernel
+from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.nearby import look
 from rungwise.simulation.state import Snapshot, State, Workspace
@@ -42,7 +42,7 @@ def restore(records: Records, workspace: Workspace) -> None:
     state.clock[0].least_gap = kept.clock[0].least_gap
 
 
-@kernel
+@inner_kernel
 def remember(state: State, saved: Snapshot) -> None:
     for i in range(state.q.shape[0]):
         saved.q[i] = state.q[i]

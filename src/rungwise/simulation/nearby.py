@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, kernel
+from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
 from rungwise.scene.records import HINGE, Records
 from rungwise.simulation.state import State, Workspace
 from rungwise.system.planar import joints
@@ -61,7 +61,7 @@ def gather(records: Records, workspace: Workspace) -> int:
     )  # fmt: skip
 
 
-@kernel
+@inner_kernel
 def swing(records: Records, state: State, i: int) -> float:
     """What measures coordinate i as a distance: 1, or the longest lever that an angle has."""
     coordinate = records.coordinates[i]

@@ -8,6 +8,7 @@ from numbers import Real
 
 import numpy as np
 
+from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
 from rungwise.scene import Scene
@@ -17,7 +18,7 @@ MANY = 10**9
 """Most frames, and most steps between two of them."""
 
 
-class ModelError(ValueError):
+class ModelError(InputError):
     """The model or an option of the run is wrong; the text is one line that names it."""
 
 

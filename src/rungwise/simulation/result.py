@@ -16,11 +16,12 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
-from rungwise.simulation.hard import HardSteps
 from rungwise.simulation.state import Workspace
 
 if TYPE_CHECKING:
     import xarray
+
+    from rungwise.simulation.hard import HardSteps
 
 
 @dataclass(frozen=True)

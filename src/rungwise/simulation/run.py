@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,16 +14,19 @@ from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
 from rungwise.contact.step.planar import TOLERANCE
 from rungwise.contact.step.problem import ContactProblem, trim
+from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.simulation import loop, trajectory
-from rungwise.simulation.hard import HardSteps
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
 from rungwise.simulation.remarks import remarks
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import CONTROL, Workspace, allocate
+
+if TYPE_CHECKING:
+    from rungwise.simulation.hard import HardSteps
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
@@ -91,6 +94,8 @@ class Simulation:
         self.theta = theta
         self.hard: HardSteps | None = None
         if save_hard is not None:
+            from rungwise.simulation.hard import HardSteps
+
             try:
                 self.hard = HardSteps(save_hard, f"{self.scene.name}, {self.model.name}")
             except ValueError as error:
@@ -148,10 +153,10 @@ class Simulation:
         """Take steps for about `TURN_S`; returns whether the run goes on."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
-        self._take(0, self.workspace)  # compiles, or loads what is compiled, before the clock starts
-        began = time.perf_counter()
+        self._take(0, self.workspace)  # loads the loop before the clock starts
+        began, waited = time.perf_counter(), linking_time()
         self.outcome = self._take(self._turn, self.workspace)
-        took = time.perf_counter() - began
+        took = time.perf_counter() - began - (linking_time() - waited)
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.hard is not None:

@@ -8,7 +8,7 @@ from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.steady import steady
-from rungwise.kernel import Reals, RecordArray, kernel
+from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
 from rungwise.models.assemble import (
     LIMIT,
     assemble,
@@ -190,7 +190,7 @@ def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> boo
     return held
 
 
-@kernel
+@inner_kernel
 def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> float:
     """Velocity at the end of a step, where `v_new` is that at theta (a prescribed one is constant)."""
     return v_new if prescribed else (v_new - (1.0 - theta) * v_old) / theta

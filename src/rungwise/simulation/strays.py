@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.state import Workspace
 from rungwise.system.planar.manifold import ABSENT, VERTICES, height
@@ -17,7 +17,7 @@ STRAY = 0.1
 """Gap at the end of a step, over the smallest shape's reach, of contacts that carried load in it."""
 
 
-@kernel
+@inner_kernel
 def note_strays(records: Records, h: float, contacts: int, workspace: Workspace) -> None:
     """Remember the widest such gap after a step of length h."""
     clock, terms, before = workspace.state.clock[0], workspace.terms, workspace.before.features
@@ -30,7 +30,7 @@ def note_strays(records: Records, h: float, contacts: int, workspace: Workspace)
                 clock.stray, clock.stray_time, clock.stray_step = gap, clock.time, h
 
 
-@kernel
+@rare_kernel
 def _gap(slot: int, features: Ints, pairs: RecordArray, shapes: RecordArray, outline: Reals) -> float:
     """Where the bodies are now, the gap between what the slot's feature names: a vertex and the line of an
     edge, or two vertices."""

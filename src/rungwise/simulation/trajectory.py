@@ -111,7 +111,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     return target
 
 
-def load(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
+def load_run(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
     """Trajectory and summary of a saved run. Raises FileNotFoundError when the folder holds none."""
     import xarray as xr
 

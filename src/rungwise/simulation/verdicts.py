@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import RecordArray, copy, kernel
+from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate, holds
 from rungwise.scene.records import FORCE, SERVO, Records
@@ -31,7 +31,7 @@ SINKING = 0.1
 the thickness of the pair where that is less."""
 
 
-@kernel
+@inner_kernel
 def judge(conditions: Conditions, state: State, scratch: Scratch) -> int:
     """Verdict of the scene's conditions: unsafe before goal before doomed; one not stated has no program."""
     state.values[time_slot(state)] = state.clock[0].time
@@ -103,7 +103,7 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
         )
 
 
-@kernel
+@inner_kernel
 def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
     """Normal forces and impulses that conditions read, after an attempt of length h that was taken.
 
@@ -127,7 +127,7 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
             state.recent[1, c], state.recent[0, c] = state.recent[0, c], push
 
 
-@kernel
+@inner_kernel
 def withholds(records: Records, state: State) -> bool:
     """Whether a force that conditions read is not yet as large as in the last step: only if it lasts."""
     holds = False
@@ -136,7 +136,7 @@ def withholds(records: Records, state: State) -> bool:
     return holds
 
 
-@kernel
+@inner_kernel
 def has_sunk(records: Records, state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
     for p in range(records.pairs.shape[0]):
@@ -148,7 +148,7 @@ def has_sunk(records: Records, state: State) -> bool:
     return False
 
 
-@kernel
+@inner_kernel
 def spent(
     records: Records,
     control: RecordArray,
@@ -176,7 +176,7 @@ def spent(
     return MISSED
 
 
-@kernel
+@inner_kernel
 def time_slot(state: State) -> int:
     """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
     return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.gaps.shape[0]

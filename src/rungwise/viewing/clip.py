@@ -123,7 +123,7 @@ def clip(source: Run | str | Path) -> Clip:
         except ValueError as error:
             raise SceneError(f"view: {error}") from None
     try:
-        data, summary = saved.load(source)
+        data, summary = saved.load_run(source)
     except (OSError, ValueError) as error:
         raise SceneError(f"view: {error}") from None
     file = data.attrs.get("scene_file")

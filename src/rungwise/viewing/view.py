@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from rungwise.errors import InputError
 from rungwise.scene import SceneError
 from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE, SetError
@@ -19,7 +20,7 @@ from rungwise.viewing.html import page
 Source = Run | FeasibleSet | str | Path
 
 
-class ViewError(ValueError):
+class ViewError(InputError):
     """A picture cannot be made; the text is one line that says why."""
 
 

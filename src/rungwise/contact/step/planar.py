@@ -15,7 +15,7 @@ from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
@@ -90,7 +90,7 @@ def solve_planar(
     return NO_SOLUTION, found, ENUMERATION
 
 
-@kernel
+@rare_kernel
 def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
     """No forces, nothing moves."""
     v[:] = 0.0

@@ -19,7 +19,7 @@ from rungwise.contact.step.mode_newton import flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
@@ -187,7 +187,7 @@ def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, gi
         give[r] = max(rho * bodies - own, 0.0)
 
 
-@kernel
+@inner_kernel
 def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
     for r in range(2 * contacts):
         centre[r] = force[r]
@@ -195,7 +195,7 @@ def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals
         centre[2 * contacts + r] = tau[r]
 
 
-@kernel
+@inner_kernel
 def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals) -> None:
     for r in range(2 * contacts):
         force[r] = centre[r]

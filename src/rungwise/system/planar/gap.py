@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel, rare_kernel
 from rungwise.scene.records import HALFPLANE
 from rungwise.system.planar.corners import Course, crosses, set_course, sunk, touching_face
 from rungwise.system.planar.joined import joined_manifold
@@ -82,7 +82,7 @@ def find_contacts(
     return least
 
 
-@kernel
+@rare_kernel
 def _distance_of_circles(a: Record, b: Record, pose: Reals, outline: Reals) -> float:
     """Lower bound of the gap from the circles about the bodies' centres."""
     if a.kind == HALFPLANE:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, inner_kernel, kernel
 from rungwise.scene.records import ALONG, ANGLE, FIXED, FORCE, FREE, HINGE, NO_DRIVE, SERVO, SPEED
 from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever
 from rungwise.system.planar.terms import stop
@@ -213,7 +213,7 @@ def forces(
         count += many
 
 
-@kernel
+@inner_kernel
 def fastest(joints: RecordArray, measures: RecordArray) -> float:
     """Greatest speed that a joint is made to have."""
     speed = 0.0
@@ -223,7 +223,7 @@ def fastest(joints: RecordArray, measures: RecordArray) -> float:
     return speed
 
 
-@kernel
+@inner_kernel
 def any_driven(measures: RecordArray) -> bool:
     """Whether a joint has a drive of any kind."""
     driven = False

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, Record, kernel
+from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
 from rungwise.scene.records import HALFPLANE
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
@@ -177,20 +177,20 @@ def _is_over(shape: Record, edge: int, vertex: int, outline: Reals) -> bool:
     return place >= -TIE * length and place <= length + TIE * length
 
 
-@kernel
+@inner_kernel
 def next_vertex(shape: Record, vertex: int) -> int:
     """The vertex after this one; edges begin at the vertex whose number they bear."""
     return vertex + 1 if vertex + 1 < shape.end else shape.first
 
 
-@kernel
+@inner_kernel
 def along(edge: int, vertex: int, outline: Reals) -> float:
     """Place of the vertex along the edge, from its start."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
     return outline[edge, 2] * dy - outline[edge, 3] * dx
 
 
-@kernel
+@inner_kernel
 def height(edge: int, vertex: int, outline: Reals) -> float:
     """Distance of the vertex from the line of the edge, positive outside."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]

@@ -87,7 +87,7 @@ def start(bodies: RecordArray, coordinates: RecordArray, q: Reals, v: Reals) -> 
             q[i + 2] += bodies[b].angle
 
 
-@kernel
+@inner_kernel
 def lever(body: Record, pose: Reals, i: int, x: float, y: float) -> tuple[float, float]:
     """Velocity of the body's point (x, y) per unit speed of its i-th coordinate."""
     if body.motion == SLIDE:
@@ -101,13 +101,13 @@ def lever(body: Record, pose: Reals, i: int, x: float, y: float) -> tuple[float,
     return -(y - pose[Y]), x - pose[X]
 
 
-@kernel
+@inner_kernel
 def turns(body: Record, i: int) -> bool:
     """Whether the body's coordinate i is an angle."""
     return bool(body.motion == HINGE or i == body.coordinate + 2)
 
 
-@kernel
+@inner_kernel
 def coordinate_count(body: Record) -> int:
     """How many coordinates the body has."""
     if body.motion == FREE:

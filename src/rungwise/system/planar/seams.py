@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel, rare_kernel
 from rungwise.scene.records import FIXED, HALFPLANE, SPEED, Records
 from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel, height
 from rungwise.system.planar.place import X, Y
@@ -163,7 +163,7 @@ def piece_reach(s: int, shapes: RecordArray, outline: Reals, seams: Seams) -> fl
     return reach
 
 
-@kernel
+@rare_kernel
 def _link_all(a: Record, b: Record, near: float, outline: Reals, seams: Seams) -> bool:
     """Link the edges of both shapes, and cover the sides that meet at the seams."""
     found = False
@@ -204,7 +204,7 @@ def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
     return True
 
 
-@kernel
+@rare_kernel
 def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Seams) -> bool:
     """Cover what of edge i lies in the polygon of vertices first..end, or along its boundary."""
     j = seams.ends[i]
@@ -230,7 +230,7 @@ def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Sea
     return True
 
 
-@kernel
+@rare_kernel
 def _share_corners(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
     """Which edges bound the corners that neighbours have in common, and who owns them."""
     for k in range(seams.still[0]):
@@ -256,7 +256,7 @@ def _share_corners(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
                 seams.owner[i] = i
 
 
-@kernel
+@rare_kernel
 def _share(i: int, m: int, seams: Seams) -> None:
     """Let vertex i have the exposed edges at vertex m of a neighbour where its own are covered."""
     if seams.corner[i] != DEAD and _is_inner(i, seams) and _is_inner(m, seams):

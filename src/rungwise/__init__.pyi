@@ -1,0 +1,102 @@
+"""All public names, and where each is defined: read by type checkers, by editors, and at run time."""
+
+from .contact.analysis.all_solutions import extreme_motions, solutions
+from .contact.analysis.closure import Closure, force_closure, form_closure
+from .contact.analysis.pieces import Kind, Piece, Solutions
+from .contact.analysis.sensitivity import Sensitivity, sensitivity
+from .contact.files.fclib import write_fclib
+from .contact.files.read import read_problem
+from .contact.problem import Problem
+from .contact.solution import ContactSolution, Status
+from .contact.solve import solve
+from .models.ladder import (
+    DYNAMIC_COMPLIANT,
+    DYNAMIC_RIGID,
+    GEOMETRIC,
+    KINEMATIC,
+    LADDER,
+    QUASISTATIC_COMPLIANT,
+    QUASISTATIC_RIGID,
+    Rung,
+)
+from .outcome import OUTCOMES, Code, Outcome
+from .scene import InvalidScene, Scene, SceneError, load, schema, shipped
+from .sets.between import Between, between
+from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
+from .sets.feasible import FeasibleSet, feasible_set, load_set
+from .sets.labels import Label
+from .sets.solution_sets import SolutionSets, solution_sets
+from .sets.store import SetError
+from .simulation.batch import Batch, Results
+from .simulation.chain import RunSensitivity, run_sensitivity
+from .simulation.options import ModelError
+from .simulation.result import Run
+from .simulation.run import Simulation, simulate
+from .simulation.sensitivity import StepSensitivity, step_sensitivity
+from .simulation.touching import Touching, touching
+from .simulation.trajectory import load_run
+from .viewing.view import ViewError, view
+
+__all__ = [
+    "DYNAMIC_COMPLIANT",
+    "DYNAMIC_RIGID",
+    "GEOMETRIC",
+    "KINEMATIC",
+    "LADDER",
+    "OUTCOMES",
+    "QUASISTATIC_COMPLIANT",
+    "QUASISTATIC_RIGID",
+    "Batch",
+    "Between",
+    "Closure",
+    "Code",
+    "ContactSolution",
+    "DoomedSet",
+    "FeasibleSet",
+    "InvalidScene",
+    "Kind",
+    "Label",
+    "ModelError",
+    "Outcome",
+    "Piece",
+    "Problem",
+    "Results",
+    "Run",
+    "RunSensitivity",
+    "Rung",
+    "Scene",
+    "SceneError",
+    "Sensitivity",
+    "SetError",
+    "Simulation",
+    "SolutionSets",
+    "Solutions",
+    "Status",
+    "StepSensitivity",
+    "Touching",
+    "ViewError",
+    "between",
+    "doomed_set",
+    "extreme_motions",
+    "feasible_set",
+    "force_closure",
+    "form_closure",
+    "load",
+    "load_doomed_set",
+    "load_run",
+    "load_set",
+    "read_problem",
+    "run_sensitivity",
+    "schema",
+    "sensitivity",
+    "shipped",
+    "simulate",
+    "solution_sets",
+    "solutions",
+    "solve",
+    "step_sensitivity",
+    "touching",
+    "view",
+    "write_fclib",
+]
+__version__: str

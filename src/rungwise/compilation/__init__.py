@@ -1,0 +1,1 @@
+"""How kernels become machine code: all that knows numba; loaded when the first kernel is called."""

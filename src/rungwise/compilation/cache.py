@@ -1,0 +1,150 @@
+"""Where compiled kernels are kept: folders named by a hash of the sources that matter."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import re
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import platformdirs
+from numba.core.caching import _Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from rungwise.compilation.progress import compiling
+
+_PACKAGE = Path(__file__).parent.parent
+_IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+
+
+@cache
+def cache_folder(module: str) -> Path:
+    """Folder of the compiled code of exactly these sources of `module`; made when missing.
+
+    Falls back to the temporary folder where the user's cache cannot be written.
+    """
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(_sources(module)):
+        digest.update(_digest(source))
+    for root in _roots():
+        folder = root / digest.hexdigest()[:16]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                return folder
+        except OSError:
+            continue
+    return Path(tempfile.mkdtemp(prefix="rungwise-"))
+
+
+def _roots() -> tuple[Path, Path]:
+    chosen = os.environ.get("RUNGWISE_CACHE")
+    user = os.getuid() if hasattr(os, "getuid") else "user"
+    return (
+        Path(chosen) if chosen else platformdirs.user_cache_path("rungwise"),
+        Path(tempfile.gettempdir()) / f"rungwise-{user}",
+    )
+
+
+@cache
+def _sources(module: str) -> frozenset[Path]:
+    """Files of `module` and of all that it imports from the package.
+
+    For a module outside the package every file of the package, and those that lie beside the module's own.
+    """
+    found: set[Path] = set()
+    waiting = [module]
+    while waiting:
+        source = _file(waiting.pop())
+        if source is not None and source not in found:
+            found.add(source)
+            waiting += _imports(source)
+    if found:
+        return frozenset(found)
+    own = getattr(sys.modules.get(module), "__file__", None)
+    beside = Path(own).resolve().parent.glob("*.py") if own else ()
+    return frozenset([*_PACKAGE.rglob("*.py"), *beside])
+
+
+@cache
+def _imports(source: Path) -> tuple[str, ...]:
+    found: list[str] = []
+    for origin, names in _IMPORT.findall(source.read_text("utf-8")):
+        found += [origin, *(f"{origin}.{name}" for name in re.findall(r"\w+", names))]
+    return tuple(found)
+
+
+@cache
+def _digest(source: Path) -> bytes:
+    return hashlib.sha256(source.read_bytes()).digest()
+
+
+@cache
+def _file(module: str) -> Path | None:
+    package, *path = module.split(".")
+    place = _PACKAGE.joinpath(*path)
+    known = (place.with_suffix(".py"), place / "__init__.py") if package == "rungwise" else ()
+    return next((file for file in known if file.is_file()), None)
+
+
+class KernelCache(_Cache):
+    """The compiled forms of one function, a file for each; `kind` tells apart what is compiled differently.
+
+    A file that is missing, cut off or unreadable is compiled again; where none can be written, all goes on.
+    """
+
+    def __init__(self, function: Callable[..., object], kind: str, allocates: bool) -> None:
+        self._folder = cache_folder(function.__module__)
+        self._allocates = allocates
+        self._name = f"{function.__module__}.{function.__qualname__}.{kind}"
+
+    @property
+    def cache_path(self) -> str:
+        return str(self._folder)
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        if self._allocates:
+            target.refresh()  # starts numba's memory manager, and loads all that compilation needs
+        try:
+            return CompileResult._rebuild(target, *pickle.loads(self._file(signature, target).read_bytes()))
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+            compiling.begin()
+            return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        compiling.end()
+        file = self._file(signature, compiled.target_context)
+        code = dumps(compiled._reduce())
+        draft = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
+        with suppress(OSError):
+            draft.write_bytes(code)
+            draft.replace(file)
+
+    def _file(self, signature: Any, target: Any) -> Path:
+        """Named by what numba's own cache looks up: the types, and the processor."""
+        key = f"{self._name} {signature} {target.codegen().magic_tuple()}"
+        return self._folder / f"{self._name.removeprefix('rungwise.')}.{_short(key)}"
+
+    def enable(self) -> None:
+        pass
+
+    def disable(self) -> None:
+        pass
+
+    def flush(self) -> None:
+        for file in self._folder.glob(f"{self._name.removeprefix('rungwise.')}.*"):
+            file.unlink(missing_ok=True)
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -1,0 +1,158 @@
+"""Kernels that numba compiles each on its own, and how compiled code calls them.
+
+Left to itself, numba copies a function that is called into each of its callers and optimises it there again:
+of nested kernels the innermost is compiled as often as there are ways to reach it. Here a kernel is compiled
+once, when it is first called. Compiled code reaches it through a *cell*, a pointer in the caller's own data
+that is null at first. A call that finds null asks `_link` for the address, with the kernel's name and types
+of arguments, which lie beside the cell; `_link` loads or compiles the kernel and fills the cell. So code that
+never runs is never compiled, and code from the cache brings all that it needs to find what it calls. Types of
+results are taken from annotations, so that a caller can be compiled before what it calls.
+
+Private kernels of a module, inner kernels, and the few kernels that return arrays become parts of their
+callers, as numba does it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import inspect
+import pickle
+import threading
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import llvmlite.binding
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.registry import CPUDispatcher
+from numba.core.sigutils import normalize_signature
+from numba.core.typing.templates import make_intrinsic_template
+
+from rungwise.compilation.cache import KernelCache
+from rungwise.compilation.progress import compiling
+
+if TYPE_CHECKING:
+    from rungwise.kernel import Kernel
+
+_SCALARS = {"int": types.int64, "float": types.float64, "bool": types.boolean, "None": types.none}
+
+
+class LinkError(RuntimeError):
+    """Compiled code could not be given what it calls; the reason is kept in `thread`."""
+
+
+class Thread(threading.local):
+    """What linking did in a thread: why it failed last, and how long it took in all."""
+
+    error: BaseException | None = None
+    seconds: float = 0.0
+
+
+thread = Thread()
+
+
+def result_type(function: Callable[..., object]) -> Any:
+    """Numba's type of what an annotated kernel returns; None where it is not made of scalars."""
+    given = function.__annotations__.get("return", "")
+    annotation = given.__name__ if isinstance(given, type) else str(given).replace(" ", "")
+    if not annotation.startswith("tuple["):
+        return _SCALARS.get(annotation)
+    members = [_SCALARS.get(name) for name in annotation[len("tuple[") : -1].split(",")]
+    return types.Tuple(tuple(members)) if all(members) else None
+
+
+class KernelDispatcher(CPUDispatcher):
+    """Numba's dispatcher, with the result's type from the annotation and the cache of this package."""
+
+    def __init__(self, function: Callable[..., object], kind: str, **options: object) -> None:
+        super().__init__(py_func=function, targetoptions={"nopython": True, **options})
+        self._returns = result_type(function)
+        self._cache = KernelCache(function, kind, bool(options["_nrt"]))
+
+    def compile(self, signature: Any) -> Any:
+        arguments, _ = normalize_signature(signature)
+        return super().compile(self._returns(*arguments) if self._returns else tuple(arguments))
+
+    def address(self, arguments: tuple[Any, ...]) -> int:
+        """Of the machine code for these types of arguments; loaded or compiled now if need be."""
+        self.compile(arguments)
+        compiled = self.overloads[arguments]
+        return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def call(dispatcher: KernelDispatcher, *arguments: object) -> object:
+    """Call a kernel from Python."""
+    try:
+        return dispatcher(*arguments)
+    except BaseException as error:
+        compiling.reset()
+        reason, thread.error = thread.error, None
+        if isinstance(error, LinkError) and reason is not None:
+            raise reason from None
+        raise
+
+
+def type_of(kernel: Kernel) -> Any:
+    """Numba's type of a kernel as other kernels see it."""
+    returns = result_type(kernel.function)
+    if kernel.is_part or returns is None:
+        return types.Dispatcher(kernel.inside)
+
+    def define(_context: object, *arguments: Any) -> tuple[Any, Callable[..., Any]]:
+        key = pickle.dumps((kernel.__module__, kernel.name, arguments), protocol=5)
+        return returns(*arguments), _caller(key)
+
+    own = inspect.signature(kernel.function)
+    first = inspect.Parameter("context", inspect.Parameter.POSITIONAL_ONLY)
+    define.__signature__ = own.replace(parameters=[first, *own.parameters.values()])  # type: ignore[attr-defined]
+    template = make_intrinsic_template(kernel, define, kernel.name, prefer_literal=False, kwargs={})
+    return types.Function(template)
+
+
+def _caller(key: bytes) -> Callable[..., Any]:
+    """What writes a call through a cell."""
+
+    def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        convention, module = context.call_conv, builder.module
+        kind = convention.get_function_type(signature.return_type, signature.args).as_pointer()
+        cell = cgutils.add_global_variable(module, kind, ".cell")
+        cell.linkage, cell.initializer = "internal", ir.Constant(kind, None)
+        with builder.if_then(cgutils.is_null(builder, builder.load(cell)), likely=False):
+            asks = ir.FunctionType(cgutils.int32_t, [cgutils.voidptr_t, cgutils.intp_t, cgutils.voidptr_t])
+            link = cgutils.get_or_insert_function(module, asks, _SYMBOL)
+            text = cgutils.global_constant(module, ".kernel", cgutils.make_bytearray(key))
+            size = ir.Constant(cgutils.intp_t, len(key))
+            given = [builder.bitcast(text, cgutils.voidptr_t), size, builder.bitcast(cell, cgutils.voidptr_t)]
+            with builder.if_then(cgutils.is_null(builder, builder.call(link, given)), likely=False):
+                convention.return_user_exc(builder, LinkError, ())
+        status, result = convention.call_function(
+            builder, builder.load(cell), signature.return_type, signature.args, arguments
+        )
+        with builder.if_then(status.is_error, likely=False):
+            convention.return_status_propagate(builder, status)
+        return result
+
+    return write
+
+
+@ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p)
+def _link(key: int, size: int, cell: int) -> int:
+    """Fill a cell; 1, or 0 where that fails, with the reason kept."""
+    began = time.perf_counter()
+    try:
+        module, name, arguments = pickle.loads(ctypes.string_at(key, size))
+        kernel = getattr(importlib.import_module(module), name)
+        ctypes.c_void_p.from_address(cell).value = kernel.inside.address(arguments)
+    except BaseException as error:
+        thread.error = error
+        return 0
+    finally:
+        thread.seconds += time.perf_counter() - began
+    return 1
+
+
+_SYMBOL = "rungwise_link"
+llvmlite.binding.add_symbol(_SYMBOL, ctypes.cast(_link, ctypes.c_void_p).value)

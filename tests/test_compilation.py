@@ -1,0 +1,167 @@
+"""Kernels that are compiled each on its own find one another: in one process, in the next, and after accidents."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+HEAR = "\nfrom rungwise.compilation.progress import compiling\nprint(compiling.kernels)\n"
+CALLER = """
+from callee import grow, seldom
+from rungwise.kernel import Reals, kernel
+
+@kernel
+def outer(x: Reals, often: bool) -> float:
+    for i in range(x.shape[0]):
+        x[i] = grow(x[i])
+    return _total(x) if often else seldom(x)
+
+@kernel
+def _total(x: Reals) -> float:
+    total = 0.0
+    for i in range(x.shape[0]):
+        total += x[i]
+    return total
+"""
+CALLEE = """
+from rungwise.kernel import Reals, kernel, rare_kernel
+
+FACTOR = 2.0
+
+@kernel
+def grow(x: float) -> float:
+    return FACTOR * x
+
+@rare_kernel
+def seldom(x: Reals) -> float:
+    return -grow(x[0])
+"""
+USE = """
+import numpy as np
+from caller import outer
+x = np.ones(3)
+print(outer(x, True), outer(x, False))
+"""
+THREADS = """
+import numpy as np
+from concurrent.futures import ThreadPoolExecutor
+from caller import outer
+with ThreadPoolExecutor(8) as pool:
+    print(*pool.map(lambda k: outer(np.full(3, 1.0 + k), False), range(8)))
+"""
+STOPPED = """
+import numpy as np
+import caller, callee
+from caller import outer
+kept = callee.seldom.inside
+class Broken:
+    def address(self, _types):
+        raise KeyboardInterrupt
+callee.seldom.__dict__["inside"] = Broken()
+try:
+    outer(np.ones(3), False)
+except KeyboardInterrupt:
+    callee.seldom.__dict__["inside"] = kept
+    print(outer(np.ones(3), False))
+"""
+Run = Callable[..., list[str]]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Callable[[str], subprocess.Popen[str]]:
+    """A process that runs code beside the two modules, with a cache of its own; words are what it prints."""
+    (tmp_path / "caller.py").write_text(CALLER)
+    (tmp_path / "callee.py").write_text(CALLEE)
+    environment = os.environ | {"RUNGWISE_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+
+    def begin(code: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [sys.executable, "-c", code],
+            env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+
+    return begin
+
+
+@pytest.fixture
+def run(start: Callable[[str], subprocess.Popen[str]]) -> Run:
+    def finish(code: str) -> list[str]:
+        out, err = start(code).communicate(timeout=120)
+        assert "Traceback" not in err, err
+        return out.split()
+
+    return finish
+
+
+def kept(folder: Path) -> list[Path]:
+    return sorted(file for file in (folder / "cache").rglob("*") if file.is_file())
+
+
+def test_the_next_process_compiles_nothing(run: Run) -> None:
+    first = run(USE + HEAR)
+    assert first[:2] == ["6.0", "-8.0"] and int(first[2]) == 4
+    assert run(USE + HEAR) == ["6.0", "-8.0", "0"]
+
+
+def test_what_never_runs_is_never_compiled(run: Run, tmp_path: Path) -> None:
+    run(USE.replace(", outer(x, False)", ""))
+    assert not any("seldom" in file.name for file in kept(tmp_path))
+    run(USE)
+    assert any("seldom" in file.name for file in kept(tmp_path))
+
+
+@pytest.mark.parametrize("harm", [Path.unlink, lambda file: os.truncate(file, file.stat().st_size // 2)])
+def test_each_file_of_the_cache_may_be_lost_or_cut_off(
+    run: Run, tmp_path: Path, harm: Callable[[Path], None]
+) -> None:
+    run(USE)
+    for file in kept(tmp_path):
+        harm(file)
+        assert run(USE) == ["6.0", "-8.0"]
+
+
+def test_two_processes_may_compile_at_once(start: Callable[[str], subprocess.Popen[str]]) -> None:
+    both = [start(USE) for _ in range(2)]
+    assert [process.communicate(timeout=120)[0].split() for process in both] == [["6.0", "-8.0"]] * 2
+
+
+def test_a_kill_in_the_middle_harms_nothing(
+    start: Callable[[str], subprocess.Popen[str]], run: Run, tmp_path: Path
+) -> None:
+    for files in range(3):
+        process = start(USE)
+        limit = time.monotonic() + 60.0
+        while len(kept(tmp_path)) <= files and process.poll() is None and time.monotonic() < limit:
+            time.sleep(0.001)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    assert run(USE) == ["6.0", "-8.0"]
+
+
+def test_an_edited_callee_is_compiled_again(run: Run, tmp_path: Path) -> None:
+    run(USE)
+    (tmp_path / "callee.py").write_text(CALLEE.replace("FACTOR = 2.0", "FACTOR = 3.0"))
+    assert run(USE) == ["9.0", "-27.0"]
+
+
+def test_a_rare_path_is_first_needed_in_many_threads(run: Run) -> None:
+    for _ in range(2):
+        assert run(THREADS) == [str(-4.0 * (1.0 + k)) for k in range(8)]
+
+
+def test_an_interrupt_while_compiling_is_an_interrupt_of_the_call(run: Run) -> None:
+    assert run(STOPPED) == ["-4.0"]
+
+
+def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> None:
+    hurry = "import rungwise.compilation.progress as p\np.compiling._next = p.SHORT_S = 1e-9\n"
+    _, err = start(hurry + USE).communicate(timeout=120)
+    assert err.startswith("rungwise: compiling kernels, once (")
