@@ -1,4 +1,4 @@
-"""Kernels that are compiled each on its own find one another: in one process, in the next, and after accidents."""
+"""Kernels that are compiled each on its own find one another, in another process and after accidents."""
 
 from __future__ import annotations
 

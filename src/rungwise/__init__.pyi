@@ -28,11 +28,11 @@ from .sets.labels import Label
 from .sets.solution_sets import SolutionSets, solution_sets
 from .sets.store import SetError
 from .simulation.batch import Batch, Results
-from .simulation.chain import RunSensitivity, run_sensitivity
+from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
+from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.options import ModelError
 from .simulation.result import Run
 from .simulation.run import Simulation, simulate
-from .simulation.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
 from .viewing.view import ViewError, view

@@ -8,6 +8,7 @@ itself.
 
 from __future__ import annotations
 
+import inspect
 from functools import cached_property
 from typing import Any, NamedTuple, TypeAlias
 
@@ -15,13 +16,16 @@ import numpy as np
 
 
 class Block:
-    """Base of named groups of C-contiguous arrays, given by keyword in the order of the annotations.
+    """Base of named groups of C-contiguous arrays, given by keyword in the order of the annotations;
+    a block may add fields to another.
 
     The arrays' memory is shared, not copied; the block keeps them alive. Fields are fixed once built.
     """
 
     def __init__(self, **fields: np.ndarray[Any, Any] | Block) -> None:
-        names = tuple(type(self).__annotations__)
+        names = tuple(
+            name for kind in reversed(type(self).__mro__[:-2]) for name in inspect.get_annotations(kind)
+        )
         if tuple(fields) != names:
             raise TypeError(f"{type(self).__name__} takes {', '.join(names)}, in this order")
         words: list[int] = []

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable
 from functools import cached_property, update_wrapper
+from importlib import import_module
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -95,6 +96,21 @@ def allocating_kernel(function: F) -> F:
 def rare_kernel(function: F) -> F:
     """A kernel that many runs never need: though it is private, it is compiled when it is first called."""
     return _compile(function, is_part=False)
+
+
+def imported_kernel(module: str) -> Callable[[F], F]:
+    """Stand for the kernel of the same name and signature in `module`, which is imported when it is first
+    called: for what few runs need, and what is long to import."""
+
+    def declare(function: F) -> F:
+        def imported(*arguments: object) -> object:
+            return getattr(import_module(module), function.__name__)(*arguments)
+
+        update_wrapper(imported, function)
+        imported.__module__ = module
+        return _compile(imported, is_part=False)  # type: ignore[return-value]
+
+    return declare
 
 
 def inner_kernel(function: F) -> F:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.attempt import TAKEN, attempt
-from rungwise.simulation.differences import Assembly, Start
+from rungwise.simulation.derivatives.differences import Assembly, Start
+from rungwise.simulation.planar.attempt import TAKEN, attempt
 
 Array = np.ndarray
 H, STEPS = 1e-3, 20

@@ -16,7 +16,7 @@ from rungwise.contact.prepare.equivalent import in_contacts
 from rungwise.contact.problem import Problem
 from rungwise.contact.step.problem import ContactProblem, trim
 from rungwise.simulation import hard
-from rungwise.simulation.notes import Note
+from rungwise.simulation.core.notes import Note
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need h5py")
 JAM = {"v2": 0.7, "mu": 1.2}

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation import loop, trajectory
+from rungwise.simulation import trajectory
 from rungwise.simulation.options import ModelError
+from rungwise.simulation.planar import loop
 from rungwise.simulation.run import Simulation
 
 from .conftest import MOVING

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.state import SCALARS
+from rungwise.simulation.planar.workspace import SCALARS
 
 RNG = np.random.default_rng(7)
 HEADINGS = [float(a) for a in RNG.uniform(0.0, 2.0 * math.pi, 6)]

@@ -29,7 +29,7 @@ def main() -> None:
             defaults = [[scene.file.parameters[name].default for name in names]]
             package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
     took = time.perf_counter() - began
-    where = cache_folder("rungwise.simulation.loop").parent
+    where = cache_folder("rungwise.simulation.planar.loop").parent
     print(f"rungwise: {compiling.kernels} kernels compiled in {took:.0f} s, kept in {where}")
 
 

@@ -20,7 +20,7 @@ import math
 
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.system.terms import JOINT, Terms
+from rungwise.system.terms import INERTIA, JOINT, METRIC, Terms
 
 LIMIT = 1e-8
 """How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
@@ -180,7 +180,7 @@ def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, e
         a = free[i]
         g += terms.rows[r, a] * v[a]
         if eps > 0.0:
-            loaded += terms.rows[r, a] * terms.load[a] / (eps * terms.inertia[a, a])
+            loaded += terms.rows[r, a] * terms.fall[a] / eps
     rest = abs(loaded) * terms.pause[0]
     if math.isfinite(terms.low[0]):
         rest = min(rest, math.sqrt(2.0 * abs(loaded) * terms.low[0]))
@@ -284,7 +284,7 @@ def limit_inertia(
     heaviest = 0.0
     for i in range(n):
         a = free[i]
-        heaviest = max(heaviest, terms.inertia[a, a] / terms.metric[a, a])
+        heaviest = max(heaviest, terms.heft[a, INERTIA] / terms.heft[a, METRIC])
     least, fastest = math.inf, 0.0
     if limited > 0 or greatest_load(terms, n, free)[0] > 0.0:
         fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
@@ -337,7 +337,7 @@ def stirs(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
     moves = False
     for i in range(n):
         a = free[i]
-        moves |= h * abs(v[a]) * math.sqrt(terms.metric[a, a]) > STIR * terms.rounding[0]
+        moves |= h * abs(v[a]) * math.sqrt(terms.heft[a, METRIC]) > STIR * terms.rounding[0]
     return moves
 
 
@@ -349,7 +349,7 @@ def _load_rate(terms: Terms, n: int, free: Ints, pace: float) -> float:
     if force > 0.0 and pace > 0.0:
         for i in range(n):
             a = free[i]
-            momentum = terms.inertia[a, a] * pace / math.sqrt(terms.metric[a, a])
+            momentum = terms.heft[a, INERTIA] * pace / math.sqrt(terms.heft[a, METRIC])
             least = min(least, noticed_load(terms, a, force, acceleration, _SMALL) / momentum)
     return least
 
@@ -357,7 +357,7 @@ def _load_rate(terms: Terms, n: int, free: Ints, pace: float) -> float:
 @kernel
 def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
     """Rate at which a coordinate's own springs and dampers stop the heaviest body."""
-    rate: float = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.metric[a, a])
+    rate: float = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.heft[a, METRIC])
     return rate
 
 
@@ -394,7 +394,7 @@ def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
     total = 0.0
     for i in range(n):
         a = free[i]
-        total += rows[r, a] * rows[r, a] / terms.metric[a, a]
+        total += rows[r, a] * rows[r, a] / terms.heft[a, METRIC]
     return total
 
 
@@ -404,7 +404,7 @@ def _reach(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
     total = 0.0
     for i in range(n):
         a = free[i]
-        total += abs(rows[r, a]) / math.sqrt(terms.metric[a, a])
+        total += abs(rows[r, a]) / math.sqrt(terms.heft[a, METRIC])
     return total
 
 
@@ -414,7 +414,7 @@ def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
     greatest, mobility = 0.0, _mobility(rows, r, terms, n, free)
     for i in range(n):
         a = free[i]
-        greatest = max(greatest, abs(rows[r, a]) / math.sqrt(terms.metric[a, a]))
+        greatest = max(greatest, abs(rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
     return greatest / mobility if mobility > 0.0 else 0.0
 
 
@@ -424,9 +424,9 @@ def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
     force, acceleration = 0.0, 0.0
     for i in range(n):
         a = free[i]
-        own = abs(terms.load[a]) / math.sqrt(terms.metric[a, a])
+        own = abs(terms.load[a]) / math.sqrt(terms.heft[a, METRIC])
         force = max(force, own)
-        acceleration = max(acceleration, own * terms.metric[a, a] / terms.inertia[a, a])
+        acceleration = max(acceleration, own * terms.heft[a, METRIC] / terms.heft[a, INERTIA])
     return force, acceleration
 
 
@@ -437,7 +437,7 @@ def noticed_load(terms: Terms, a: int, force: float, acceleration: float, least:
     It is the coordinate's own, but no less than a part `least` of the greatest; where it has none it is the
     greatest, as a force or as an acceleration, whichever is less here.
     """
-    unit = math.sqrt(terms.metric[a, a])
-    greatest = unit * min(force, terms.inertia[a, a] / terms.metric[a, a] * acceleration)
+    unit = math.sqrt(terms.heft[a, METRIC])
+    greatest = unit * min(force, terms.heft[a, INERTIA] / terms.heft[a, METRIC] * acceleration)
     own = abs(terms.load[a])
     return max(own, least * greatest) if own > 0.0 else greatest

@@ -163,7 +163,7 @@ def runner(batch: Motions, address: str | None, scene: Scene, request: Mapping[s
 
 def version() -> str:
     """Mark of what runs depend on: the sources of the compiled loop, and numba."""
-    return cache_folder("rungwise.simulation.samples").name
+    return cache_folder("rungwise.simulation.planar.samples").name
 
 
 def work(scene: str, request: str, wanted: str, points: Reals) -> tuple[Ints, Reals, float]:

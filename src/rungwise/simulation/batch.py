@@ -18,9 +18,9 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
 from rungwise.simulation.options import ModelError, check_options, moving_rung, preferences
+from rungwise.simulation.planar.samples import OPTIONS, RESULT, STOPPED, Place, Programs, run_samples
+from rungwise.simulation.planar.workspace import CLOCK, CONTROL, allocate
 from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS
-from rungwise.simulation.samples import OPTIONS, RESULT, STOPPED, Place, Programs, run_samples
-from rungwise.simulation.state import CLOCK, CONTROL, allocate
 
 CHUNK = 256
 """Runs of one compiled call: long enough that Python does not count, short enough for progress."""

@@ -10,8 +10,8 @@ import numpy as np
 from rungwise.contact.files.fclib import h5py_library, write_fclib
 from rungwise.contact.step.planar import ENUMERATION, NO_SOLUTION, SOLVED
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.simulation.notes import Note, taken
-from rungwise.simulation.state import Workspace
+from rungwise.simulation.core.notes import Note, taken
+from rungwise.simulation.planar.workspace import Workspace
 
 FIRST, LAST = 80, 20
 """Most files: the first so many hard steps of a run, and of the others the last so many."""

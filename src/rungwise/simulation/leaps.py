@@ -11,8 +11,8 @@ from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import SERVO
 from rungwise.scene.scene import Bound
-from rungwise.simulation.state import Workspace
-from rungwise.simulation.verdicts import time_slot
+from rungwise.simulation.planar.verdicts import time_slot
+from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.terms import target
 
 HALVINGS = 60

@@ -16,7 +16,7 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
-from rungwise.simulation.state import Workspace
+from rungwise.simulation.planar.workspace import Workspace
 
 if TYPE_CHECKING:
     import xarray

@@ -18,12 +18,13 @@ from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.simulation import loop, trajectory
+from rungwise.simulation import trajectory
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
+from rungwise.simulation.planar import loop
+from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.remarks import remarks
 from rungwise.simulation.result import Run
-from rungwise.simulation.state import CONTROL, Workspace, allocate
 
 if TYPE_CHECKING:
     from rungwise.simulation.hard import HardSteps
@@ -54,7 +55,7 @@ class Simulation:
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
             the slowest motion; what turns counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
-            not given, nearest to zero: the slowest. See `simulation.choice`.
+            not given, nearest to zero: the slowest. See `simulation.planar.choice`.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.

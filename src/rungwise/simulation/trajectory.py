@@ -14,14 +14,14 @@ import numpy as np
 
 from rungwise.contact.step.modes import NAMES
 from rungwise.plain import json_text
-from rungwise.simulation.state import SCALARS
+from rungwise.simulation.planar.workspace import SCALARS
 
 if TYPE_CHECKING:
     import xarray
 
     from rungwise.models.ladder import Rung
     from rungwise.scene import Scene
-    from rungwise.simulation.state import Frames
+    from rungwise.simulation.planar.workspace import Frames
 
 MEASURES = ("along", "across", "angle")
 STORE = "trajectory.zarr"

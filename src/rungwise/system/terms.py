@@ -15,6 +15,8 @@ from rungwise.block import Block
 
 DRIVE, SUPPORT, JOINT = 0, 1, 2
 """Accounts of energy that the work of a limited row may belong to."""
+INERTIA, METRIC = 0, 1
+"""Columns of `heft`."""
 APART = -1
 """Surface of a row whose force has an interval of its own."""
 
@@ -22,11 +24,14 @@ APART = -1
 class Terms(Block):
     """What a system says about one state. Units: force F, length L, time T of the scene.
 
-    inertia    (n, n)    M
+    inertia    (n, n)    M, at q
     metric     (n, n)    M per unit of each body's mass (kinematic rung)
+    heft       (n, 2)    row sums of |M| and of |metric|: diag(heft) - M is positive semidefinite, so
+                         that heft stands for M where only its size matters
     stiffness  (n, n)    -d(load)/dq of servos and potentials
     damping    (n, n)    -d(load)/dv of servos and supports
-    load       (n,)      all non-contact force at (t + h, q, v = 0)
+    load       (n,)      all non-contact force at (t + h, q, v = 0), and eps k where bodies have momentum
+    fall       (n,)      M^-1 load on the free coordinates: acceleration without contacts, for eps = 1
     gap        (c,)      psi
     rows       (c d, n)  d(psi)/dt and tangential speed per unit of v: rows of W^T
     lever      (c,)      length per unit of the angle that a travel limit bounds; 1 for other contacts
@@ -49,7 +54,9 @@ class Terms(Block):
     metric: NDArray[np.float64]
     stiffness: NDArray[np.float64]
     damping: NDArray[np.float64]
+    heft: NDArray[np.float64]
     load: NDArray[np.float64]
+    fall: NDArray[np.float64]
     gap: NDArray[np.float64]
     rows: NDArray[np.float64]
     lever: NDArray[np.float64]
@@ -77,7 +84,9 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         metric=np.zeros((n, n)),
         stiffness=np.zeros((n, n)),
         damping=np.zeros((n, n)),
+        heft=np.zeros((n, 2)),
         load=np.zeros(n),
+        fall=np.zeros(n),
         gap=np.zeros(c),
         rows=np.zeros((c * d, n)),
         lever=np.ones(c),

@@ -9,7 +9,7 @@ from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import X, Y
-from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
+from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
 
 
 @kernel
@@ -26,6 +26,7 @@ def constants(
         c = coordinates[i]
         terms.inertia[i, i] = c.mass
         terms.metric[i, i] = c.metric
+        terms.heft[i, INERTIA], terms.heft[i, METRIC] = c.mass, c.metric
         terms.damping[i, i] = c.damping
         if c.drive == SERVO and c.limited == 0:
             terms.stiffness[i, i] += c.stiffness
@@ -122,6 +123,9 @@ def loads(
         for i in range(n):
             if factors[p * n + i].acts:
                 terms.load[i] += potentials[p].stiffness * pull * factors[p * n + i].factor
+    for i in range(n):
+        if coordinates[i].mass > 0.0:
+            terms.fall[i] = terms.load[i] / coordinates[i].mass
 
 
 @kernel

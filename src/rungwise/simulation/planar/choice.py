@@ -14,8 +14,8 @@ import math
 
 from rungwise.kernel import Record, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import NO_DRIVE, Records
-from rungwise.simulation.state import ROUNDING, State, Workspace
-from rungwise.simulation.step import SUPPORTED, solve_step
+from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.planar.workspace import ROUNDING, State, Workspace
 from rungwise.system.planar.place import coordinate_count, turns
 
 SUDDEN = 5

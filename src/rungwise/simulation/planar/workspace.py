@@ -1,4 +1,4 @@
-"""What a run carries from step to step, allocated once."""
+"""What a run of a planar scene carries from step to step, allocated once."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import TypeAlias
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.contact.step.planar import matrix_size
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
+from rungwise.simulation.core import state as core
 from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import Seams, allocate_seams
@@ -26,26 +26,18 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    "steps attempts outcome limited contacts frames since stride free bounces bounced drives chooses leans"
-    " surfaces leaper jumps",
-    "time taken tried next eps theta margin near least_gap residual worst_residual reach smallest thin"
-    " drive_work load_work contact_work support_work joint_work gained leap leap_time leap_step jump_time"
-    " shake stray stray_time stray_step",
+    core.COUNTS + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps",
+    core.TIMES + " taken next margin near least_gap worst_residual reach smallest thin gained leap leap_time"
+    " leap_step jump_time shake stray stray_time stray_step",
 )
-"""Counters and clocks. `chooses`: whether some motion is preferred; `leans`: whether this step's problem
-starts from the preferred velocity; `bounces`: whether some contact may bounce; `bounced`: whether one does in
-this step. `taken` is the last step's length, `tried` that of the last attempt, `next` the one to try next;
-`reach` is the longest lever arm, `smallest` the least reach of a shape, `thin` the thickness of the thinnest
-pair. `gained` is energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of
-coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of
-velocity without a collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the
-inertia. `stray` is the widest gap of a contact that carried load in the step to its end (see
-`simulation.strays`), of `stray_step` from `stray_time`."""
-
-SUPPORT = record_type("piece", "offset force power along scale yields")
-"""A row of dry friction that shares a limit surface (see `simulation.support`): rate at rest, force over its
-limit, power at its limit, and the direction of the force. The first row of a surface also has the piece of
-the law, the greatest power yet, and by how much the rows across the force yield."""
+"""Beside those of the core: `chooses`: whether some motion is preferred; `bounces`: whether some contact may
+bounce. `taken` is the last step's length, `next` the one to try next; `reach` is the longest lever arm,
+`smallest` the least reach of a shape, `thin` the thickness of the thinnest pair. `gained` is energy that
+bounces added. In the step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved it by
+`leap`, farther than in any other (kinematic rung). `jumps` counts jumps of velocity without a collision, the
+first at `jump_time`; `shake` is the last acceleration, in the norm of the inertia. `stray` is the widest gap
+of a contact that carried load in the step to its end (see `planar.strays`), of `stray_step` from
+`stray_time`."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
@@ -57,71 +49,42 @@ ROOM = 1_000_000
 """Numbers (8 MB) for the notes of hard steps between two looks at them; more if one might not fit."""
 
 
-class State(Block):
-    """q, v (n,), start (n,) is q at t = 0; `gaps`, `pushes` and `impulses` (contacts,) are what conditions
-    read, `recent` (2, contacts) the normal forces of the last two steps.
-
-    Per slot (two for each pair of shapes, then two travel limits for each coordinate and for each measure of
-    a joint): features, deformation
-    (, d), modes, force (, d), impulse (, d) since the last frame. `prescribed` (n,), `free` the indices of
-    the others, `speed` (n,) that of prescribed coordinates in this step, `reaction` (n,) force of each drive.
-    `prefer` (n,): preferred velocities in multiples of the pace (see `simulation.choice`), zero for the
-    slowest motion; `wish` (n,) the same as velocities, while a motion is chosen.
+class State(core.State):
+    """q (n,), start (n,) is q at t = 0; `gaps`, `pushes` and `impulses` (contacts,) are what conditions
+    read, `recent` (2, contacts) the normal forces of the last two steps. Slots are two for each pair of
+    shapes, then two travel limits for each coordinate and for each measure of a joint; the first ones have
+    features. `prefer` (n,): preferred velocities in multiples of the pace (see `planar.choice`), zero for the
+    slowest motion; `wish` the same as velocities, while a motion is chosen.
     """
 
-    clock: RecordArray
     values: Reals
     q: Reals
-    v: Reals
     gaps: Reals
     pushes: Reals
     impulses: Reals
     recent: Reals
     start: Reals
-    prescribed: Ints
-    free: Ints
-    speed: Reals
     prefer: Reals
-    wish: Reals
-    passive: Reals
-    reaction: Reals
     pose: Reals
     outline: Reals
     points: Reals
     features: Ints
-    deformation: Reals
-    modes: Ints
-    force: Reals
-    impulse: Reals
 
 
-class Scratch(Block):
-    """Workspace of one step: the solution, the slowest one and which coordinates are held in another, the
-    solver's matrix, what conditions read at its start and end, in `undefined` (1,) the place of a number that
-    is not finite at this time, or -1, and in `hard` what `notes.note` writes, if it has room."""
+class Scratch(core.Scratch):
+    """The slowest solution and which coordinates are held in another, what conditions read at the start and
+    the end of a step, in `undefined` (1,) the place of a number that is not finite now, or -1."""
 
-    x: Reals
-    v_new: Reals
     slowest: Reals
     held: Ints
-    contact_force: Reals
-    limited_force: Reals
-    mode: Ints
-    slots: Ints
-    limited_mode: Ints
-    matrix: Reals
-    order: Ints
     fresh: Ints
     probe: Reals
-    after: Reals
     row: Reals
     measures: Reals
     stack: Reals
     begun: Reals
     ended: Reals
     undefined: Ints
-    hard: Reals
-    support: RecordArray
 
 
 class Whole(Block):
@@ -195,56 +158,36 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
     rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
     at = parameters + 1
     problem = allocate_problem(n, rows, limited)
+    notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
     state = State(
         clock=np.zeros(1, CLOCK),
+        v=values[at + n : at + 2 * n],
+        **core.state_arrays(n, slots),
         values=values,
         q=values[at : at + n],
-        v=values[at + n : at + 2 * n],
         gaps=values[at + 2 * n : at + 2 * n + contacts],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
         recent=np.zeros((2, contacts)),
         start=np.zeros(n),
-        prescribed=np.zeros(n, np.int64),
-        free=np.zeros(n, np.int64),
-        speed=np.zeros(n),
         prefer=np.zeros(n),
-        wish=np.zeros(n),
-        passive=np.zeros(n),
-        reaction=np.zeros(n),
         pose=np.zeros((len(records.bodies), 4)),
         outline=np.zeros((len(records.vertices), 4)),
         points=np.zeros((2 * pairs, 5)),
         features=np.full(2 * pairs, ABSENT, np.int64),
-        deformation=np.zeros((slots, d)),
-        modes=np.zeros(slots, np.int64),
-        force=np.zeros((slots, d)),
-        impulse=np.zeros((slots, d)),
     )
-    size = matrix_size(n, rows, limited)
     scratch = Scratch(
-        x=np.zeros(n),
-        v_new=np.zeros(n),
+        **core.scratch_arrays(n, rows, limited, notes),
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
-        contact_force=np.zeros(rows * d),
-        limited_force=np.zeros(limited),
-        mode=np.zeros(rows + limited, np.int64),
-        slots=np.zeros(rows, np.int64),
-        limited_mode=np.ones(limited, np.int64),
-        matrix=np.zeros((size, size + 1)),
-        order=np.zeros(size, np.int64),
         fresh=np.zeros(2, np.int64),
         probe=np.zeros((2, 5)),
-        after=np.zeros(d),
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),
         stack=np.zeros(STACK),
         begun=np.zeros(len(values)),
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
-        hard=np.zeros(max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0),
-        support=np.zeros(limited, SUPPORT),
     )
     before, kept = (
         Snapshot(

@@ -13,9 +13,9 @@ import math
 from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import Records
-from rungwise.simulation.nearby import gather
-from rungwise.simulation.state import Workspace
-from rungwise.simulation.step import SUPPORTED, solve_step
+from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.planar.nearby import gather
+from rungwise.simulation.planar.workspace import Workspace
 
 GROWN = 2.0
 """Only where acceleration has grown by this factor since the last step is a jump looked for."""
@@ -85,7 +85,7 @@ def _pull(workspace: Workspace) -> float:
     state, terms, total = workspace.state, workspace.terms, 0.0
     for i in range(state.clock[0].free):
         a = state.free[i]
-        total += terms.load[a] * terms.load[a] / terms.inertia[a, a]
+        total += terms.load[a] * terms.fall[a]
     return math.sqrt(total)
 
 

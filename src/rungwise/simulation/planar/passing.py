@@ -13,7 +13,7 @@ import math
 
 from rungwise.kernel import Record, kernel
 from rungwise.scene.records import FREE, HALFPLANE, HINGE, Records
-from rungwise.simulation.state import Workspace
+from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, manifold
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 

@@ -6,7 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
 from rungwise.scene.records import HINGE, Records
-from rungwise.simulation.state import State, Workspace
+from rungwise.simulation.planar.workspace import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.gap import find_contacts

@@ -10,7 +10,7 @@ import math
 
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, rare_kernel
 from rungwise.scene.records import Records
-from rungwise.simulation.state import Workspace
+from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, VERTICES, height
 
 STRAY = 0.1

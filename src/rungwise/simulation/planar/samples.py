@@ -8,10 +8,10 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
 from rungwise.scene.bind import BOUND, bind, origin
 from rungwise.scene.records import Records
-from rungwise.simulation.loop import begin, step
-from rungwise.simulation.memory import clear
-from rungwise.simulation.state import Conditions, Timed, Workspace
-from rungwise.simulation.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
+from rungwise.simulation.planar.loop import begin, step
+from rungwise.simulation.planar.memory import clear
+from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
+from rungwise.simulation.planar.workspace import Conditions, Timed, Workspace
 
 RESULT = record_type("outcome steps attempts", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""

@@ -8,7 +8,7 @@ from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.steady import steady
-from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, inner_kernel, kernel
 from rungwise.models.assemble import (
     LIMIT,
     assemble,
@@ -20,9 +20,9 @@ from rungwise.models.assemble import (
     resting_inertia,
     stirs,
 )
-from rungwise.simulation.notes import note
-from rungwise.simulation.state import Scratch, State
-from rungwise.simulation.support import solve_supported
+from rungwise.simulation.core.notes import note
+from rungwise.simulation.core.state import Scratch, State
+from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
@@ -36,6 +36,21 @@ _MORE = 1e2
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 what `limit_inertia` leaves to inertia."""
+
+
+@imported_kernel("rungwise.contact.solvers.spatial")
+def solve_spatial(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> tuple[int, float, int]:
+    """Solve where contacts have three directions."""
+    raise NotImplementedError
 
 
 @kernel
@@ -124,7 +139,7 @@ def _solve_in_turn(
         else:
             bounced = False
     clock.bounced = bounced
-    if status == SOLVED and rung[0].inertia == 0.0:
+    if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
         steady(problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order)
     return status
 
@@ -150,20 +165,26 @@ def _take_over(
 def _solve(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> int:
+    d = state.force.shape[1]
     for k in range(contacts):
         slot = scratch.slots[k]
         scratch.mode[k] = state.modes[slot]
-        for i in range(2):
+        for i in range(d):
             force = state.force[slot, i] / terms.lever[k] if state.modes[slot] != OPEN else 0.0
-            scratch.contact_force[2 * k + i] = force
+            scratch.contact_force[k * d + i] = force
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     if state.clock[0].surfaces:
         status, found, stage = solve_supported(contacts, limited, n, terms, state, scratch, problem)
-    else:
+    elif d == 2:
         status, found, stage = solve_planar(
             problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
             scratch.limited_force, scratch.matrix, scratch.order,
+        )  # fmt: skip
+    else:
+        status, found, stage = solve_spatial(
+            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
+            scratch.limited_force,
         )  # fmt: skip
     state.clock[0].residual = found
     if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
@@ -214,10 +235,12 @@ def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scr
     balanced = True
     for i in range(clock.free):
         a = state.free[i]
-        left = abs(clock.eps / step * terms.inertia[a, a] * (scratch.v_new[a] - state.wish[a]))
         load = noticed_load(terms, a, force, acceleration, _ROUNDING)
-        resisted = (step * terms.stiffness[a, a] + terms.damping[a, a]) * abs(scratch.v_new[a])
-        balanced &= force == 0.0 or left <= unbalanced * (load + resisted)
+        left, resisted = 0.0, 0.0
+        for b in state.free[: clock.free]:
+            left += clock.eps / step * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
+            resisted += abs((step * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
+        balanced &= force == 0.0 or abs(left) <= unbalanced * (load + resisted)
     return balanced
 
 

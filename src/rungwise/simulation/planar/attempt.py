@@ -7,15 +7,15 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
-from rungwise.simulation.choice import SUDDEN, solve_motion
-from rungwise.simulation.jumps import jumps
-from rungwise.simulation.memory import bring_back, remember
-from rungwise.simulation.nearby import fastest_pair, gather, look, widen
-from rungwise.simulation.passing import SLIP, passes
-from rungwise.simulation.state import Scratch, State, Workspace
-from rungwise.simulation.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
-from rungwise.simulation.strays import note_strays
-from rungwise.simulation.verdicts import sense
+from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
+from rungwise.simulation.planar.choice import SUDDEN, solve_motion
+from rungwise.simulation.planar.jumps import jumps
+from rungwise.simulation.planar.memory import bring_back, remember
+from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.planar.passing import SLIP, passes
+from rungwise.simulation.planar.strays import note_strays
+from rungwise.simulation.planar.verdicts import sense
+from rungwise.simulation.planar.workspace import Scratch, State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place

@@ -8,9 +8,9 @@ from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate, holds
 from rungwise.scene.records import FORCE, SERVO, Records
-from rungwise.simulation.nearby import swing
-from rungwise.simulation.passing import thickness
-from rungwise.simulation.state import Conditions, Scratch, State, Timed, Workspace
+from rungwise.simulation.planar.nearby import swing
+from rungwise.simulation.planar.passing import thickness
+from rungwise.simulation.planar.workspace import Conditions, Scratch, State, Timed, Workspace
 from rungwise.system.planar import joints
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)

@@ -22,11 +22,11 @@ from rungwise.contact.step.planar import solve_planar
 from rungwise.contact.step.problem import trim
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
-from rungwise.simulation.attempt import MAX_LINEARISATIONS, TAKEN, attempt
-from rungwise.simulation.changes import KINDS, Changes, Data, along
-from rungwise.simulation.differences import Assembly, Held, Start
+from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
+from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.step import SUPPORTED, solve_step
+from rungwise.simulation.planar.attempt import MAX_LINEARISATIONS, TAKEN, attempt
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import is_continued
 

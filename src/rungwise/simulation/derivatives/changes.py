@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.records import FREE, HINGE
-from rungwise.simulation.differences import Assembly, Held, Start
-from rungwise.simulation.state import ROUNDING
+from rungwise.simulation.derivatives.differences import Assembly, Held, Start
+from rungwise.simulation.planar.workspace import ROUNDING
 
 Array: TypeAlias = NDArray[np.float64]
 Data: TypeAlias = dict[str, Array]

@@ -7,9 +7,9 @@ import math
 from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
-from rungwise.simulation.nearby import swing
-from rungwise.simulation.state import Timed, Workspace
-from rungwise.simulation.verdicts import time_slot
+from rungwise.simulation.planar.nearby import swing
+from rungwise.simulation.planar.verdicts import time_slot
+from rungwise.simulation.planar.workspace import Timed, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 

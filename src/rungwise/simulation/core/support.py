@@ -19,7 +19,7 @@ from rungwise.contact.step.modes import BACKWARD, FORWARD, STICK
 from rungwise.contact.step.planar import NO_SOLUTION, SOLVED, solve_planar
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Reals, kernel
-from rungwise.simulation.state import Scratch, State
+from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
 STUCK, SLIPS, YIELDS = 0, 1, 2

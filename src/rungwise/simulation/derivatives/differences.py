@@ -14,9 +14,9 @@ from rungwise.models.assemble import approach, assemble
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.records import SPEED
-from rungwise.simulation import drives
-from rungwise.simulation.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.options import ModelError
+from rungwise.simulation.planar import drives
+from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar

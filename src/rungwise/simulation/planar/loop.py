@@ -6,15 +6,14 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
-from rungwise.simulation.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
-from rungwise.simulation.controlled import take, until_contact
-from rungwise.simulation.drives import set_speeds
-from rungwise.simulation.frames import record
-from rungwise.simulation.memory import restore
-from rungwise.simulation.nearby import fastest_pair, look
-from rungwise.simulation.passing import thinnest
-from rungwise.simulation.state import ROUNDING, Conditions, State, Timed, Workspace
-from rungwise.simulation.verdicts import (
+from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
+from rungwise.simulation.planar.controlled import take, until_contact
+from rungwise.simulation.planar.drives import set_speeds
+from rungwise.simulation.planar.frames import record
+from rungwise.simulation.planar.memory import restore
+from rungwise.simulation.planar.nearby import fastest_pair, look
+from rungwise.simulation.planar.passing import thinnest
+from rungwise.simulation.planar.verdicts import (
     INVALID,
     JAMMED,
     MODEL_INVALID,
@@ -27,11 +26,12 @@ from rungwise.simulation.verdicts import (
     spent,
     withholds,
 )
+from rungwise.simulation.planar.workspace import ROUNDING, Conditions, State, Timed, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
 from rungwise.system.planar.seams import find_seams, piece_reach
-from rungwise.system.terms import APART
+from rungwise.system.terms import APART, METRIC
 
 MAX_HALVINGS = 60
 CLOSED = 1e-9
@@ -64,7 +64,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             records.bodies, records.coordinates, records.potentials, records.terms, terms
         )
     for i in range(n):
-        terms.metric[i, i] = records.coordinates[i].metric
+        terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.records import Records
-from rungwise.simulation.nearby import look
-from rungwise.simulation.state import Snapshot, State, Workspace
+from rungwise.simulation.planar.nearby import look
+from rungwise.simulation.planar.workspace import Snapshot, State, Workspace
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART
@@ -91,7 +91,9 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     terms.metric[:, :] = 0.0
     terms.stiffness[:, :] = 0.0
     terms.damping[:, :] = 0.0
+    terms.heft[:, :] = 0.0
     terms.load[:] = 0.0
+    terms.fall[:] = 0.0
     terms.limited[:, :] = 0.0
     terms.limit[:] = 0.0
     terms.gains[:, :] = 0.0

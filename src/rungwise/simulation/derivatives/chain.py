@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
-from rungwise.simulation.changes import KINDS
+from rungwise.simulation.derivatives.changes import KINDS
+from rungwise.simulation.derivatives.sensitivity import WRT, differentiated, prepared, started
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.sensitivity import WRT, differentiated, prepared, started
 
 Array: TypeAlias = NDArray[np.float64]
 

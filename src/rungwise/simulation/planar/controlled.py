@@ -12,12 +12,12 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
-from rungwise.simulation.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
-from rungwise.simulation.drives import set_speeds
-from rungwise.simulation.memory import bring_back, keep, remember, restore
-from rungwise.simulation.nearby import fastest_pair, gather, look, swing, widen
-from rungwise.simulation.passing import passes
-from rungwise.simulation.state import Timed, Workspace
+from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
+from rungwise.simulation.planar.drives import set_speeds
+from rungwise.simulation.planar.memory import bring_back, keep, remember, restore
+from rungwise.simulation.planar.nearby import fastest_pair, gather, look, swing, widen
+from rungwise.simulation.planar.passing import passes
+from rungwise.simulation.planar.workspace import Timed, Workspace
 from rungwise.system.planar.place import place, turns
 from rungwise.system.planar.seams import mode_before
 

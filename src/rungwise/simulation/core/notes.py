@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.kernel import Reals, kernel
-from rungwise.simulation.state import Scratch, State
+from rungwise.simulation.core.state import Scratch, State
 
 _FIRST, _HEAD = 2, 9
 """The array begins with the place after the last note, and the number of notes meant."""

@@ -1,0 +1,148 @@
+"""A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
+
+Algorithm: velocities are eliminated, v = H^-1 (c + W^T lambda + S^T tau), and the chain for small problems
+(`small.solve_dense`) solves for the forces, from those of the last step. Accepts: H positive definite, up to
+`MOST_LEFT` forces with limits. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
+problem as it was given.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.contact.linear import factorise, solve_in_place, substitute
+from rungwise.contact.solvers.gauss_seidel import DAMPINGS
+from rungwise.contact.solvers.small import MOST_LEFT, REFUSED, solve_dense
+from rungwise.contact.step.modes import FORWARD, OPEN, STICK
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual import residual
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+
+_FINER = 1e-6
+"""How much more exact the forces are asked for than velocities are accepted."""
+_ROUNDS = 2
+_INSIDE = 1.0 - 1e-9
+"""Part of the friction limit up to which a contact sticks."""
+
+
+@allocating_kernel
+def solve_spatial(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> tuple[int, float, int]:
+    """Solve, starting from `force` and `tau`, into these, v and the modes, where one that slips is FORWARD
+    whatever its heading; returns (status, residual, stage)."""
+    p, d = problem, problem.R.shape[1]
+    rows = contacts * d
+    size = rows + limited
+    factors, order = p.H[:n, :n].copy(), np.empty(n, np.int64)
+    if not factorise(factors, n, order):
+        return NO_SOLUTION, math.inf, GUESS
+    drift, answer = p.c[:n].copy(), np.empty((size, n))
+    substitute(factors, n, order, drift)
+    for r in range(size):
+        answer[r] = _row(p, rows, r)[:n]
+        substitute(factors, n, order, answer[r])
+    A, b = np.empty((size, size)), np.empty(size)
+    for r in range(size):
+        row = _row(p, rows, r)
+        b[r] = p.w[r] if r < rows else p.w_s[r - rows]
+        for i in range(n):
+            b[r] += row[i] * drift[i]
+        for s in range(size):
+            A[r, s] = 0.0
+            for i in range(n):
+                A[r, s] += row[i] * answer[s, i]
+    for k in range(contacts):
+        A[k * d : k * d + d, k * d : k * d + d] += p.R[k]
+    for r in range(limited):
+        A[rows + r, rows + r] += p.R_s[r]
+    start, x, y, found = np.empty(size), np.zeros(size), np.empty(size), np.empty(7)
+    start[:rows], start[rows:] = force[:rows], tau[:limited]
+    solver = REFUSED
+    if size > 0:
+        solver, _ = solve_dense(
+            A, b, p.mu[:contacts].copy(), d, 0, -p.F[:limited], p.F[:limited].copy(), start, True,
+            _FINER * TOLERANCE, DAMPINGS, np.ones((1, 4 * MOST_LEFT)), x, y, found,
+        )  # fmt: skip
+    v[:n] = drift
+    for r in range(size):
+        for i in range(n):
+            v[i] += answer[r, i] * x[r]
+    force[:rows], tau[:limited] = x[:rows], x[rows:]
+    _tell_modes(p, contacts, limited, force, tau, mode)
+    for _ in range(_ROUNDS):
+        _hold(p, n, contacts, limited, mode, force, tau, answer, v)
+    error = residual(p, n, contacts, limited, v, force, tau)
+    return SOLVED if error <= TOLERANCE and (solver != REFUSED or size == 0) else NO_SOLUTION, error, GUESS
+
+
+@allocating_kernel
+def _hold(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    force: Reals,
+    tau: Reals,
+    answer: Reals,
+    v: Reals,
+) -> None:
+    """The least change of v, in the norm of H, that gives the rows that hold their rates: v is a difference
+    of forces, whose rounding would move them. `answer` is what each row's unit force does to v."""
+    d = p.R.shape[1]
+    rows = contacts * d
+    held, size = np.empty(rows + limited, np.int64), 0
+    for r in range(rows + limited):
+        k = r // d
+        at_contact = r < rows and mode[k] != OPEN and (r == k * d or mode[k] == STICK)
+        if at_contact or (r >= rows and mode[contacts + r - rows] == STICK):
+            held[size] = r
+            size += 1
+    a, order = np.empty((size, size + 1)), np.empty(size, np.int64)
+    for i in range(size):
+        r = held[i]
+        row, rate = _row(p, rows, r), p.w[r] if r < rows else p.w_s[r - rows]
+        for j in range(d if r < rows else 0):
+            rate += p.R[r // d, r % d, j] * force[r // d * d + j]
+        if r >= rows:
+            rate += p.R_s[r - rows] * tau[r - rows]
+        for j in range(n):
+            rate += row[j] * v[j]
+        a[i, size] = -rate
+        for s in range(size):
+            a[i, s] = 0.0
+            for j in range(n):
+                a[i, s] += row[j] * answer[held[s], j]
+    solve_in_place(a, size, 1, order)
+    for i in range(size):
+        for j in range(n):
+            v[j] += answer[held[i], j] * a[i, size]
+
+
+@kernel
+def _row(p: ContactProblem, rows: int, r: int) -> Reals:
+    return p.W[r] if r < rows else p.S[r - rows]
+
+
+@kernel
+def _tell_modes(p: ContactProblem, contacts: int, limited: int, force: Reals, tau: Reals, mode: Ints) -> None:
+    d = p.R.shape[1]
+    for k in range(contacts):
+        rubs = 0.0
+        for i in range(k * d + 1, k * d + d):
+            rubs += force[i] * force[i]
+        inside = math.sqrt(rubs) < _INSIDE * p.mu[k] * force[k * d]
+        mode[k] = OPEN if force[k * d] <= 0.0 else STICK if inside else FORWARD
+    for r in range(limited):
+        mode[contacts + r] = STICK if abs(tau[r]) < _INSIDE * p.F[r] else FORWARD

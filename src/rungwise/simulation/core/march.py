@@ -1,0 +1,202 @@
+"""Steps of any system, one after another, in Python around the core's kernels.
+
+The way of one step: `advance` halves its length until an attempt holds; an attempt (`_attempt`) asks the
+system for terms, solves (`core.step.solve_step`, which assembles the rung's problem and chooses inertia and
+restitution), moves, and looks; where what was linear is not so, it solves again from there. Then forces,
+deformations and work are taken over (`_accept`). A step that has no solution however short is a jam, or an
+end of support, if a certificate proves it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rungwise.contact.judge.certificate import Certificate
+from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.step.problem import ContactProblem, allocate_problem, trim
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
+from rungwise.simulation.core.step import (
+    SUPPORTED,
+    UNSOLVED,
+    UNSUPPORTED,
+    accept_forces,
+    account,
+    end_velocity,
+    solve_step,
+)
+from rungwise.simulation.core.system import Moment, System
+from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
+
+LINEARISATIONS = 12
+"""Solutions of one attempt, each linear about where the one before led."""
+EXACT, OVERLAP = 1e-9, 1e-4
+"""Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved."""
+SEEN = 2.0
+"""How much farther contacts are looked for than anything moves in the step."""
+STUCK = 1e-3
+"""Motion over the system's length in a step below which one without solution has none however short."""
+PAUSE = 2.0
+"""Nominal steps in which what loads cause is rest, not impact."""
+SINKING = 0.1
+"""Deformation over the system's length beyond which the compliant model fails."""
+ROUNDING = 1e-12
+"""Rounding of positions over the system's length."""
+
+
+@dataclass
+class March:
+    """A run of `system` on `rung` in steps of length `step`; `theta` as in the theta rule.
+
+    `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
+    NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
+    `residual` is the worst of all steps.
+    """
+
+    system: System
+    rung: Rung
+    step: float
+    theta: float = 1.0
+    time: float = 0.0
+    outcome: Code = Code.RUNNING
+    certificate: Certificate | None = None
+    residual: float = 0.0
+    q: Reals = field(init=False)
+    state: State = field(init=False)
+    scratch: Scratch = field(init=False)
+    terms: Terms = field(init=False)
+    problem: ContactProblem = field(init=False)
+    _contacts: int = field(init=False, default=0)
+
+    def __post_init__(self) -> None:
+        size = self.system.size
+        n, d = size.velocities, size.directions
+        self.q, v = (np.array(part, float) for part in self.system.start())
+        self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d))
+        self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d))
+        self.terms = allocate_terms(n, size.slots, size.limited, d)
+        self.problem = allocate_problem(n, size.slots, size.limited, d)
+        self.terms.rounding[0] = ROUNDING * size.length
+        self.terms.pause[0] = PAUSE * self.step
+        self.terms.low[0] = math.inf
+        self._record = self.rung.record(self.theta)
+        clock = self.state.clock
+        clock["limited"] = size.limited
+        clock["surfaces"] = bool((self.terms.surface != APART).any())
+
+    @property
+    def v(self) -> Reals:
+        """Velocities (n_v,) at the end of the last step."""
+        return self.state.v
+
+    def run(self, duration: float) -> Code:
+        """Steps until the time has grown by `duration`, or until one has no solution."""
+        end = self.time + duration
+        while self.outcome == Code.RUNNING and self.time < end * (1.0 - 1e-12):
+            self.advance(min(self.step, end - self.time))
+        return self.outcome
+
+    def advance(self, h: float) -> None:
+        """One step of length h, or shorter: halved as long as it has no solution."""
+        while True:
+            status, v = self._attempt(h)
+            if status == SUPPORTED:
+                self._accept(h, v)
+                return
+            moved = h * max(self.system.fastest(self.q, v), self.system.fastest(self.q, self.state.speed))
+            if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
+                self._explain(status)
+                return
+            h *= 0.5
+
+    def _attempt(self, h: float) -> tuple[int, Reals]:
+        """The status of a step of length h, and its velocities (n_v,)."""
+        self._drive()
+        self.state.clock["tried"] = h
+        before = self.system.least_gap(self.q)
+        trial, v = self.q, self.state.v
+        for _ in range(LINEARISATIONS):
+            self._fill(trial, v, h)
+            status = solve_step(
+                self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem
+            )
+            if status != SUPPORTED:
+                return status, self.state.v
+            v = self.scratch.v_new.copy()
+            trial = self.system.integrate(self.q, v, h)
+            allowed = EXACT if self.rung.metric else OVERLAP
+            least = min(before - float(self.terms.rounding[0]), -allowed * self.system.size.length)
+            if self.rung.compliant or self.system.least_gap(trial) >= least:
+                return SUPPORTED, v
+            if not self.rung.metric:
+                break
+        return UNSOLVED, v
+
+    def _drive(self) -> None:
+        """Which coordinates are free, and how fast the others move."""
+        speeds, clock = self.system.speeds(self.time), self.state.clock
+        free = np.flatnonzero(np.isnan(speeds))
+        self.state.speed[:] = np.nan_to_num(speeds)
+        self.state.prescribed[:] = ~np.isnan(speeds)
+        self.state.free[: len(free)] = free
+        clock["free"] = len(free)
+
+    def _fill(self, trial: Reals, v: Reals, h: float) -> None:
+        """Terms at `trial`, as a step from q sees them: gaps less what v has contributed on the way there."""
+        terms, state = self.terms, self.state
+        speed = max(self.system.fastest(self.q, v), self.system.fastest(self.q, state.speed))
+        fall = self.system.fastest(self.q, h * terms.fall) if self.rung.inertia > 0.0 else 0.0
+        reach = SEEN * h * (speed + fall) + STUCK * self.system.size.length
+        moment = Moment(self.time, trial, state.v, h, self.rung)
+        slots = np.asarray(self.system.fill(moment, terms, reach), np.int64)
+        d = self.system.size.directions
+        self._contacts = len(slots)
+        self.scratch.slots[: len(slots)] = slots
+        terms.deformation[: len(slots) * d] = state.deformation[slots].ravel()
+        if trial is not self.q:
+            terms.gap[: len(slots)] -= h * terms.rows[: len(slots) * d : d] @ v
+        terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
+        terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
+        free = state.free[: int(state.clock[0]["free"])]
+        terms.fall[:] = 0.0
+        if self.rung.loads and len(free):
+            terms.fall[free] = np.linalg.solve(terms.inertia[np.ix_(free, free)], terms.load[free])
+        state.passive[:] = terms.load
+
+    def _accept(self, h: float, v: Reals) -> None:
+        record, contacts = self._record, self._contacts
+        state, scratch = self.state, self.scratch
+        accept_forces(record, h, self.terms, contacts, state, scratch, self.problem)
+        account(record, h, self.terms, contacts, state, scratch, state.v)
+        clock = state.clock[0]
+        self.residual = max(self.residual, float(clock["residual"]))
+        self.q = self.system.integrate(self.q, v, h)
+        for i in range(len(v)):
+            state.v[i] = end_velocity(float(clock["theta"]), state.v[i], v[i], bool(state.prescribed[i]))
+        slots = scratch.slots[:contacts]
+        state.impulse[slots] += h * state.force[slots]
+        self.time += h
+        state.clock["time"] = self.time
+        state.clock["steps"] += 1
+        if np.abs(state.deformation[:, 0]).max(initial=0.0) > SINKING * self.system.size.length:
+            self.outcome = Code.MODEL_INVALID
+
+    def _explain(self, status: int) -> None:
+        """A jam or a missing support is proved, or it is only not converged."""
+        clock, terms = self.state.clock[0], self.terms
+        problem = trim(self.problem, int(clock["free"]), self._contacts, int(clock["limited"]))
+        if status == UNSUPPORTED:
+            grid = np.ix_(self.state.free[: int(clock["free"])], self.state.free[: int(clock["free"])])
+            resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
+            self.certificate = certify_unsupported(problem, resisting)
+            self.outcome = Code.UNSUPPORTED
+        else:
+            self.certificate = certify_infeasible(problem, not clock["surfaces"])
+            self.outcome = Code.JAMMED
+        if self.certificate is None:
+            self.outcome = Code.NOT_CONVERGED

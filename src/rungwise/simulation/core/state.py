@@ -1,0 +1,104 @@
+"""What every step carries on to the next, and its scratch, whatever the system."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
+from rungwise.contact.step.planar import matrix_size
+from rungwise.kernel import Ints, Reals, RecordArray, record_type
+
+COUNTS = "steps limited free bounced leans surfaces"
+TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
+CLOCK = record_type(COUNTS, TIMES)
+"""steps taken; limited rows and free coordinates in use; `bounced`: whether restitution applied in this step;
+`leans`: whether its problem starts from the velocity `wish`; `surfaces`: whether rows share limit surfaces.
+`tried` is the length of the last attempt; `eps` and `theta` are those of its problem; then its residual, and
+the work of all steps taken."""
+
+SUPPORT = record_type("piece", "offset force power along scale yields")
+"""A row of dry friction that shares a limit surface (see `core.support`): rate at rest, force over its limit,
+power at its limit, and the direction of the force. The first row of a surface also has the piece of the law,
+the greatest power yet, and by how much the rows across the force yield."""
+
+
+class State(Block):
+    """v (n,) at the start of the step. `prescribed` (n,) says which coordinates move at `speed` (n,), zero
+    on the others, which `free` lists. `wish` (n,) is a preferred velocity, zero if there is none,
+    `passive` (n,) what loads other than drives push, `reaction` (n,) the force of each drive.
+
+    Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
+    impulse (, d) since the last frame.
+    """
+
+    clock: RecordArray
+    v: Reals
+    prescribed: Ints
+    free: Ints
+    speed: Reals
+    wish: Reals
+    passive: Reals
+    reaction: Reals
+    deformation: Reals
+    modes: Ints
+    force: Reals
+    impulse: Reals
+
+
+class Scratch(Block):
+    """Workspace of one step: the solution x of the free coordinates, all velocities, forces and modes of the
+    contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` what
+    `notes.note` writes, if it has room, and the rows of limit surfaces."""
+
+    x: Reals
+    v_new: Reals
+    contact_force: Reals
+    limited_force: Reals
+    mode: Ints
+    slots: Ints
+    limited_mode: Ints
+    matrix: Reals
+    order: Ints
+    after: Reals
+    hard: Reals
+    support: RecordArray
+
+
+def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:
+    """Fields of `State`, but for clock and v, for n coordinates."""
+    return {
+        "prescribed": np.zeros(n, np.int64),
+        "free": np.zeros(n, np.int64),
+        "speed": np.zeros(n),
+        "wish": np.zeros(n),
+        "passive": np.zeros(n),
+        "reaction": np.zeros(n),
+        "deformation": np.zeros((slots, d)),
+        "modes": np.zeros(slots, np.int64),
+        "force": np.zeros((slots, d)),
+        "impulse": np.zeros((slots, d)),
+    }
+
+
+def scratch_arrays(
+    n: int, contacts: int, limited: int, notes: int = 0, d: int = 2
+) -> dict[str, NDArray[Any]]:
+    """Fields of `Scratch` for at most so many contacts and limited rows, and so many numbers of notes."""
+    size = matrix_size(n, contacts, limited, d)
+    return {
+        "x": np.zeros(n),
+        "v_new": np.zeros(n),
+        "contact_force": np.zeros(contacts * d),
+        "limited_force": np.zeros(limited),
+        "mode": np.zeros(contacts + limited, np.int64),
+        "slots": np.zeros(contacts, np.int64),
+        "limited_mode": np.ones(limited, np.int64),
+        "matrix": np.zeros((size, size + 1)),
+        "order": np.zeros(size, np.int64),
+        "after": np.zeros(d),
+        "hard": np.zeros(notes),
+        "support": np.zeros(limited, SUPPORT),
+    }

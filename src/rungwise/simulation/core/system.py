@@ -1,0 +1,64 @@
+"""What the core asks of a system: the contract between whatever moves and the loop that takes its steps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.system.terms import Terms
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a step of length h begins: coordinates q (n_q,), velocities v (n_v,), and the rung."""
+
+    time: float
+    q: Reals
+    v: Reals
+    h: float
+    rung: Rung
+
+
+@dataclass(frozen=True)
+class Size:
+    """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
+    limited rows; and a length: that of the smallest thing that may be hit."""
+
+    coordinates: int
+    velocities: int
+    slots: int
+    directions: int
+    limited: int
+    length: float
+
+
+class System(Protocol):
+    """Bodies that move as q' = G(q) v. Terms are those of `system.terms`, in the units of the system."""
+
+    size: Size
+
+    def start(self) -> tuple[Reals, Reals]:
+        """q (n_q,) and v (n_v,) at t = 0, without overlap."""
+
+    def speeds(self, time: float) -> Reals:
+        """Velocities (n_v,) that are prescribed; nan for those that are not."""
+
+    def fill(self, moment: Moment, terms: Terms, reach: float) -> Sequence[int]:
+        """Fill `terms` with M, metric, loads, gains, and with all contacts whose gap is at most `reach` and
+        that something free can change, but not `heft`, `fall` and deformations; returns the slot of each
+        contact. A slot belongs to one feature (a vertex and a face, two spheres) for the whole run."""
+
+    def integrate(self, q: Reals, v: Reals, h: float) -> Reals:
+        """The coordinates (n_q,) that v reaches from q within h."""
+
+    def least_gap(self, q: Reals) -> float:
+        """The smallest gap of all contacts; inf where there is none."""
+
+    def fastest(self, q: Reals, v: Reals) -> float:
+        """A bound on the speed with which any two points approach each other."""
+
+    def energy(self, q: Reals, v: Reals) -> float:
+        """Kinetic energy, and the potential energy of loads that have one."""

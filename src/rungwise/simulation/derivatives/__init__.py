@@ -1,0 +1,1 @@
+"""Derivatives of a step, and of several."""
