@@ -19,6 +19,9 @@ from rungwise.contact.step.problem import ContactProblem
 
 MAX_NODES = 2000
 """Partial modes that are looked at before a frictional certificate is given up."""
+HEADINGS = 32
+"""Sides of the polygon about the disc of slips in space: a motion is looked for where friction were larger by
+half a percent."""
 _SOLVES = 1e-9
 
 
@@ -70,10 +73,11 @@ def _unsupported(
     limited, speed = int(finite.sum()), units.coordinates / units.velocity
     loads = np.where(part, problem.c * speed, 0.0)
     cost = -np.concatenate([loads, -problem.F[finite]]) / max(float(np.abs(loads).max(initial=0.0)), 1e-300)
-    normal, tangent, rows = problem.W[::d] * speed, problem.W[1::d] * speed, problem.S * speed
+    normal, rows = problem.W[::d] * speed, problem.S * speed
+    across = (problem.W * speed).reshape(len(normal), d, n)[:, 1:]
     upper = [
-        np.hstack([-(normal + s * problem.mu[:, None] * tangent), np.zeros((len(normal), limited))])
-        for s in (1, -1)
+        np.hstack([-(normal + problem.mu[:, None] * (slip @ across)), np.zeros((len(normal), limited))])
+        for slip in _slips(d)
     ]
     upper += [np.hstack([s * rows[finite], -np.eye(limited)]) for s in (1, -1)]
     stiffness = resisting * speed * speed[:, None]
@@ -86,6 +90,14 @@ def _unsupported(
         least,
     )
     return None if found is None else Certificate("unsupported", (found[:n] * units.coordinates,))
+
+
+def _slips(d: int) -> NDArray[np.float64]:
+    """Directions (m, d - 1) whose greatest projection of a slip is no less than its length."""
+    if d < 3:
+        return np.array([[1.0], [-1.0]])[:, : d - 1]
+    angles = 2.0 * np.pi / HEADINGS * np.arange(HEADINGS)
+    return np.array([np.cos(angles), np.sin(angles)]).T / float(np.cos(np.pi / HEADINGS))
 
 
 def _minimise(

@@ -47,21 +47,21 @@ def solve_spatial(
     factors, order = p.H[:n, :n].copy(), np.empty(n, np.int64)
     if not factorise(factors, n, order):
         return NO_SOLUTION, math.inf, GUESS
-    drift, answer = p.c[:n].copy(), np.empty((size, n))
+    G, drift, answer = np.empty((size, n)), p.c[:n].copy(), np.empty((size, n))
+    G[:rows], G[rows:] = p.W[:rows, :n], p.S[:limited, :n]
     substitute(factors, n, order, drift)
     for r in range(size):
-        answer[r] = _row(p, rows, r)[:n]
+        answer[r] = G[r]
         substitute(factors, n, order, answer[r])
     A, b = np.empty((size, size)), np.empty(size)
     for r in range(size):
-        row = _row(p, rows, r)
         b[r] = p.w[r] if r < rows else p.w_s[r - rows]
         for i in range(n):
-            b[r] += row[i] * drift[i]
+            b[r] += G[r, i] * drift[i]
         for s in range(size):
             A[r, s] = 0.0
             for i in range(n):
-                A[r, s] += row[i] * answer[s, i]
+                A[r, s] += G[r, i] * answer[s, i]
     for k in range(contacts):
         A[k * d : k * d + d, k * d : k * d + d] += p.R[k]
     for r in range(limited):
@@ -81,58 +81,42 @@ def solve_spatial(
     force[:rows], tau[:limited] = x[:rows], x[rows:]
     _tell_modes(p, contacts, limited, force, tau, mode)
     for _ in range(_ROUNDS):
-        _hold(p, n, contacts, limited, mode, force, tau, answer, v)
+        _hold(p, G, mode, force, tau[:limited], answer, v)
     error = residual(p, n, contacts, limited, v, force, tau)
     return SOLVED if error <= TOLERANCE and (solver != REFUSED or size == 0) else NO_SOLUTION, error, GUESS
 
 
 @allocating_kernel
-def _hold(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    force: Reals,
-    tau: Reals,
-    answer: Reals,
-    v: Reals,
-) -> None:
-    """The least change of v, in the norm of H, that gives the rows that hold their rates: v is a difference
-    of forces, whose rounding would move them. `answer` is what each row's unit force does to v."""
-    d = p.R.shape[1]
-    rows = contacts * d
-    held, size = np.empty(rows + limited, np.int64), 0
-    for r in range(rows + limited):
-        k = r // d
-        at_contact = r < rows and mode[k] != OPEN and (r == k * d or mode[k] == STICK)
-        if at_contact or (r >= rows and mode[contacts + r - rows] == STICK):
+def _hold(p: ContactProblem, G: Reals, mode: Ints, force: Reals, tau: Reals, answer: Reals, v: Reals) -> None:
+    """The least change of v, in the norm of H, that gives the rows of G that hold their rates: v is a
+    difference of forces, whose rounding would move them. `answer` is what each row's unit force does to v."""
+    rows, n = G.shape
+    d, limited = p.R.shape[1], len(tau)
+    of_contacts = rows - limited
+    held, size = np.empty(rows, np.int64), 0
+    for r in range(rows):
+        of = mode[r // d] if r < of_contacts else mode[of_contacts // d + r - of_contacts]
+        if of == STICK or (r < of_contacts and r % d == 0 and of != OPEN):
             held[size] = r
             size += 1
     a, order = np.empty((size, size + 1)), np.empty(size, np.int64)
     for i in range(size):
         r = held[i]
-        row, rate = _row(p, rows, r), p.w[r] if r < rows else p.w_s[r - rows]
-        for j in range(d if r < rows else 0):
+        b = r - of_contacts
+        rate = p.w[r] if b < 0 else p.w_s[b] + p.R_s[b] * tau[b]
+        for j in range(d if r < of_contacts else 0):
             rate += p.R[r // d, r % d, j] * force[r // d * d + j]
-        if r >= rows:
-            rate += p.R_s[r - rows] * tau[r - rows]
         for j in range(n):
-            rate += row[j] * v[j]
+            rate += G[r, j] * v[j]
         a[i, size] = -rate
         for s in range(size):
             a[i, s] = 0.0
             for j in range(n):
-                a[i, s] += row[j] * answer[held[s], j]
+                a[i, s] += G[r, j] * answer[held[s], j]
     solve_in_place(a, size, 1, order)
     for i in range(size):
         for j in range(n):
             v[j] += answer[held[i], j] * a[i, size]
-
-
-@kernel
-def _row(p: ContactProblem, rows: int, r: int) -> Reals:
-    return p.W[r] if r < rows else p.S[r - rows]
 
 
 @kernel
