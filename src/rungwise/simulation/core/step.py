@@ -9,12 +9,10 @@ from rungwise.contact.step.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_pl
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.steady import steady
 from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, inner_kernel, kernel
-from rungwise.models.assemble import (
+from rungwise.models.assemble import assemble, deform, lean
+from rungwise.models.limit import (
     LIMIT,
-    assemble,
-    deform,
     greatest_load,
-    lean,
     limit_inertia,
     noticed_load,
     resting_inertia,

@@ -1,0 +1,214 @@
+"""The limit eps -> 0+ in floating point: how much inertia stands for none.
+
+Order 0 of the limit balances what resists; order 1 lets inertia pick among the motions that balance. Both are
+had at once with an inertia far below every other resistance, and far above the rounding of the forces.
+Sizes are measured with `heft`, which bounds M.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Ints, Reals, RecordArray, kernel, rare_kernel
+from rungwise.models.assemble import carried
+from rungwise.system.terms import INERTIA, METRIC, Terms
+
+LIMIT = 1e-8
+"""How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
+FAINT = 1e-3
+"""Damping that resists less than this part of the softest contact, as rates, leaves it to inertia which way
+nothing else decides: so far below the stiffness it would be lost in the rounding of contact forces."""
+STIR = 1e3
+"""Motion in a step, over the rounding of positions, from which on something under load no longer rests."""
+_SMALL = 1e-3
+"""A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
+of what balances the greatest."""
+
+
+@kernel
+def limit_inertia(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    limited: int,
+    n: int,
+    free: Ints,
+    speed: Reals,
+    landing: bool,
+) -> float:
+    """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
+
+    Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
+    over inertia, a row's resistance times what the row yields to a force, a load over the momentum of the
+    fastest motion demanded. Damping that is faint beside other damping or the loads does not count. With
+    `landing` it does, and eps is so small that what closes any gap within the step still needs no force for
+    it, nor what moves against the faintest damping. Without loads, damping, servos and compliance the limit
+    does not depend on eps, and 1 is exact.
+    """
+    if rung[0].metric:
+        return 0.0
+    if rung[0].inertia > 0.0:
+        return rung[0].inertia
+    if n == 0:
+        return 1.0
+    heaviest = 0.0
+    for i in range(n):
+        a = free[i]
+        heaviest = max(heaviest, terms.heft[a, INERTIA] / terms.heft[a, METRIC])
+    least, fastest = math.inf, 0.0
+    if limited > 0 or greatest_load(terms, n, free)[0] > 0.0:
+        fastest = _demanded_pace(h, terms, contacts, limited, n, free, speed, landing)
+        least = _load_rate(terms, n, free, fastest)
+    damped, soft = math.inf, math.inf
+    faint = 0.0
+    if not landing:
+        beside = _greatest_damping(h, heaviest, terms, n, free)
+        faint = LIMIT * (max(beside, least) if least < math.inf else beside)
+    for i in range(n):
+        rate = _damping_rate(h, heaviest, terms, free[i])
+        if rate > 0.0 and rate >= faint:
+            damped = min(damped, rate)
+    if rung[0].compliant:
+        d = terms.contact_stiffness.shape[1]
+        for r in range(contacts * d):
+            k, j = r // d, r % d
+            resist = h * terms.contact_stiffness[k, j, j] + terms.contact_damping[k, j, j]
+            rate = resist * _mobility(terms.rows, r, terms, n, free) / heaviest
+            if 0.0 < rate < math.inf:
+                soft = min(soft, rate)
+    if not landing and soft < math.inf:
+        damped = max(damped, FAINT * soft)
+    least = min(least, damped, soft)
+    for r in range(limited):
+        mobility = _mobility(terms.limited, r, terms, n, free) / heaviest
+        rate = (h * terms.gains[r, 0] + terms.gains[r, 1]) * mobility
+        if rate > 0.0:
+            least = min(least, rate)
+        pace = fastest * _reach(terms.limited, r, terms, n, free)
+        if terms.limit[r] > 0.0 and pace > 0.0:
+            least = min(least, terms.limit[r] * mobility / pace)
+    return min(1.0, LIMIT * least * h)
+
+
+@kernel
+def resting_inertia(h: float, terms: Terms, n: int, free: Ints) -> float:
+    """An eps for what rests under load: beside the loads inertia shows in motions beyond `STIR` roundings of
+    positions a step, and in no others.
+
+    Where damping is faint beside the loads, the rounding of contact forces would otherwise move what rests.
+    """
+    pace = STIR * terms.rounding[0] / h
+    return min(1.0, LIMIT * _load_rate(terms, n, free, pace) * h)
+
+
+@kernel
+def stirs(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
+    """Whether something moves with `v` beyond `STIR` roundings of positions in the step."""
+    moves = False
+    for i in range(n):
+        a = free[i]
+        moves |= h * abs(v[a]) * math.sqrt(terms.heft[a, METRIC]) > STIR * terms.rounding[0]
+    return moves
+
+
+@kernel
+def _load_rate(terms: Terms, n: int, free: Ints, pace: float) -> float:
+    """The least load over the momentum of a coordinate at this pace; inf without loads or pace."""
+    force, acceleration = greatest_load(terms, n, free)
+    least = math.inf
+    if force > 0.0 and pace > 0.0:
+        for i in range(n):
+            a = free[i]
+            momentum = terms.heft[a, INERTIA] * pace / math.sqrt(terms.heft[a, METRIC])
+            least = min(least, noticed_load(terms, a, force, acceleration, _SMALL) / momentum)
+    return least
+
+
+@kernel
+def _damping_rate(h: float, heaviest: float, terms: Terms, a: int) -> float:
+    """Rate at which a coordinate's own springs and dampers stop the heaviest body."""
+    rate: float = (h * terms.stiffness[a, a] + terms.damping[a, a]) / (heaviest * terms.heft[a, METRIC])
+    return rate
+
+
+@rare_kernel
+def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Ints) -> float:
+    greatest = 0.0
+    for i in range(n):
+        greatest = max(greatest, _damping_rate(h, heaviest, terms, free[i]))
+    return greatest
+
+
+@rare_kernel
+def _demanded_pace(
+    h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
+) -> float:
+    """Fastest motion, as a length per time, by which a free body alone would meet what one row demands."""
+    fastest, d = 0.0, terms.contact_stiffness.shape[1]
+    for r in range(contacts * d):
+        demanded = abs(carried(terms.rows, r, speed))
+        if r % d == 0 and (landing or terms.gap[r // d] < -terms.rounding[0]):
+            demanded = max(demanded, abs(terms.gap[r // d]) / h)
+        fastest = max(fastest, demanded * _answer(terms.rows, r, terms, n, free))
+    for r in range(limited):
+        demanded = abs(carried(terms.limited, r, speed))
+        if math.isinf(terms.gains[r, 0]):
+            demanded = max(demanded, abs(terms.error[r, 0]) / h)
+        fastest = max(fastest, demanded * _answer(terms.limited, r, terms, n, free))
+    return fastest
+
+
+@kernel
+def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """W M^-1 W^T of a row for bodies of mass 1, by the diagonal of M: what its force does to its own rate."""
+    total = 0.0
+    for i in range(n):
+        a = free[i]
+        total += rows[r, a] * rows[r, a] / terms.heft[a, METRIC]
+    return total
+
+
+@kernel
+def _reach(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """Rate of a row per speed of the bodies, at most; what turns moves by its radius of gyration."""
+    total = 0.0
+    for i in range(n):
+        a = free[i]
+        total += abs(rows[r, a]) / math.sqrt(terms.heft[a, METRIC])
+    return total
+
+
+@kernel
+def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
+    """Greatest speed of a body per rate of a row, in the slowest motion that has this rate."""
+    greatest, mobility = 0.0, _mobility(rows, r, terms, n, free)
+    for i in range(n):
+        a = free[i]
+        greatest = max(greatest, abs(rows[r, a]) / math.sqrt(terms.heft[a, METRIC]))
+    return greatest / mobility if mobility > 0.0 else 0.0
+
+
+@kernel
+def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
+    """The greatest load as a force, and as an acceleration; what turns counts by its radius of gyration."""
+    force, acceleration = 0.0, 0.0
+    for i in range(n):
+        a = free[i]
+        own = abs(terms.load[a]) / math.sqrt(terms.heft[a, METRIC])
+        force = max(force, own)
+        acceleration = max(acceleration, own * terms.heft[a, METRIC] / terms.heft[a, INERTIA])
+    return force, acceleration
+
+
+@kernel
+def noticed_load(terms: Terms, a: int, force: float, acceleration: float, least: float) -> float:
+    """Load beside which what inertia is left of coordinate a must be small.
+
+    It is the coordinate's own, but no less than a part `least` of the greatest; where it has none it is the
+    greatest, as a force or as an acceleration, whichever is less here.
+    """
+    unit = math.sqrt(terms.heft[a, METRIC])
+    greatest = unit * min(force, terms.heft[a, INERTIA] / terms.heft[a, METRIC] * acceleration)
+    own = abs(terms.load[a])
+    return max(own, least * greatest) if own > 0.0 else greatest
