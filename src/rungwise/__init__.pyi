@@ -1,11 +1,18 @@
 """All public names, and where each is defined: read by type checkers, by editors, and at run time."""
 
-from .contact.analysis.all_solutions import extreme_motions, solutions
-from .contact.analysis.closure import Closure, force_closure, form_closure
-from .contact.analysis.pieces import Kind, Piece, Solutions
-from .contact.analysis.sensitivity import Sensitivity, sensitivity
-from .contact.files.fclib import write_fclib
-from .contact.files.read import read_problem
+from .contact.analysis import (
+    Closure,
+    Kind,
+    Piece,
+    Sensitivity,
+    Solutions,
+    extreme_motions,
+    force_closure,
+    form_closure,
+    sensitivity,
+    solutions,
+)
+from .contact.files import read_problem, write_fclib
 from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve

@@ -29,7 +29,7 @@ def solve(
     as_json: JsonOption = False,
 ) -> int:
     """Solve a contact problem from disk."""
-    from rungwise.contact.files.read import read_problem
+    from rungwise.contact.files import read_problem
     from rungwise.contact.solution import Status
     from rungwise.contact.solve import solve as solve_problem
 

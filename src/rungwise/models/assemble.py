@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
 from rungwise.system.terms import JOINT, Terms
 

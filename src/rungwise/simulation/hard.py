@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rungwise.contact.files.fclib import h5py_library, write_fclib
-from rungwise.contact.step.planar import ENUMERATION, NO_SOLUTION, SOLVED
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.files import h5py_library, write_fclib
+from rungwise.contact.step import ENUMERATION, NO_SOLUTION, SOLVED, ContactProblem
 from rungwise.simulation.core.notes import Note, taken
 from rungwise.simulation.planar.workspace import Workspace
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.contact.judge.certificate import Certificate
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.judge import Certificate
+from rungwise.contact.step import ContactProblem
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
 from rungwise.scene import Scene

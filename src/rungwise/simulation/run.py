@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.judge.certificate import Certificate
-from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
-from rungwise.contact.step.planar import TOLERANCE
-from rungwise.contact.step.problem import ContactProblem, trim
+from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
+from rungwise.contact.step import TOLERANCE, ContactProblem, trim
 from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.step.modes import NAMES
+from rungwise.contact.step import NAMES
 from rungwise.plain import json_text
 from rungwise.simulation.planar.workspace import SCALARS
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.contact.step import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved

@@ -1,1 +1,8 @@
 """What an answer is worth, and proofs that there is none. Knows no solver."""
+
+from rungwise.contact.judge.certificate import Certificate
+from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+
+__all__ = [
+    "Certificate", "certify_infeasible", "certify_unsupported",
+]  # fmt: skip

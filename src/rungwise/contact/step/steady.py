@@ -24,7 +24,7 @@ _BETTER = 0.1
 
 
 @kernel
-def steady(
+def correct_velocities(
     p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
 ) -> None:
     """Correct v (n,) of an answer in these modes if a row that holds moves by more than the rounding of v."""

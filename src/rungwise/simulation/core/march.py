@@ -14,9 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rungwise.contact.judge.certificate import Certificate
-from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
-from rungwise.contact.step.problem import ContactProblem, allocate_problem, trim
+from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
+from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code

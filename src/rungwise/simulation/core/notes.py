@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from rungwise.contact.step import ContactProblem, allocate_problem
 from rungwise.kernel import Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 

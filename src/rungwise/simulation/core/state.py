@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.contact.step.planar import matrix_size
+from rungwise.contact.step import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 
 COUNTS = "steps limited free bounced leans surfaces"

@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.planar import NO_SOLUTION, PIVOTING, SOLVED, solve_planar
-from rungwise.contact.step.problem import ContactProblem
-from rungwise.contact.step.steady import steady
+from rungwise.contact.step import (
+    NO_SOLUTION,
+    OPEN,
+    PIVOTING,
+    SOLVED,
+    STICK,
+    ContactProblem,
+    correct_velocities,
+    solve_planar,
+)
 from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, inner_kernel, kernel
 from rungwise.models.assemble import assemble, deform, lean
 from rungwise.models.limit import (
@@ -138,7 +144,9 @@ def _solve_in_turn(
             bounced = False
     clock.bounced = bounced
     if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
-        steady(problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order)
+        correct_velocities(
+            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order
+        )
     return status
 
 

@@ -15,9 +15,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.modes import BACKWARD, FORWARD, STICK
-from rungwise.contact.step.planar import NO_SOLUTION, SOLVED, solve_planar
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step import BACKWARD, FORWARD, NO_SOLUTION, SOLVED, STICK, ContactProblem, solve_planar
 from rungwise.kernel import Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.analysis.sensitivity import DATA
-from rungwise.contact.step.problem import ContactProblem, trim
+from rungwise.contact.analysis import DATA
+from rungwise.contact.step import ContactProblem, trim
 from rungwise.models.assemble import approach, assemble
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene

@@ -17,9 +17,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.contact.analysis.sensitivity import DATA, Sensitivity
-from rungwise.contact.step.planar import solve_planar
-from rungwise.contact.step.problem import trim
+from rungwise.contact.analysis import DATA, Sensitivity
+from rungwise.contact.step import solve_planar, trim
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
 from rungwise.simulation.core.step import SUPPORTED, solve_step

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.linear import solve_in_place
-from rungwise.contact.step.modes import OPEN
+from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join

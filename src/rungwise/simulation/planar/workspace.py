@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from rungwise.contact.step import ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
