@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rungwise.contact.step.enumerate_modes import solve_by_enumeration
-from rungwise.contact.step.lemke import solve_lemke
 from rungwise.contact.step.mode_newton import solve_by_modes
+from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.planar import TOLERANCE, matrix_size, solve_planar
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
 from rungwise.contact.step.proximal import solve_proximal
@@ -120,7 +120,7 @@ def _run(
     if solver == "planar":
         status, _, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
     elif solver == "lemke":
-        status = solve_lemke(p, n, contacts, limited, *out)
+        status = 0 if solve_by_pivoting(p, n, contacts, limited, *out) else 1
     elif solver == "proximal":
         found = solve_proximal(p, n, contacts, limited, *out, *scratch, 0.1 * TOLERANCE)
         status = int(found > TOLERANCE)

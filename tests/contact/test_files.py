@@ -315,7 +315,7 @@ MASKED = np.ma.array([1.0, 2.0, 3.0], mask=[True, False, False])
         (lambda: rw.solve(STEP, tol=None), "tol"),
         (lambda: rw.solve(STEP, tol=[1e-9]), "tol"),
         (lambda: rw.solve(STEP, solvers=3), "solvers"),
-        (lambda: rw.solve(STEP, solvers="newton"), "solvers"),
+        (lambda: rw.solve(STEP, solvers="pivoting"), "solvers"),
         (lambda: rw.solve(STEP, solvers=([],)), "solvers"),
         (lambda: rw.Problem.local(sp.csr_array(1j * np.eye(3)), [1.0, 2.0, 3.0], [0.5]), "W"),
         (lambda: rw.Problem.local(1j * np.eye(3), [1.0, 2.0, 3.0], [0.5]), "W"),

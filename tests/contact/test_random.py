@@ -16,7 +16,6 @@ MOST = {
     "gauss-seidel": 303,
     "pivoting": 6 * (50 + 20 * 60),
     "interior-point": 100,
-    "newton": 40,
     "homotopy": 600,
     "proximal-point": 5000,
     "branching": 300,

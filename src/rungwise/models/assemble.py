@@ -1,5 +1,7 @@
 """The one assembly: terms of a state and a rung -> the step's contact problem, line by line.
 
+Numbers are those of the lines of `contact.step.problem`.
+
 With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: the velocity at theta):
 
     H = eps M / (theta h) + theta h K_p + K_d
@@ -46,20 +48,21 @@ def assemble(
     problem.quantum[0] = terms.rounding[0] / h
     if rung[0].metric:
         _fill_metric(terms, free, n, problem)
-    else:
+    else:  # (1) balance
         _fill_balance(rung, h * theta, eps, terms, free, n, v, speed, problem)
     bounced = False
     d = terms.contact_stiffness.shape[1]
     for k in range(contacts):
-        problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0
+        problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0  # (3) friction
         for r in range(k * d, k * d + d):
             for i in range(n):
                 problem.W[r, i] = terms.rows[r, free[i]]
         if rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0]):
-            _soften(k, d, h, theta, terms, problem)
+            _soften(k, d, h, theta, terms, problem)  # (2) Signorini, (3) friction
         else:
             problem.R[k, :, :] = 0.0
             problem.w[k * d : k * d + d] = 0.0
+            # (2) Signorini
             g = approach(k * d, terms, v, speed, free, n, eps)
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
@@ -73,9 +76,9 @@ def assemble(
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
-        problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0
+        problem.R_s[r] = 1.0 / resist if resist > 0.0 else 0.0  # (5) drives
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
-        if math.isinf(stiff):
+        if math.isinf(stiff):  # (4) joints
             drifts = terms.account[r] == JOINT and not rung[0].metric
             problem.w_s[r] = -terms.error[r, 0] / (max(h, 0.5 * terms.pause[0]) if drifts else h)
         problem.w_s[r] += carried(terms.limited, r, speed)

@@ -5,7 +5,8 @@ radius mu max(0, x_n - rho y_n), and on the limits of other unknowns. A step of 
 shortened until |F| decreases; where the Jacobian is singular or the step leads nowhere, steps with a multiple
 of |F| added to its diagonal, as if contacts yielded, are tried instead. Sources: Alart and Curnier, Comput.
 Methods Appl. Mech. Eng. 92 (1991) 353-375; Qi and Sun, Math. Program. 58 (1993) 353-367.
-Accepts: everything: mixed forms with singular H, nonsymmetric, dense or sparse. Promises: |F| never grows;
+Solvers finish with these steps. Accepts: everything: mixed forms with singular H, nonsymmetric, dense or
+sparse. Promises: |F| never grows;
 locally quadratic convergence, also to one of many solutions; from afar it may stall, and then ends early.
 """
 
@@ -34,8 +35,6 @@ from rungwise.contact.solvers.newton_dense import (
 )
 from rungwise.contact.solvers.work import Work
 
-NAME = "newton"
-_STEPS = 40
 _DENSE = 200
 _YIELD = 1e-7
 
@@ -45,16 +44,6 @@ DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 _LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
 """Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
 the residual so much."""
-
-
-def accepts(_system: System) -> bool:
-    return True
-
-
-@np.errstate(all="ignore")  # iterates that run away are judged, not warned about
-def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The iterate x (N,) from `start` at which |F| is within tol or no longer falls, and the steps taken."""
-    return descend(system, form(system), start, system.b, 0.0, tol, _STEPS, work)
 
 
 def finish(

@@ -8,10 +8,9 @@ NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to loo
 from __future__ import annotations
 
 from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_by_enumeration
-from rungwise.contact.step.lemke import SOLVED as LEMKE_SOLVED
-from rungwise.contact.step.lemke import solve_lemke
 from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
 from rungwise.contact.step.residual import residual
@@ -72,7 +71,7 @@ def solve_planar(
     if contacts + limited == 0:
         return NO_SOLUTION, found, PROXIMAL
     for polish in (True, False):
-        if solve_lemke(problem, n, contacts, limited, mode, v, force, tau) != LEMKE_SOLVED:
+        if not solve_by_pivoting(problem, n, contacts, limited, mode, v, force, tau):
             break
         if polish:
             found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)

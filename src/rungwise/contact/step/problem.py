@@ -1,9 +1,13 @@
 """One step's contact problem, whatever model it came from.
 
-    H v - W^T' lambda - S^T' tau = c                                  (balance; rows of W and S are rates)
-    0 <= lambda_n  _|_  (W v + R lambda + w)_n >= 0                   (Signorini)
-    lambda_t in argmin over |lambda_t| <= mu lambda_n of s . lambda_t,  s = (W v + R lambda + w)_t
-    tau in argmin over |tau| <= F of tau (S v + R_s tau + w_s)        (F infinite: a bilateral row, a joint)
+    (1) balance     H v - W^T lambda - S^T tau = c                    (rows of W and S are rates)
+    (2) Signorini   0 <= lambda_n  _|_  (W v + R lambda + w)_n >= 0
+    (3) friction    lambda_t in argmin over |lambda_t| <= mu lambda_n of s . lambda_t,
+                    s = (W v + R lambda + w)_t                        (maximum dissipation, exact cone)
+    (4) joints      S v + R_s tau + w_s = 0                           (rows with infinite F)
+    (5) drives      tau in argmin over |tau| <= F of tau (S v + R_s tau + w_s)
+
+The code bears these numbers where it writes a line of them.
 
 The number of directions d per contact (normal first) is the problem's: 2 in the plane, 3 in space.
 """

@@ -47,16 +47,17 @@ def residual(
         largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
         largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
-    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)
+    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
-        worst = _worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))
+        worst = _worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))  # (2), (3)
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
             s += p.S[r, i] * v[i]
+        # (4) joints, (5) drives
         x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
         worst = _worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
     return worst
@@ -149,10 +150,10 @@ def _contact(
             u += p.W[first + i, j] * v[j]
         u *= per_velocity
         if i == 0:
-            worst = _worse(0.0, abs(min(u, normal)) + 0.0 * u)
+            worst = _worse(0.0, abs(min(u, normal)) + 0.0 * u)  # (2) Signorini
         else:
             length += (force[first + i] * per_force - u) ** 2
-    length = math.sqrt(length)
+    length = math.sqrt(length)  # (3) friction
     radius = p.mu[k] * max(normal, 0.0)
     shrink = 1.0 if length <= radius else radius / length
     total = 0.0

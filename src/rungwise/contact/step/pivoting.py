@@ -1,11 +1,10 @@
-"""Lemke's pivoting method for planar problems with exact Coulomb friction.
+"""Pivoting for planar steps with exact Coulomb friction.
 
-Algorithm: complementary pivoting on the linear complementarity problem in (lambda_n, lambda_+, lambda_-,
-gamma), with lexicographic ratio test, after the velocities and bilateral rows have been eliminated. In the
-plane the polyhedral cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have
-diagonals of about one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J.
-Numer. Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992),
-section 4.9. Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive
+Algorithm: Lemke's method (`contact.lemke`) on the linear complementarity problem in (lambda_n, lambda_+,
+lambda_-, gamma), after the velocities and bilateral rows have been eliminated. In the plane the polyhedral
+cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have diagonals of about
+one. Source: Stewart and Trinkle, Int. J. Numer. Methods Eng. 39 (1996) 2673-2691.
+Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive
 (symmetric positive semidefinite Delassus blocks do). Promises: a solution or a ray in finitely many pivots; a
 ray is a hint that there is no solution, not a proof.
 """
@@ -16,17 +15,15 @@ import math
 
 import numpy as np
 
+from rungwise.contact.lemke import lemke
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
-SOLVED, RAY, EXHAUSTED = 0, 1, 2
-_PIVOT = 1e-11
-
 
 @allocating_kernel
-def solve_lemke(
+def solve_by_pivoting(
     problem: ContactProblem,
     n: int,
     contacts: int,
@@ -35,10 +32,10 @@ def solve_lemke(
     v: Reals,
     force: Reals,
     tau: Reals,
-) -> int:
-    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the
-    rule."""
-    rows, size = 2 * contacts + limited, 4 * contacts + 3 * limited
+) -> bool:
+    """Fill mode, v, force and tau; returns whether pivoting ended at a solution. Allocates: it is the
+    exception, not the rule."""
+    rows = 2 * contacts + limited
     x, y = _units(problem, n, contacts, limited)
     delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
     unit = 0.0
@@ -46,10 +43,12 @@ def solve_lemke(
         unit = max(unit, abs(offset[i]))
     if not unit > 0.0:
         unit = 1.0
+    M, q = _unfold(problem, contacts, limited, delassus, offset, y, unit)
+    size = len(q)
     z = np.zeros(size)
-    status = _pivot(_tableau(problem, contacts, limited, delassus, offset, y, unit, size), z, size)
-    if status != SOLVED:
-        return status
+    ended, _ = lemke(M, q, np.ones(size), z, np.empty((size, size + 2)), np.empty(4 * size + 2, np.int64))
+    if not ended:
+        return False
     _unpack(contacts, limited, z, unit, mode, force, tau)
     for i in range(n):
         v[i] = x[i] * _respond(response, i, contacts, limited, force, tau)
@@ -61,7 +60,7 @@ def solve_lemke(
         force[r] *= y[r]
     for r in range(limited):
         tau[r] *= y[2 * contacts + r]
-    return SOLVED
+    return True
 
 
 @allocating_kernel
@@ -163,7 +162,7 @@ def _reduce(
 
 
 @allocating_kernel
-def _tableau(
+def _unfold(
     p: ContactProblem,
     contacts: int,
     limited: int,
@@ -171,11 +170,10 @@ def _tableau(
     offset: Reals,
     y: Reals,
     unit: float,
-    size: int,
-) -> Reals:
-    """Rows of w - M z - d z0 = q, columns [w, z, z0, q]; forces z are in units of y and `unit`."""
-    sign = np.zeros(size)
-    source = np.full(size, -1)
+) -> tuple[Reals, Reals]:
+    """M and q of 0 <= z _|_ M z + q >= 0; forces z are in units of y and `unit`."""
+    size = 4 * contacts + 3 * limited
+    sign, source = np.zeros(size), np.full(size, -1)
     for k in range(contacts):
         source[4 * k], sign[4 * k] = 2 * k, 1.0
         for s in range(2):
@@ -184,101 +182,24 @@ def _tableau(
         for s in range(2):
             i = 4 * contacts + 3 * r + s
             source[i], sign[i] = 2 * contacts + r, 1.0 - 2.0 * s
-    a = np.zeros((size, 2 * size + 2))
+    M, q = np.zeros((size, size)), np.zeros(size)
     for i in range(size):
-        a[i, i] = 1.0
-        a[i, 2 * size] = -1.0
         if source[i] >= 0:
-            a[i, 2 * size + 1] = sign[i] * offset[source[i]] / unit
+            q[i] = sign[i] * offset[source[i]] / unit
             for j in range(size):
                 if source[j] >= 0:
-                    a[i, size + j] -= sign[i] * sign[j] * delassus[source[i], source[j]]
+                    M[i, j] = sign[i] * sign[j] * delassus[source[i], source[j]]
     for k in range(contacts):
         gamma = 4 * k + 3
-        a[gamma, size + 4 * k] -= p.mu[k]
+        M[gamma, 4 * k] = p.mu[k]
         for s in range(1, 3):
-            a[gamma, size + 4 * k + s] += 1.0
-            a[4 * k + s, size + gamma] -= 1.0
+            M[gamma, 4 * k + s], M[4 * k + s, gamma] = -1.0, 1.0
     for r in range(limited):
         first = 4 * contacts + 3 * r
-        bound = 0.0 if math.isinf(p.F[r]) else p.F[r] / (y[2 * contacts + r] * unit)
-        a[first + 2, 2 * size + 1] = bound
+        q[first + 2] = 0.0 if math.isinf(p.F[r]) else p.F[r] / (y[2 * contacts + r] * unit)
         for s in range(2):
-            a[first + 2, size + first + s] += 1.0
-            a[first + s, size + first + 2] -= 1.0
-    return a
-
-
-@allocating_kernel
-def _pivot(a: Reals, z: Reals, size: int) -> int:
-    """Lemke's method on the tableau; fills z."""
-    last = 2 * size + 1
-    basis = np.arange(size)
-    row = -1
-    for i in range(size):
-        if a[i, last] < 0.0 and (row < 0 or a[i, last] < a[row, last]):
-            row = i
-    if row < 0:
-        return SOLVED
-    entering = 2 * size
-    for _ in range(50 + 20 * size):
-        _eliminate(a, row, entering, size)
-        leaving = basis[row]
-        basis[row] = entering
-        if leaving == 2 * size:
-            for i in range(size):
-                if basis[i] >= size:
-                    z[basis[i] - size] = a[i, last]
-            return SOLVED
-        entering = leaving + size if leaving < size else leaving - size
-        row = _ratio_test(a, entering, basis, size)
-        if row < 0:
-            return RAY
-    return EXHAUSTED
-
-
-@kernel
-def _eliminate(a: Reals, row: int, column: int, size: int) -> None:
-    width = 2 * size + 2
-    inverse = 1.0 / a[row, column]
-    for j in range(width):
-        a[row, j] *= inverse
-    a[row, column] = 1.0
-    for i in range(size):
-        factor = a[i, column]
-        if i != row and factor != 0.0:
-            for j in range(width):
-                a[i, j] -= factor * a[row, j]
-            a[i, column] = 0.0
-
-
-@kernel
-def _ratio_test(a: Reals, entering: int, basis: Ints, size: int) -> int:
-    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
-    equals."""
-    last, best = 2 * size + 1, -1
-    for i in range(size):
-        if a[i, entering] > _PIVOT and (best < 0 or _less(a, i, best, entering, last, size)):
-            best = i
-    if best >= 0:
-        for i in range(size):
-            if basis[i] == 2 * size and a[i, entering] > _PIVOT:
-                tie = a[i, last] / a[i, entering] - a[best, last] / a[best, entering]
-                if tie <= _PIVOT:
-                    return i
-    return best
-
-
-@kernel
-def _less(a: Reals, i: int, j: int, entering: int, last: int, size: int) -> bool:
-    x, y = a[i, last] / a[i, entering], a[j, last] / a[j, entering]
-    if abs(x - y) > _PIVOT * max(1.0, abs(x), abs(y)):
-        return x < y
-    for c in range(size):
-        x, y = a[i, c] / a[i, entering], a[j, c] / a[j, entering]
-        if abs(x - y) > _PIVOT:
-            return x < y
-    return False
+            M[first + 2, first + s], M[first + s, first + 2] = -1.0, 1.0
+    return M, q
 
 
 @kernel
@@ -299,6 +220,7 @@ def _unpack(contacts: int, limited: int, z: Reals, unit: float, mode: Ints, forc
 def _mode(closed: bool, plus: float, minus: float, gamma: float) -> int:
     if not closed:
         return OPEN
-    if gamma > 0.0:
+    # Friction both ways means that nothing slips: what gamma then is, is rounding.
+    if gamma > 0.0 and not (plus > 0.0 and minus > 0.0):
         return BACKWARD if plus > minus else FORWARD
     return STICK
