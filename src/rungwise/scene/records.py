@@ -65,7 +65,8 @@ MEASURE = record_type(
 
 
 class Records(Block):
-    """Views of one buffer. Kernels get the arrays that they read, never the whole."""
+    """Views of one buffer. Kernels that read several of the arrays get the block, which is one pointer; those
+    that read one get the array, or the record."""
 
     world: NDArray[np.void]
     bodies: NDArray[np.void]
