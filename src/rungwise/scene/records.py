@@ -65,8 +65,7 @@ MEASURE = record_type(
 
 
 class Records(Block):
-    """Views of one buffer. Kernels that read several of the arrays get the block, which is one pointer; those
-    that read one get the array, or the record."""
+    """Views of one buffer. Kernels get the whole, as one pointer, unless a record or one array will do."""
 
     world: NDArray[np.void]
     bodies: NDArray[np.void]
