@@ -179,7 +179,7 @@ def recorded(run: Run, units: Units) -> dict[str, Any]:
     q = np.array([units.factor(place) for place in where])
     rate = np.array([units.factor(over(place, TIME)) for place in where])
     force = np.array([units.factor(over(ENERGY, place)) for place in where])
-    pairs = len(state.points)
+    pairs = len(state.manifolds.points)
     report["time"] = frames.time[cut] / units.time
     report["q"] = frames.q[cut] / q
     report["v"] = frames.v[cut] / rate

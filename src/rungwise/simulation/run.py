@@ -217,7 +217,7 @@ class Simulation:
 
     def _overlap(self) -> str:
         assert self.workspace is not None
-        gaps = self.workspace.state.gaps
+        gaps = self.workspace.state.manifolds.gaps
         measures = self._bound.records.measures
         places = self.workspace.scratch.measures
         low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))

@@ -43,8 +43,8 @@ def touching(run: Run, body: str, within: float | None = None) -> Touching:
         contact = records.contacts[pair["contact"]]
         bodies = int(contact["body_a"]), int(contact["body_b"])
         for slot in (2 * p, 2 * p + 1):
-            point = state.points[slot]
-            if me in bodies and state.features[slot] != ABSENT and point[GAP] <= limit:
+            point = state.manifolds.points[slot]
+            if me in bodies and state.manifolds.features[slot] != ABSENT and point[GAP] <= limit:
                 # The normal points from b to a.
                 sign = 1.0 if bodies[0] == me else -1.0
                 points.append(point[[POINT_X, POINT_Y]])

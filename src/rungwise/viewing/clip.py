@@ -22,8 +22,16 @@ from rungwise.simulation import trajectory as saved
 from rungwise.simulation.result import Run
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
-from rungwise.system.planar.place import X, Y, place
+from rungwise.system.planar.manifold import (
+    ABSENT,
+    GAP,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    allocate_manifolds,
+)
+from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
 
 if TYPE_CHECKING:
@@ -204,10 +212,8 @@ def _replay(
     count, slots = len(q), 2 * len(records.pairs)
     if len(records.pairs) <= EXACT:
         records.contacts["watched"] = 1
-    where, outline = np.zeros((len(records.bodies), 4)), np.zeros((len(records.vertices), 4))
-    points, features = np.zeros((slots, 5)), np.full(slots, ABSENT, np.int64)
-    unused = np.zeros((slots, 2)), np.zeros(slots, np.int64)
-    least, fresh = np.zeros(len(records.contacts)), np.zeros(2, np.int64)
+    placed, manifolds = allocate_placement(records), allocate_manifolds(records)
+    points, features = manifolds.points, manifolds.features
     seams, course = allocate_seams(records), allocate_course(records)
     reach = records.shapes["reach"]
     margin = NEAR * float(reach[np.isfinite(reach)].max(initial=0.0))
@@ -216,15 +222,12 @@ def _replay(
     gap = np.zeros((count, len(records.contacts)))
     rows: list[tuple[NDArray[Any], ...]] = []
     for k in range(count):
-        place(records.bodies, records.shapes, records.vertices, q[k], where, outline, k == 0)
-        pose[k, :, 0], pose[k, :, 1] = where[:, X], where[:, Y]
+        place(records, q[k], placed, k == 0)
+        pose[k, :, 0], pose[k, :, 1] = placed.pose[:, X], placed.pose[:, Y]
         if k == 0 or len(seams.neighbours) > seams.still[0]:
-            find_seams(records.shapes, where, outline, seams)
-        find_contacts(
-            records.bodies, records.shapes, records.contacts, records.pairs, where, outline, q[k], margin,
-            points, features, *unused, least, fresh, seams, course,
-        )  # fmt: skip
-        gap[k] = least
+            find_seams(records, placed, seams)
+        find_contacts(records, placed, q[k], margin, manifolds, seams, course)
+        gap[k] = manifolds.gaps
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)
         at = np.flatnonzero((features != ABSENT) & (active | (points[:, GAP] <= margin)))
         nx, ny = points[at, NORMAL_X], points[at, NORMAL_Y]

@@ -17,8 +17,8 @@ from rungwise.scene import Scene
 from rungwise.scene.expression import STACK, holds
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.manifold import ABSENT
-from rungwise.system.planar.place import place
+from rungwise.system.planar.manifold import allocate_manifolds
+from rungwise.system.planar.place import allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams
 
 if TYPE_CHECKING:
@@ -37,26 +37,16 @@ class Space:
         self.scene, self.records, self._values = scene, bound.records, bound.values
         r = self.records
         r.contacts["watched"] = 1
-        slots, n = 2 * len(r.pairs), len(r.coordinates)
-        self._placed = np.zeros((len(r.bodies), 4)), np.zeros((len(r.vertices), 4))
-        self._slots = (
-            np.zeros((slots, 5)), np.full(slots, ABSENT, np.int64), np.zeros((slots, 2)),
-            np.zeros(slots, np.int64),
-        )  # fmt: skip
-        self._gaps, self._fresh = np.zeros(len(r.contacts)), np.zeros(2, np.int64)
+        self._placed, self._manifolds = allocate_placement(r), allocate_manifolds(r)
         self._seams, self._course = allocate_seams(r), allocate_course(r)
         self._at = len(scene.template.parameters) + 1
-        self.count = n
+        self.count = len(r.coordinates)
 
     def gaps(self, q: Points) -> Points:
         """Gap of each contact at q (n,), negative in overlap."""
-        r = self.records
-        place(r.bodies, r.shapes, r.vertices, np.asarray(q, float), *self._placed, True)
-        find_contacts(
-            r.bodies, r.shapes, r.contacts, r.pairs, *self._placed, q, 0.0, *self._slots, self._gaps,
-            self._fresh, self._seams, self._course,
-        )  # fmt: skip
-        return self._gaps.copy()
+        place(self.records, np.asarray(q, float), self._placed, True)
+        find_contacts(self.records, self._placed, q, 0.0, self._manifolds, self._seams, self._course)
+        return self._manifolds.gaps.copy()
 
     def is_goal(self, q: Points, tolerance: float) -> bool:
         """Whether the scene's goal holds at rest at q, gaps up to `tolerance` counting as closed."""

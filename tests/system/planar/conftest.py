@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from rungwise.scene import load
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.manifold import ABSENT, manifold
-from rungwise.system.planar.place import place, start
+from rungwise.system.planar.manifold import allocate_manifolds, manifold
+from rungwise.system.planar.place import allocate_placement, place, start
 from rungwise.system.planar.seams import allocate_seams, find_seams
 
 Array = NDArray[np.float64]
@@ -25,23 +25,20 @@ class Planar:
         between = {"contacts": [{"between": ["*", "*"]}]}
         scene = load({"name": "test", "bodies": bodies, **between, **fields})
         self.records = scene.bind().records
-        n, pairs = len(self.records.coordinates), len(self.records.pairs)
+        n = len(self.records.coordinates)
         self.q, self.v = np.zeros(n), np.zeros(n)
-        start(self.records.bodies, self.records.coordinates, self.q, self.v)
-        self.pose = np.zeros((len(self.records.bodies), 4))
-        self.outline = np.zeros((len(self.records.vertices), 4))
-        self.points = np.zeros((2 * pairs, 5))
-        self.features = np.full(2 * pairs, ABSENT, np.int64)
-        self.deformation = np.zeros((2 * pairs, 2))
-        self.modes = np.zeros(2 * pairs, np.int64)
-        self.gaps = np.zeros(len(self.records.contacts))
+        start(self.records, self.q, self.v)
+        self.placed, self.manifolds = allocate_placement(self.records), allocate_manifolds(self.records)
+        self.pose, self.outline = self.placed.pose, self.placed.outline
+        self.points, self.features = self.manifolds.points, self.manifolds.features
+        self.deformation, self.modes = self.manifolds.deformation, self.manifolds.modes
+        self.gaps = self.manifolds.gaps
         self.place(self.q)
         self.seams, self.course = allocate_seams(self.records), allocate_course(self.records)
-        find_seams(self.records.shapes, self.pose, self.outline, self.seams)
+        find_seams(self.records, self.placed, self.seams)
 
     def place(self, q: Array) -> None:
-        records = self.records
-        place(records.bodies, records.shapes, records.vertices, q, self.pose, self.outline, True)
+        place(self.records, q, self.placed, True)
 
     def manifold(self, q: Array, pair: int = 0) -> tuple[Array, list[int]]:
         """Points (rows: gap, normal, place) and features of a pair of shapes at q."""
@@ -54,12 +51,7 @@ class Planar:
     def look(self, q: Array, margin: float) -> float:
         """Update all slots at q; returns the least gap."""
         self.place(q)
-        records = self.records
-        return find_contacts(
-            records.bodies, records.shapes, records.contacts, records.pairs, self.pose, self.outline, q,
-            margin, self.points, self.features, self.deformation, self.modes, self.gaps,
-            np.zeros(2, np.int64), self.seams, self.course,
-        )  # fmt: skip
+        return find_contacts(self.records, self.placed, q, margin, self.manifolds, self.seams, self.course)
 
 
 @pytest.fixture

@@ -47,7 +47,7 @@ def rows_of(placed: Any, point: NDArray[np.float64]) -> NDArray[np.float64]:
     """Both rows of one point, at the last placed q."""
     rows = np.full((4, len(placed.q)), np.nan)
     bodies = placed.records.bodies
-    contact_rows(bodies[0], bodies[1], 0, 1, placed.pose, point, rows, 2)
+    contact_rows(0, 1, bodies, placed.pose, point, rows, 2)
     return rows[2:]
 
 

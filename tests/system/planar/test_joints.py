@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.scene import Scene, load
 from rungwise.system.planar.joints import measure
-from rungwise.system.planar.place import place, start
+from rungwise.system.planar.place import allocate_placement, place, start
 
 from .test_jacobian import random_body
 
@@ -33,16 +33,16 @@ class Placed:
         self.records = scene.bind().records
         n = len(self.records.coordinates)
         self.q, self.row = np.zeros(n), np.zeros(n)
-        start(self.records.bodies, self.records.coordinates, self.q, np.zeros(n))
+        start(self.records, self.q, np.zeros(n))
 
     def values(self, q: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The three measures at q, and their rows."""
         r = self.records
-        pose, outline = np.zeros((len(r.bodies), 4)), np.zeros((len(r.vertices), 4))
-        place(r.bodies, r.shapes, r.vertices, q, pose, outline, True)
+        placed = allocate_placement(r)
+        place(r, q, placed, True)
         found, rows = [], []
         for kind in r.measures:
-            found.append(measure(kind, r.joints[0], r.bodies, pose, q, self.row))
+            found.append(measure(kind, r, placed.pose, q, self.row))
             rows.append(self.row.copy())
         return np.array(found), np.array(rows)
 

@@ -38,12 +38,10 @@ def at_rest(placed: Any) -> tuple[Terms, NDArray[np.float64]]:
     """Terms and passive loads at placed.q; servos want their start."""
     records, n = placed.records, len(placed.q)
     terms, passive = allocate_terms(n, 8, 2 * n), np.zeros(n)
-    planar_terms.constants(records.bodies, records.coordinates, records.potentials, records.terms, terms)
+    planar_terms.constants(records, terms)
     placed.place(placed.q)
-    planar_terms.loads(
-        records.world, records.bodies, records.coordinates, records.potentials, records.terms, placed.pose,
-        placed.q, np.zeros(n), placed.q.copy(), 0.0, 0.0, 1.0, passive, terms,
-    )  # fmt: skip
+    start = placed.q.copy()
+    planar_terms.loads(records, placed.pose, placed.q, np.zeros(n), start, 0.0, 0.0, 1.0, passive, terms)
     return terms, passive
 
 
@@ -58,7 +56,7 @@ def test_gravity_is_minus_the_gradient_of_its_energy(planar: Callable[..., Any])
 
     def energy(q: NDArray[np.float64]) -> float:
         placed.place(q)
-        return float(planar_terms.potential_energy(placed.records.world, placed.records.bodies, placed.pose))
+        return float(planar_terms.potential_energy(placed.records, placed.pose))
 
     for _ in range(20):
         placed.q = rng.uniform(-2.0, 2.0, 5)

@@ -92,8 +92,8 @@ class Assembly:
         state, records = self.state, self.records
         state.q[:], state.v[:], state.clock["time"] = start.q, start.v, start.time
         if start.features is not None:
-            state.features[:], state.deformation[:] = start.features, start.deformation
-        place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+            state.manifolds.features[:], state.deformation[:] = start.features, start.deformation
+        place(records, state.q, state.placed, False)
         look(records, self.workspace, state.v)
         state.modes[:], state.force[:] = 0, 0.0
         if start.features is None:
@@ -115,16 +115,16 @@ class Assembly:
         theta = float(self.rung[0]["theta"])
         if self.rung[0]["loads"]:
             planar.loads(
-                r.world, r.bodies, r.coordinates, r.potentials, r.terms, state.pose, state.q, state.v,
-                state.start, start.time, h, theta, state.passive, terms,
+                r, state.placed.pose, state.q, state.v, state.start, start.time, h, theta, state.passive,
+                terms,
             )  # fmt: skip
         row, begun = self.workspace.scratch.row, self.workspace.scratch.measures
-        joints.values(r.joints, r.measures, r.bodies, state.pose, state.q, row, begun)
+        joints.values(r, state.placed.pose, state.q, row, begun)
         if trial is not None:
             self.put(start.moved("q", h * trial))
         if len(r.joints):
             joints.rows(
-                r.joints, r.measures, r.bodies, state.pose, state.q, begun, start.time + theta * h, h,
+                r, state.placed.pose, state.q, begun, start.time + theta * h, h,
                 bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms, row,
             )  # fmt: skip
             if trial is not None:
@@ -223,6 +223,6 @@ class Assembly:
 
     def _keys(self, count: int) -> tuple[tuple[int, int], ...]:
         """(pair, feature) of each contact; a stop is its slot."""
-        pairs, features = 2 * len(self.records.pairs), self.state.features
+        pairs, features = 2 * len(self.records.pairs), self.state.manifolds.features
         slots = [int(slot) for slot in self.workspace.scratch.slots[:count]]
         return tuple((slot // 2, int(features[slot])) if slot < pairs else (slot, -1) for slot in slots)

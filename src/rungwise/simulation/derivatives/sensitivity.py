@@ -192,15 +192,14 @@ def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Star
     """Velocities with which the simulation moves in this step, whose the slots are before it, and where it
     leads."""
     here.put(start)
-    before = here.state.features.copy()
+    before = here.state.manifolds.features.copy()
     if here.set_speeds() < here.h:
         raise ModelError("step: a coordinate reaches the end of its travel within it; take a shorter step")
     if attempt(here.records, here.rung, here.workspace, here.h, here.h) != TAKEN:
         raise ModelError("step: no step of this length can be taken from here; take a shorter one")
     state = here.state
-    end = Start(
-        state.q.copy(), state.v.copy(), state.deformation.copy(), start.time + here.h, state.features.copy()
-    )
+    features = state.manifolds.features.copy()
+    end = Start(state.q.copy(), state.v.copy(), state.deformation.copy(), start.time + here.h, features)
     return here.workspace.scratch.v_new.copy(), before, end
 
 
@@ -288,4 +287,4 @@ def _is_carried(
     if old // 2 == new // 2 or not seams.joined[0] or after[new] == ABSENT:
         return False
     fresh = after[new] not in before[new - new % 2 : new - new % 2 + 2]
-    return bool(fresh and is_continued(before[old], after[new], here.state.outline, seams))
+    return bool(fresh and is_continued(before[old], after[new], here.state.placed.outline, seams))

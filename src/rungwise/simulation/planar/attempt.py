@@ -53,19 +53,11 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     clock = state.clock[0]
     if rung[0].loads:
         planar.loads(
-            records.world, records.bodies, records.coordinates, records.potentials, records.terms, state.pose,
-            state.q, state.v, state.start, clock.time, h, rung[0].theta, state.passive, terms,
+            records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
+            state.passive, terms,
         )  # fmt: skip
     if records.joints.shape[0] > 0:
-        joints.values(
-            records.joints,
-            records.measures,
-            records.bodies,
-            state.pose,
-            state.q,
-            scratch.row,
-            scratch.measures,
-        )
+        joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
         join(records, rung, workspace, h)
     open_before = _opening(records, workspace)
     remember(state, workspace.before)
@@ -178,9 +170,7 @@ def _opening(records: Records, workspace: Workspace) -> float:
     if records.joints.shape[0] == 0:
         return 0.0
     state = workspace.state
-    return joints.opening(
-        records.joints, records.measures, records.bodies, state.pose, state.q, workspace.scratch.row
-    )
+    return joints.opening(records, state.placed.pose, state.q, workspace.scratch.row)
 
 
 @kernel
@@ -189,8 +179,8 @@ def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) ->
     state, scratch = workspace.state, workspace.scratch
     clock = state.clock[0]
     joints.rows(
-        records.joints, records.measures, records.bodies, state.pose, state.q, scratch.measures,
-        clock.time + rung[0].theta * h, h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
+        records, state.placed.pose, state.q, scratch.measures, clock.time + rung[0].theta * h, h,
+        rung[0].metric, clock.drives, workspace.terms, scratch.row,
     )  # fmt: skip
 
 
@@ -234,7 +224,7 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
         if state.prescribed[i]:
             c = records.coordinates[i]
             state.q[i] = min(max(state.q[i], c.lower), c.upper)
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    place(records, state.q, state.placed, False)
     look(records, workspace, scratch.v_new)
 
 

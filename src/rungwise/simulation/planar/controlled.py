@@ -194,7 +194,7 @@ def _mode_before(slot: int, workspace: Workspace) -> int:
     if workspace.seams.joined[0] == 0:
         return int(kept.modes[slot])
     return mode_before(
-        slot, state.features, state.modes, kept.features, kept.modes, state.outline, workspace.seams
+        slot, state.manifolds, kept.features, kept.modes, state.placed.outline, workspace.seams
     )
 
 
@@ -220,7 +220,7 @@ def _extrapolate(records: Records, workspace: Workspace) -> None:
     for i in range(state.q.shape[0]):
         if not state.prescribed[i]:
             state.q[i] += state.q[i] - whole.q[i]
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
     if clock.least_gap < 0.0 or passes(records, workspace):
         bring_back(records, workspace, halves)

@@ -35,7 +35,7 @@ def set_speeds(
         )
         if scratch.undefined[0] >= 0:
             return h, 0.0
-    moving = joints.fastest(records.joints, records.measures)
+    moving = joints.fastest(records)
     shortest = h
     for i in range(n):
         state.speed[i] = 0.0

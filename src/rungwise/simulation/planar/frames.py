@@ -31,20 +31,15 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
     frames.time[k] = clock.time
     copy(state.q, frames.q[k])
     copy(state.v, frames.v[k])
-    copy(state.gaps, frames.gap[k])
+    copy(state.manifolds.gaps, frames.gap[k])
     copy(state.modes, frames.mode[k])
     copy(state.force, frames.force[k])
     copy(state.impulse, frames.impulse[k])
     copy(state.reaction, frames.reaction[k])
     if records.joints.shape[0] > 0:
-        joints.values(
-            records.joints, records.measures, records.bodies, state.pose, state.q, workspace.scratch.row,
-            frames.joint[k],
-        )  # fmt: skip
-        joints.forces(
-            records.joints, records.measures, rung[0].metric, clock.drives, workspace.scratch.limited_force,
-            frames.joint_force[k],
-        )  # fmt: skip
+        scratch = workspace.scratch
+        joints.values(records, state.placed.pose, state.q, scratch.row, frames.joint[k])
+        joints.forces(records, rung[0].metric, clock.drives, scratch.limited_force, frames.joint_force[k])
     _scalars(records, rung, workspace, frames.scalars[k])
     state.impulse[:, :] = 0.0
     clock.frames += 1
@@ -95,7 +90,7 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
             elastic += 0.5 * records.measures[m].stiffness * frames.joint[clock.frames, m] ** 2
     out[0] = clock.residual
     out[1] = kinetic
-    out[2] = potential_energy(records.world, records.bodies, state.pose)
+    out[2] = potential_energy(records, state.placed.pose)
     out[3] = elastic
     out[4] = clock.drive_work
     out[5] = clock.load_work

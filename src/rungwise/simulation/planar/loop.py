@@ -45,7 +45,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     """State at t = 0; returns RUNNING, a verdict that holds at once, or INVALID when bodies overlap."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    start(records.bodies, records.coordinates, state.q, state.v)
+    start(records, state.q, state.v)
     copy(state.q, state.start)
     n = state.q.shape[0]
     clock.free = 0
@@ -60,30 +60,28 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             state.v[i] = records.coordinates[i].drive_speed
     clock.limited = 0
     if rung[0].loads:
-        clock.limited = planar.constants(
-            records.bodies, records.coordinates, records.potentials, records.terms, terms
-        )
+        clock.limited = planar.constants(records, terms)
     for i in range(n):
         terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited
-    clock.limited = joints.constants(records.joints, records.measures, rung[0].metric, clock.drives, terms)
+    clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, True)
-    find_seams(records.shapes, state.pose, state.outline, workspace.seams)
+    place(records, state.q, state.placed, True)
+    find_seams(records, state.placed, workspace.seams)
     clock.smallest = math.inf
     for s in range(records.shapes.shape[0]):
-        reach = piece_reach(s, records.shapes, state.outline, workspace.seams)
+        reach = piece_reach(s, records, state.placed.outline, workspace.seams)
         if reach > 0.0 and math.isfinite(reach):
             clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
     clock.thin = thinnest(records)
-    extent = clock.reach
+    extent, pose = clock.reach, state.placed.pose
     for b in range(records.bodies.shape[0]):
-        extent = max(extent, abs(state.pose[b, 0]), abs(state.pose[b, 1]))
+        extent = max(extent, abs(pose[b, 0]), abs(pose[b, 1]))
     terms.rounding[0] = ROUNDING * extent
     terms.pause[0] = PAUSE * control[0].step
     terms.low[0] = control[0].error if control[0].error > 0.0 else math.inf
@@ -100,9 +98,7 @@ def _comes_apart(records: Records, workspace: Workspace) -> bool:
     """Whether the start is not that of a closed joint, or lies outside its travel."""
     state, places = workspace.state, workspace.scratch.measures
     measures, apart = records.measures, False
-    joints.values(
-        records.joints, measures, records.bodies, state.pose, state.q, workspace.scratch.row, places
-    )
+    joints.values(records, state.placed.pose, state.q, workspace.scratch.row, places)
     for m in range(measures.shape[0]):
         slack = max(CLOSED * state.clock[0].reach, workspace.terms.rounding[0])
         if measures[m].which == ANGLE:

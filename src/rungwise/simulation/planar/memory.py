@@ -46,8 +46,8 @@ def restore(records: Records, workspace: Workspace) -> None:
 def remember(state: State, saved: Snapshot) -> None:
     for i in range(state.q.shape[0]):
         saved.q[i] = state.q[i]
-    for slot in range(state.features.shape[0]):
-        saved.features[slot] = state.features[slot]
+    for slot in range(state.manifolds.features.shape[0]):
+        saved.features[slot] = state.manifolds.features[slot]
         saved.modes[slot] = state.modes[slot]
         for i in range(state.deformation.shape[1]):
             saved.deformation[slot, i] = state.deformation[slot, i]
@@ -59,12 +59,12 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
     state = workspace.state
     for i in range(state.q.shape[0]):
         state.q[i] = saved.q[i]
-    for slot in range(state.features.shape[0]):
-        state.features[slot] = saved.features[slot]
+    for slot in range(state.manifolds.features.shape[0]):
+        state.manifolds.features[slot] = saved.features[slot]
         state.modes[slot] = saved.modes[slot]
         for i in range(state.deformation.shape[1]):
             state.deformation[slot, i] = saved.deformation[slot, i]
-    place(records.bodies, records.shapes, records.vertices, state.q, state.pose, state.outline, False)
+    place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
 
 
@@ -73,14 +73,14 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     """The workspace as allocated, but for frames and what every step fills anew; `blank` is a zero clock."""
     state, terms = workspace.state, workspace.terms
     state.clock[0] = blank[0]
-    state.gaps[:] = 0.0
+    state.manifolds.gaps[:] = 0.0
     state.pushes[:] = 0.0
     state.impulses[:] = 0.0
     state.recent[:, :] = 0.0
     state.speed[:] = 0.0
     state.passive[:] = 0.0
     state.reaction[:] = 0.0
-    state.features[:] = ABSENT
+    state.manifolds.features[:] = ABSENT
     state.modes[:] = 0
     state.deformation[:, :] = 0.0
     state.force[:, :] = 0.0

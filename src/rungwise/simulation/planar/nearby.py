@@ -26,12 +26,10 @@ def look(records: Records, workspace: Workspace, v: Reals) -> None:
     state, seams, course = workspace.state, workspace.seams, workspace.course
     course.horizon[0] = AHEAD * max(state.clock[0].tried, state.clock[0].next)
     if seams.neighbours.shape[0] > seams.still[0]:
-        find_seams(records.shapes, state.pose, state.outline, seams)
+        find_seams(records, state.placed, seams)
     state.clock[0].least_gap = find_contacts(
-        records.bodies, records.shapes, records.contacts, records.pairs, state.pose, state.outline, v,
-        state.clock[0].margin, state.points, state.features, state.deformation, state.modes, state.gaps,
-        workspace.scratch.fresh, seams, course,
-    )  # fmt: skip
+        records, state.placed, v, state.clock[0].margin, state.manifolds, seams, course
+    )
 
 
 @kernel
@@ -51,13 +49,12 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
 def gather(records: Records, workspace: Workspace) -> int:
     state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
     contacts = planar.gather(
-        records.bodies, records.coordinates, records.contacts, records.pairs, state.pose, state.points,
-        state.features, state.deformation, state.q, state.prescribed, state.clock[0].near, workspace.terms,
-        scratch.slots,
+        records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,
+        workspace.terms, scratch.slots,
     )  # fmt: skip
     return joints.stops(
-        records.joints, records.measures, records.bodies, state.pose, state.q, contacts,
-        2 * records.pairs.shape[0] + 2 * n, workspace.terms, scratch.slots, scratch.row,
+        records, state.placed.pose, state.q, contacts, 2 * records.pairs.shape[0] + 2 * n, workspace.terms,
+        scratch.slots, scratch.row,
     )  # fmt: skip
 
 
@@ -85,7 +82,7 @@ def fastest_pair(
                 rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
             if turns(body, i):
                 rate *= state.clock[0].reach + (
-                    math.hypot(state.pose[b, 0] - body.pivot_x, state.pose[b, 1] - body.pivot_y)
+                    math.hypot(state.placed.pose[b, 0] - body.pivot_x, state.placed.pose[b, 1] - body.pivot_y)
                     if body.motion == HINGE
                     else 0.0
                 )

@@ -97,7 +97,7 @@ def _least_distance(
     overlap: along the axis that separates them at `begin`, at rest or carried with one of the bodies."""
     state, scratch = workspace.state, workspace.scratch
     _place_pair(records, a, b, workspace, begin)
-    manifold(a, b, state.outline, scratch.probe, scratch.fresh)
+    manifold(a, b, state.placed.outline, scratch.probe, state.manifolds.fresh)
     nx, ny = scratch.probe[0, NORMAL_X], scratch.probe[0, NORMAL_Y]
     first = _distance(a, b, nx, ny, workspace)
     x, y = _between(a, b, workspace)
@@ -129,9 +129,7 @@ def _place_pair(records: Records, a: Record, b: Record, workspace: Workspace, pa
             q[i] = state.q[i] if part == 1.0 else (1.0 - part) * before[i] + part * state.q[i]
             moved |= state.q[i] != before[i]
         if moved:
-            place_body(
-                shape.body, records.bodies, records.shapes, records.vertices, q, state.pose, state.outline
-            )
+            place_body(shape.body, records, q, state.placed)
 
 
 @kernel
@@ -149,7 +147,7 @@ def _turn(records: Records, shape: Record, workspace: Workspace) -> float:
 @kernel
 def _arm(records: Records, shape: Record, workspace: Workspace) -> float:
     """Radius of the arc on which the body's centre turns; 0 for one that goes straight."""
-    body, pose = records.bodies[shape.body], workspace.state.pose
+    body, pose = records.bodies[shape.body], workspace.state.placed.pose
     if body.motion != HINGE:
         return 0.0
     return math.hypot(pose[shape.body, X] - body.pivot_x, pose[shape.body, Y] - body.pivot_y)
@@ -158,14 +156,14 @@ def _arm(records: Records, shape: Record, workspace: Workspace) -> float:
 @kernel
 def _between(a: Record, b: Record, workspace: Workspace) -> tuple[float, float]:
     """From the centre of b's body to that of a's."""
-    pose = workspace.state.pose
+    pose = workspace.state.placed.pose
     return pose[a.body, X] - pose[b.body, X], pose[a.body, Y] - pose[b.body, Y]
 
 
 @kernel
 def _distance(a: Record, b: Record, nx: float, ny: float, workspace: Workspace) -> float:
     """Distance of the placed shapes along an axis from b to a; negative when they overlap along it."""
-    outline, nearest, farthest = workspace.state.outline, math.inf, -math.inf
+    outline, nearest, farthest = workspace.state.placed.outline, math.inf, -math.inf
     for i in range(a.first, a.end):
         nearest = min(nearest, nx * outline[i, 0] + ny * outline[i, 1])
     for i in range(b.first, b.end):

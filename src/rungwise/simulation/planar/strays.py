@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, VERTICES, height
@@ -25,16 +25,16 @@ def note_strays(records: Records, h: float, contacts: int, workspace: Workspace)
         slot = workspace.scratch.slots[k]
         carried = workspace.scratch.contact_force[2 * k] > 0.0 and terms.restitution[k] == 0.0
         if carried and slot < before.shape[0] and before[slot] != ABSENT:
-            gap = _gap(slot, before, records.pairs, records.shapes, workspace.state.outline)
+            gap = _gap(slot, before, records, workspace.state.placed.outline)
             if gap > max(clock.stray, STRAY * clock.smallest):
                 clock.stray, clock.stray_time, clock.stray_step = gap, clock.time, h
 
 
 @rare_kernel
-def _gap(slot: int, features: Ints, pairs: RecordArray, shapes: RecordArray, outline: Reals) -> float:
+def _gap(slot: int, features: Ints, records: Records, outline: Reals) -> float:
     """Where the bodies are now, the gap between what the slot's feature names: a vertex and the line of an
     edge, or two vertices."""
-    pair = pairs[slot // 2]
+    pair, shapes = records.pairs[slot // 2], records.shapes
     gap: float = -shapes[pair.shape_a].radius - shapes[pair.shape_b].radius
     edge, vertex = features[slot] // VERTICES, features[slot] % VERTICES
     if edge < VERTICES:

@@ -92,7 +92,7 @@ def look_back(conditions: Conditions, control: RecordArray, h: float, workspace:
 @kernel
 def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
     """Places, gaps and time at a part of the last step; speeds and forces are those of its end."""
-    n, contacts, at = state.q.shape[0], state.gaps.shape[0], time_slot(state)
+    n, contacts, at = state.q.shape[0], state.manifolds.gaps.shape[0], time_slot(state)
     state.values[at] = state.clock[0].time - (1.0 - part) * h
     for i in range(at + 1, at + 1 + n):
         state.values[i] = part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
@@ -160,7 +160,7 @@ def spent(
     state = workspace.state
     clock = state.clock[0]
     driven, others = clock.free < state.q.shape[0], timed[3].shape[0] + records.potentials.shape[0]
-    others += joints.any_driven(records.measures)
+    others += joints.any_driven(records)
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:
         return MISSED if driven and moving == 0.0 else TIMEOUT
@@ -179,4 +179,4 @@ def spent(
 @inner_kernel
 def time_slot(state: State) -> int:
     """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
-    return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.gaps.shape[0]
+    return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0]

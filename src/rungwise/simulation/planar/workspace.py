@@ -13,7 +13,8 @@ from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
 from rungwise.simulation.core import state as core
 from rungwise.system.planar.corners import Course, allocate_course
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.manifold import Manifolds, allocate_manifolds
+from rungwise.system.planar.place import Placement, allocate_placement
 from rungwise.system.planar.seams import Seams, allocate_seams
 from rungwise.system.terms import Terms, allocate_terms
 
@@ -50,25 +51,23 @@ ROOM = 1_000_000
 
 
 class State(core.State):
-    """q (n,), start (n,) is q at t = 0; `gaps`, `pushes` and `impulses` (contacts,) are what conditions
-    read, `recent` (2, contacts) the normal forces of the last two steps. Slots are two for each pair of
-    shapes, then two travel limits for each coordinate and for each measure of a joint; the first ones have
-    features. `prefer` (n,): preferred velocities in multiples of the pace (see `planar.choice`), zero for the
-    slowest motion; `wish` the same as velocities, while a motion is chosen.
+    """q (n,), start (n,) is q at t = 0; the gaps of the manifolds, `pushes` and `impulses` (contacts,) are
+    what conditions read, `recent` (2, contacts) the normal forces of the last two steps. Slots are two for
+    each pair of shapes, then two travel limits for each coordinate and for each measure of a joint; the
+    deformations and modes of the first ones are those of the manifolds, in the same memory. `prefer` (n,):
+    preferred velocities in multiples of the pace (see `planar.choice`), zero for the slowest motion; `wish`
+    the same as velocities, while a motion is chosen.
     """
 
     values: Reals
     q: Reals
-    gaps: Reals
     pushes: Reals
     impulses: Reals
     recent: Reals
     start: Reals
     prefer: Reals
-    pose: Reals
-    outline: Reals
-    points: Reals
-    features: Ints
+    placed: Placement
+    manifolds: Manifolds
 
 
 class Scratch(core.Scratch):
@@ -77,7 +76,6 @@ class Scratch(core.Scratch):
 
     slowest: Reals
     held: Ints
-    fresh: Ints
     probe: Reals
     row: Reals
     measures: Reals
@@ -159,28 +157,30 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
     at = parameters + 1
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
+    carried = core.state_arrays(n, slots)
     state = State(
         clock=np.zeros(1, CLOCK),
         v=values[at + n : at + 2 * n],
-        **core.state_arrays(n, slots),
+        **carried,
         values=values,
         q=values[at : at + n],
-        gaps=values[at + 2 * n : at + 2 * n + contacts],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
         recent=np.zeros((2, contacts)),
         start=np.zeros(n),
         prefer=np.zeros(n),
-        pose=np.zeros((len(records.bodies), 4)),
-        outline=np.zeros((len(records.vertices), 4)),
-        points=np.zeros((2 * pairs, 5)),
-        features=np.full(2 * pairs, ABSENT, np.int64),
+        placed=allocate_placement(records),
+        manifolds=allocate_manifolds(
+            records,
+            deformation=carried["deformation"][: 2 * pairs],
+            modes=carried["modes"][: 2 * pairs],
+            gaps=values[at + 2 * n : at + 2 * n + contacts],
+        ),
     )
     scratch = Scratch(
         **core.scratch_arrays(n, rows, limited, notes),
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
-        fresh=np.zeros(2, np.int64),
         probe=np.zeros((2, 5)),
         row=np.zeros(n),
         measures=np.zeros(len(records.measures)),

@@ -27,11 +27,12 @@ from rungwise.system.planar.manifold import (
     POINT_X,
     POINT_Y,
     VERTICES,
+    Manifolds,
     along,
     manifold,
     put,
 )
-from rungwise.system.planar.place import X, Y, coordinate_count, lever, turns
+from rungwise.system.planar.place import Placement, X, Y, allocate_placement, coordinate_count, lever, turns
 from rungwise.system.planar.seams import FLUSH, Seams
 
 LOOKS = 8
@@ -52,28 +53,25 @@ class Course(Block):
     horizon     (1,)            time to look ahead; none where it is 0
     known       (1,)            whether `speed` is filled for this look
     speed       (bodies, 3)     velocity of the centre, and rate of turning
-    pose, outline               of what is placed ahead
+    placed                      bodies placed ahead
     points (2, 5), features (2,) of a pair placed ahead
     """
 
     horizon: Reals
     known: Ints
     speed: Reals
-    pose: Reals
-    outline: Reals
+    placed: Placement
     points: Reals
     features: Ints
 
 
 def allocate_course(records: Records) -> Course:
     """A course that leads nowhere."""
-    count = len(records.bodies)
     return Course(
         horizon=np.zeros(1),
         known=np.zeros(1, np.int64),
-        speed=np.zeros((count, 3)),
-        pose=np.zeros((count, 4)),
-        outline=np.zeros((len(records.vertices), 4)),
+        speed=np.zeros((len(records.bodies), 3)),
+        placed=allocate_placement(records),
         points=np.zeros((2, 5)),
         features=np.zeros(2, np.int64),
     )
@@ -97,14 +95,14 @@ def set_course(bodies: RecordArray, pose: Reals, v: Reals, course: Course) -> No
 
 
 @kernel
-def sunk(
-    a: int, b: int, contacts: RecordArray, pairs: RecordArray, features: Ints, deformation: Reals
-) -> float:
+def sunk(a: int, b: int, records: Records, manifolds: Manifolds) -> float:
     """Sum, for bodies a and b, of the greatest compression of a contact that the body has."""
+    features, deformation = manifolds.features, manifolds.deformation
     of_a, of_b = 0.0, 0.0
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and deformation[slot, 0] != 0.0:
-            contact, deep = contacts[pairs[slot // 2].contact], abs(deformation[slot, 0])
+            contact = records.contacts[records.pairs[slot // 2].contact]
+            deep = abs(deformation[slot, 0])
             if a in (contact.body_a, contact.body_b):
                 of_a = max(of_a, deep)
             if b in (contact.body_a, contact.body_b):
@@ -114,46 +112,45 @@ def sunk(
 
 @kernel
 def touching_face(
-    a: Record,
-    b: Record,
-    shapes: RecordArray,
-    pose: Reals,
-    outline: Reals,
-    seams: Seams,
+    pair: int,
     seamed: bool,
     count: int,
-    compressed: float,
+    records: Records,
+    placed: Placement,
+    manifolds: Manifolds,
+    seams: Seams,
     course: Course,
-    points: Reals,
-    features: Ints,
 ) -> None:
-    """Put the face by which the shapes will touch in the place of the one that separates them now, in `count`
-    points. By as much as contacts are `compressed`, and a little more, shapes may be below a face that they
-    go over."""
+    """Put the face by which the shapes of a pair will touch in the place of the one that separates them now,
+    in `count` points with the fresh features. By as much as contacts are compressed, and a little more,
+    shapes may be below a face that they go over."""
+    a, b = records.shapes[records.pairs[pair].shape_a], records.shapes[records.pairs[pair].shape_b]
+    points = manifolds.points[2 * pair : 2 * pair + 2]
+    compressed = sunk(a.body, b.body, records, manifolds)
     thick = a.width + b.width
     slack = FLUSH * max(a.reach, b.reach) + min(SOFT * thick, LEAN * compressed)
     nudge = max(NUDGE * thick, 4.0 * slack)
-    time = _lost(a, b, pose, points, count, slack, nudge, course)
+    time = _lost(a, b, placed.pose, points, count, slack, nudge, course)
     if not time <= course.horizon[0]:
         return
     nx, ny, found, missed = points[0, NORMAL_X], points[0, NORMAL_Y], 0, False
     for _ in range(LOOKS):
-        _place_ahead(a, b, shapes, pose, outline, time, seamed, course)
+        _place_ahead(a, b, records, placed, time, seamed, course)
         if seamed:
-            found = joined_manifold(a, b, course.outline, seams, course.points, course.features)
+            found = joined_manifold(a, b, course.placed.outline, seams, course.points, course.features)
         else:
-            found = manifold(a, b, course.outline, course.points, course.features)
+            found = manifold(a, b, course.placed.outline, course.points, course.features)
         if found == 0:
             return
         if _is_one_face(nx, ny, course.points[0]):
             break
         nx, ny = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
-        left = _lost(a, b, course.pose, course.points, found, slack, nudge, course)
+        left = _lost(a, b, course.placed.pose, course.points, found, slack, nudge, course)
         time += left
         if not time <= course.horizon[0]:
             missed = left >= 0.0
             break
-    _take_face(a, b, outline, found, slack, missed, course, points, features)
+    _take_face(a, b, placed.outline, found, slack, missed, course, points, manifolds.fresh)
 
 
 @kernel
@@ -167,8 +164,7 @@ def _is_one_face(nx: float, ny: float, point: Reals) -> bool:
 def crosses(
     a: Record,
     b: Record,
-    pose: Reals,
-    outline: Reals,
+    placed: Placement,
     seams: Seams,
     points: Reals,
     features: Ints,
@@ -181,11 +177,11 @@ def crosses(
         return False
     nudge, soonest, first = NUDGE * (a.width + b.width), course.horizon[0], -1
     for k in range(count):
-        rate = _rate(a, b, pose, points[k], course)
+        rate = _rate(a, b, placed.pose, points[k], course)
         if rate * course.horizon[0] < -nudge and max(points[k, GAP], 0.0) < -rate * soonest:
             soonest, first = max(points[k, GAP], 0.0) / -rate, k
     return first >= 0 and not _is_met(
-        features[first] // VERTICES, features[first] % VERTICES, a, b, pose, outline, seams, soonest, course
+        features[first] // VERTICES, features[first] % VERTICES, a, b, placed, seams, soonest, course
     )
 
 
@@ -195,8 +191,7 @@ def _is_met(
     vertex: int,
     a: Record,
     b: Record,
-    pose: Reals,
-    outline: Reals,
+    placed: Placement,
     seams: Seams,
     time: float,
     course: Course,
@@ -204,6 +199,7 @@ def _is_met(
     """Whether the vertex will be over the edge, and not near its ends, after a time."""
     if edge >= VERTICES:
         return False
+    pose, outline = placed.pose, placed.outline
     own, other = (a, b) if a.first <= edge < a.end else (b, a)
     x, y = outline[vertex, 0], outline[vertex, 1]
     ux, uy = _velocity(other.body, x, y, pose, course)
@@ -246,31 +242,25 @@ def _velocity(b: int, x: float, y: float, pose: Reals, course: Course) -> tuple[
 
 @kernel
 def _place_ahead(
-    a: Record,
-    b: Record,
-    shapes: RecordArray,
-    pose: Reals,
-    outline: Reals,
-    time: float,
-    seamed: bool,
-    course: Course,
+    a: Record, b: Record, records: Records, placed: Placement, time: float, seamed: bool, course: Course
 ) -> None:
     """Place two shapes, or all whose faces may go on in theirs, where they will be after a time."""
-    for s in range(shapes.shape[0]):
-        shape = shapes[s]
+    pose, outline, ahead = placed.pose, placed.outline, course.placed
+    for s in range(records.shapes.shape[0]):
+        shape = records.shapes[s]
         if not (seamed or shape.first == a.first or shape.first == b.first):
             continue
         body = shape.body
         x, y, turn = pose[body, X], pose[body, Y], time * course.speed[body, 2]
         cosine, sine = math.cos(turn), math.sin(turn)
         far_x, far_y = x + time * course.speed[body, 0], y + time * course.speed[body, 1]
-        course.pose[body, X], course.pose[body, Y] = far_x, far_y
+        ahead.pose[body, X], ahead.pose[body, Y] = far_x, far_y
         for i in range(shape.first, shape.end):
             dx, dy = outline[i, 0] - x, outline[i, 1] - y
-            course.outline[i, 0] = far_x + cosine * dx - sine * dy
-            course.outline[i, 1] = far_y + sine * dx + cosine * dy
-            course.outline[i, 2] = cosine * outline[i, 2] - sine * outline[i, 3]
-            course.outline[i, 3] = sine * outline[i, 2] + cosine * outline[i, 3]
+            ahead.outline[i, 0] = far_x + cosine * dx - sine * dy
+            ahead.outline[i, 1] = far_y + sine * dx + cosine * dy
+            ahead.outline[i, 2] = cosine * outline[i, 2] - sine * outline[i, 3]
+            ahead.outline[i, 3] = sine * outline[i, 2] + cosine * outline[i, 3]
 
 
 @kernel

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import Reals, Record, kernel
+from rungwise.kernel import Reals, Record, RecordArray, kernel
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import coordinate_count, lever
 
 
 @kernel
 def contact_rows(
-    body_a: Record, body_b: Record, a: int, b: int, pose: Reals, point: Reals, rows: Reals, first: int
+    a: int, b: int, bodies: RecordArray, pose: Reals, point: Reals, rows: Reals, first: int
 ) -> None:
-    """Write rows `first` (normal) and `first + 1` (tangent: the normal turned clockwise) of a contact point.
+    """Write rows `first` (normal) and `first + 1` (tangent: the normal turned clockwise) of a contact point
+    between bodies a and b.
 
     The force on body a is positive along them, that on body b negative.
     """
     rows[first, :] = 0.0
     rows[first + 1, :] = 0.0
-    _add(body_a, pose[a], point, 1.0, rows, first)
-    _add(body_b, pose[b], point, -1.0, rows, first)
+    _add(bodies[a], pose[a], point, 1.0, rows, first)
+    _add(bodies[b], pose[b], point, -1.0, rows, first)
 
 
 @kernel

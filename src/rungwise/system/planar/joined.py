@@ -9,6 +9,7 @@ there would be without seams.
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 from rungwise.kernel import Ints, Reals, Record, kernel
 from rungwise.scene.records import HALFPLANE
@@ -29,6 +30,10 @@ from rungwise.system.planar.manifold import (
     span,
 )
 from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, outer_ends
+
+Faces: TypeAlias = tuple[int, int, int, int]
+"""Two faces that may lie on each other: the best edge, the edge that faces it, and the first and last vertex
+of the whole face of that one."""
 
 
 @kernel
@@ -200,11 +205,12 @@ def _from_edge(
     single = other.end - other.first == 1
     facing = vertex if single else _facing_edge(edge, vertex, outline, seams)
     first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
-    over = _ends_over(plane, single, edge, facing, first_vertex, last_vertex, outline, seams)
+    faces = edge, facing, first_vertex, last_vertex
+    over = _ends_over(plane, single, faces, outline, seams)
     deepest, least = -1, math.inf
     for k in range(4):
         if over[k]:
-            e, j = _end(k, edge, facing, first_vertex, last_vertex, seams)
+            e, j = _end(k, faces, seams)
             distance = height(e, j, outline)
             if distance < least:
                 deepest, least = k, distance
@@ -218,31 +224,26 @@ def _from_edge(
             return 0
         features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    count = _put_end(
-        deepest, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[0],
-        features, 0,
-    )  # fmt: skip
+    count = _put_end(deepest, faces, shape, other, sign, outline, seams, points, features, 0)
     second, farthest = -1, 0.0
-    _, j0 = _end(deepest, edge, facing, first_vertex, last_vertex, seams)
+    _, j0 = _end(deepest, faces, seams)
     for k in range(4):
         if over[k] and k != deepest:
-            _, j = _end(k, edge, facing, first_vertex, last_vertex, seams)
+            _, j = _end(k, faces, seams)
             away = abs(along(edge, j, outline) - along(edge, j0, outline))
             if away > farthest:
                 second, farthest = k, away
     if second < 0:
         return count
-    return _put_end(
-        second, shape, other, edge, facing, first_vertex, last_vertex, sign, outline, seams, points[count],
-        features, count,
-    )  # fmt: skip
+    return _put_end(second, faces, shape, other, sign, outline, seams, points, features, count)
 
 
 @kernel
 def _ends_over(
-    plane: bool, single: bool, edge: int, facing: int, first: int, last: int, outline: Reals, seams: Seams
+    plane: bool, single: bool, faces: Faces, outline: Reals, seams: Seams
 ) -> tuple[bool, bool, bool, bool]:
     """Which candidates of `_end` are over the other's whole face."""
+    edge, facing, first, last = faces
     if plane:
         return True, not single, False, False
     if single or not are_parallel(edge, facing, outline):
@@ -254,8 +255,9 @@ def _ends_over(
 
 
 @kernel
-def _end(k: int, edge: int, facing: int, first: int, last: int, seams: Seams) -> tuple[int, int]:
+def _end(k: int, faces: Faces, seams: Seams) -> tuple[int, int]:
     """Candidate k = 0..3: (edge, vertex). Ends of the facing face, then of the best edge's."""
+    edge, facing, first, last = faces
     if k < 2:
         return edge, first if k == 0 else last
     start, end = outer_ends(edge, seams)
@@ -288,31 +290,28 @@ def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, seams: 
 @kernel
 def _put_end(
     k: int,
+    faces: Faces,
     shape: Record,
     other: Record,
-    edge: int,
-    facing: int,
-    first: int,
-    last: int,
     sign: float,
     outline: Reals,
     seams: Seams,
-    point: Reals,
+    points: Reals,
     features: Ints,
     at: int,
 ) -> int:
     """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
     plane = shape.kind == HALFPLANE
-    e, j = _end(k, edge, facing, first, last, seams)
+    e, j = _end(k, faces, seams)
     own, against = (other, shape) if k < 2 else (shape, other)
     if not (own.first <= j < own.end and against.first <= e < against.end):
         return at
     if not plane and not _is_own(e, j, outline, seams):
         return at
     if k < 2:
-        features[at] = put(e, j, shape.radius, other.radius, sign, outline, point)
+        features[at] = put(e, j, shape.radius, other.radius, sign, outline, points[at])
     else:
-        features[at] = put(e, j, other.radius, shape.radius, -sign, outline, point)
+        features[at] = put(e, j, other.radius, shape.radius, -sign, outline, points[at])
     return at + 1
 
 

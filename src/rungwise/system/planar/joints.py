@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, Record, RecordArray, inner_kernel, kernel
-from rungwise.scene.records import ALONG, ANGLE, FIXED, FORCE, FREE, HINGE, NO_DRIVE, SERVO, SPEED
+from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
+from rungwise.scene.records import ALONG, ANGLE, FIXED, FORCE, FREE, HINGE, NO_DRIVE, SERVO, SPEED, Records
 from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever
 from rungwise.system.planar.terms import stop
 from rungwise.system.terms import APART, DRIVE, JOINT, SUPPORT, Terms
 
 
 @kernel
-def measure(kind: Record, joint: Record, bodies: RecordArray, pose: Reals, q: Reals, row: Reals) -> float:
+def measure(kind: Record, records: Records, pose: Reals, q: Reals, row: Reals) -> float:
     """Value of a measure (0 in the poses of the scene); its rate per unit of each speed into `row` (n,)."""
     row[:] = 0.0
-    a, b = bodies[joint.body_a], bodies[joint.body_b]
+    joint = records.joints[kind.joint]
+    a, b = records.bodies[joint.body_a], records.bodies[joint.body_b]
     pose_a, pose_b = pose[joint.body_a], pose[joint.body_b]
     if kind.which == ANGLE:
         _turn(a, -joint.lever, row)
@@ -69,15 +70,15 @@ def _move(body: Record, pose: Reals, x: float, y: float, ex: float, ey: float, r
 
 
 @kernel
-def constants(joints: RecordArray, measures: RecordArray, metric: bool, first: int, terms: Terms) -> int:
+def constants(records: Records, metric: bool, first: int, terms: Terms) -> int:
     """Limits, gains and accounts of the rows from `first` on; returns the number after the last.
 
     With `metric` (no forces) what is held and driven is rigid, and nothing resists.
     """
     count = first
-    for m in range(measures.shape[0]):
-        kind = measures[m]
-        unit = _unit(kind, joints)
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
+        unit = _unit(kind, records)
         if kind.held:
             rigid = metric or math.isinf(kind.stiffness)
             stiff = math.inf if rigid else kind.stiffness / (unit * unit)
@@ -97,9 +98,9 @@ def constants(joints: RecordArray, measures: RecordArray, metric: bool, first: i
 
 
 @kernel
-def _unit(kind: Record, joints: RecordArray) -> float:
+def _unit(kind: Record, records: Records) -> float:
     """What a measure is in lengths per unit of its own."""
-    return joints[kind.joint].lever if kind.which == ANGLE else 1.0
+    return records.joints[kind.joint].lever if kind.which == ANGLE else 1.0
 
 
 @kernel
@@ -113,9 +114,7 @@ def _row(count: int, limit: float, stiff: float, damp: float, account: int, term
 
 @kernel
 def rows(
-    joints: RecordArray,
-    measures: RecordArray,
-    bodies: RecordArray,
+    records: Records,
     pose: Reals,
     q: Reals,
     begun: Reals,
@@ -133,10 +132,10 @@ def rows(
     """
     count = first
     n = q.shape[0]
-    for m in range(measures.shape[0]):
-        kind = measures[m]
-        unit = _unit(kind, joints)
-        value = measure(kind, joints[kind.joint], bodies, pose, q, row)
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
+        unit = _unit(kind, records)
+        value = measure(kind, records, pose, q, row)
         if kind.held:
             count = _fill(count, row, -value, 0.0, terms)
             continue
@@ -166,42 +165,36 @@ def _fill(count: int, row: Reals, place: float, speed: float, terms: Terms) -> i
 
 @kernel
 def values(
-    joints: RecordArray,
-    measures: RecordArray,
-    bodies: RecordArray,
+    records: Records,
     pose: Reals,
     q: Reals,
     row: Reals,
     out: Reals,
 ) -> None:
     """Every measure at q in its own unit (length or angle) into `out` (measures,)."""
-    for m in range(measures.shape[0]):
-        kind = measures[m]
-        out[m] = measure(kind, joints[kind.joint], bodies, pose, q, row) / _unit(kind, joints)
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
+        out[m] = measure(kind, records, pose, q, row) / _unit(kind, records)
 
 
 @kernel
-def opening(
-    joints: RecordArray, measures: RecordArray, bodies: RecordArray, pose: Reals, q: Reals, row: Reals
-) -> float:
+def opening(records: Records, pose: Reals, q: Reals, row: Reals) -> float:
     """How far the rigid joints are from closed at q, the most of any held measure over its joint's lever."""
     widest = 0.0
-    for m in range(measures.shape[0]):
-        kind = measures[m]
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
         if kind.held and math.isinf(kind.stiffness):
-            joint = joints[kind.joint]
-            widest = max(widest, abs(measure(kind, joint, bodies, pose, q, row)) / joint.lever)
+            opened = abs(measure(kind, records, pose, q, row)) / records.joints[kind.joint].lever
+            widest = max(widest, opened)
     return widest
 
 
 @kernel
-def forces(
-    joints: RecordArray, measures: RecordArray, metric: bool, first: int, limited: Reals, out: Reals
-) -> None:
+def forces(records: Records, metric: bool, first: int, limited: Reals, out: Reals) -> None:
     """Force (or torque) on b in each measure, of all rows of it, into `out` (measures,)."""
     count = first
-    for m in range(measures.shape[0]):
-        kind = measures[m]
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
         many = 1
         if not kind.held:
             driven = kind.drive == SPEED or kind.drive == SERVO
@@ -209,34 +202,33 @@ def forces(
             many = driven + (0 if metric else resists)
         out[m] = kind.force if kind.drive == FORCE and not metric else 0.0
         for r in range(count, count + many):
-            out[m] += limited[r] * _unit(kind, joints)
+            out[m] += limited[r] * _unit(kind, records)
         count += many
 
 
 @inner_kernel
-def fastest(joints: RecordArray, measures: RecordArray) -> float:
+def fastest(records: Records) -> float:
     """Greatest speed that a joint is made to have."""
     speed = 0.0
-    for m in range(measures.shape[0]):
-        if measures[m].drive == SPEED:
-            speed = max(speed, abs(measures[m].drive_speed) * _unit(measures[m], joints))
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
+        if kind.drive == SPEED:
+            speed = max(speed, abs(kind.drive_speed) * _unit(kind, records))
     return speed
 
 
 @inner_kernel
-def any_driven(measures: RecordArray) -> bool:
+def any_driven(records: Records) -> bool:
     """Whether a joint has a drive of any kind."""
     driven = False
-    for m in range(measures.shape[0]):
-        driven |= measures[m].drive != NO_DRIVE
+    for m in range(records.measures.shape[0]):
+        driven |= records.measures[m].drive != NO_DRIVE
     return driven
 
 
 @kernel
 def stops(
-    joints: RecordArray,
-    measures: RecordArray,
-    bodies: RecordArray,
+    records: Records,
     pose: Reals,
     q: Reals,
     first: int,
@@ -248,12 +240,12 @@ def stops(
     """Contacts from number `first` on for the travel limits of joints, in slots from `slot` on; returns how
     many contacts there are now."""
     count = first
-    for m in range(measures.shape[0]):
-        kind = measures[m]
+    for m in range(records.measures.shape[0]):
+        kind = records.measures[m]
         if kind.held or (math.isinf(kind.lower) and math.isinf(kind.upper)):
             continue
-        unit = _unit(kind, joints)
-        value = measure(kind, joints[kind.joint], bodies, pose, q, row)
+        unit = _unit(kind, records)
+        value = measure(kind, records, pose, q, row)
         for side in range(2):
             limit = unit * (kind.lower if side == 0 else kind.upper)
             if math.isfinite(limit):

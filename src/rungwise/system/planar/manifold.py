@@ -10,9 +10,14 @@ vertices are closest. Features name vertices that there are, even where coordina
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
-from rungwise.scene.records import HALFPLANE
+from rungwise.scene.records import HALFPLANE, Records
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
@@ -23,6 +28,40 @@ VERTICES = 1 << 20
 TIE = 1e-9
 _OPPOSED = -0.995
 """Cosine between the normals of faces that count as parallel: within 0.1 rad."""
+
+
+class Manifolds(Block):
+    """Contact points of all pairs of shapes, and what belongs to their features from step to step. Each pair
+    owns two slots.
+
+    points       (2 pairs, 5)  gap, normal and place
+    features     (2 pairs,)    what touches, or ABSENT
+    deformation  (2 pairs, d)  of the contact there, 0 when its feature changes
+    modes        (2 pairs,)    of the contact there, 0 (open) when its feature changes
+    gaps         (contacts,)   least gap of all pairs of the contact
+    fresh        (2,)          features of a pair while it is looked at
+    """
+
+    points: Reals
+    features: Ints
+    deformation: Reals
+    modes: Ints
+    gaps: Reals
+    fresh: Ints
+
+
+def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
+    """Manifolds without points; fields that other blocks have, too, are given."""
+    slots = 2 * len(records.pairs)
+    own: dict[str, NDArray[Any]] = {
+        "points": np.zeros((slots, 5)),
+        "features": np.full(slots, ABSENT, np.int64),
+        "deformation": np.zeros((slots, 2)),
+        "modes": np.zeros(slots, np.int64),
+        "gaps": np.zeros(len(records.contacts)),
+        "fresh": np.zeros(2, np.int64),
+    }
+    return Manifolds(**(own | shared))
 
 
 @kernel

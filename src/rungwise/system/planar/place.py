@@ -4,48 +4,50 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, kernel
-from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Reals, Record, inner_kernel, kernel
+from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE, Records
 
 X, Y, COS, SIN = 0, 1, 2, 3
-"""Columns of `pose` (bodies, 4); `outline` (vertices, 4) holds x, y and the normal of the edge from there."""
+"""Columns of `Placement.pose`."""
+
+
+class Placement(Block):
+    """Where bodies are.
+
+    pose     (bodies, 4)    centre, cosine and sine of the angle
+    outline  (vertices, 4)  x, y and the normal of the edge that starts there, in the world
+    """
+
+    pose: Reals
+    outline: Reals
+
+
+def allocate_placement(records: Records) -> Placement:
+    """The placement of a scene, yet to be filled."""
+    return Placement(pose=np.zeros((len(records.bodies), 4)), outline=np.zeros((len(records.vertices), 4)))
 
 
 @kernel
-def place(
-    bodies: RecordArray,
-    shapes: RecordArray,
-    vertices: RecordArray,
-    q: Reals,
-    pose: Reals,
-    outline: Reals,
-    fixed_too: bool,
-) -> None:
-    """Fill `pose` and `outline` at q; bodies without coordinates only if `fixed_too`."""
-    for b in range(bodies.shape[0]):
-        body = bodies[b]
-        if body.motion == FIXED and not fixed_too:
+def place(records: Records, q: Reals, placed: Placement, fixed_too: bool) -> None:
+    """Fill `placed` at q (n,); bodies without coordinates only if `fixed_too`."""
+    for b in range(records.bodies.shape[0]):
+        if records.bodies[b].motion == FIXED and not fixed_too:
             continue
-        place_body(b, bodies, shapes, vertices, q, pose, outline)
+        place_body(b, records, q, placed)
 
 
 @inner_kernel
-def place_body(
-    b: int,
-    bodies: RecordArray,
-    shapes: RecordArray,
-    vertices: RecordArray,
-    q: Reals,
-    pose: Reals,
-    outline: Reals,
-) -> None:
+def place_body(b: int, records: Records, q: Reals, placed: Placement) -> None:
     """Fill the rows of one body."""
-    body = bodies[b]
+    body, pose, outline = records.bodies[b], placed.pose, placed.outline
     _pose(body, q, pose[b])
     x, y, c, s = pose[b, X], pose[b, Y], pose[b, COS], pose[b, SIN]
-    first, last = shapes[body.first_shape].first, shapes[body.end_shape - 1].end
+    first, last = records.shapes[body.first_shape].first, records.shapes[body.end_shape - 1].end
     for k in range(first, last):
-        vertex = vertices[k]
+        vertex = records.vertices[k]
         outline[k, 0] = x + c * vertex.x - s * vertex.y
         outline[k, 1] = y + s * vertex.x + c * vertex.y
         outline[k, 2] = c * vertex.normal_x - s * vertex.normal_y
@@ -74,8 +76,9 @@ def _pose(body: Record, q: Reals, pose: Reals) -> None:
 
 
 @kernel
-def start(bodies: RecordArray, coordinates: RecordArray, q: Reals, v: Reals) -> None:
-    """Initial q and v: `start` is a displacement from the pose."""
+def start(records: Records, q: Reals, v: Reals) -> None:
+    """Initial q and v (n,): `start` is a displacement from the pose."""
+    bodies, coordinates = records.bodies, records.coordinates
     for i in range(coordinates.shape[0]):
         q[i] = coordinates[i].start
         v[i] = coordinates[i].speed

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel, rare_kernel
 from rungwise.scene.records import FIXED, HALFPLANE, SPEED, Records
-from rungwise.system.planar.manifold import ABSENT, VERTICES, are_parallel, height
-from rungwise.system.planar.place import X, Y
+from rungwise.system.planar.manifold import ABSENT, VERTICES, Manifolds, are_parallel, height
+from rungwise.system.planar.place import Placement, X, Y
 
 NONE = -1
 PLAIN, DEAD, SHARP, REFLEX = range(4)
@@ -110,8 +110,9 @@ def _neighbours(records: Records) -> tuple[NDArray[np.int64], int]:
 
 
 @kernel
-def find_seams(shapes: RecordArray, pose: Reals, outline: Reals, seams: Seams) -> None:
+def find_seams(records: Records, placed: Placement, seams: Seams) -> None:
     """Find the seams between neighbours at the placed outlines."""
+    shapes, pose, outline = records.shapes, placed.pose, placed.outline
     seams.seamed[:] = 0
     seams.joined[0] = 0
     if seams.neighbours.shape[0] == 0:
@@ -147,9 +148,10 @@ def find_seams(shapes: RecordArray, pose: Reals, outline: Reals, seams: Seams) -
 
 
 @kernel
-def piece_reach(s: int, shapes: RecordArray, outline: Reals, seams: Seams) -> float:
+def piece_reach(s: int, records: Records, outline: Reals, seams: Seams) -> float:
     """Reach of the shape, or, with seams, of the common piece: no less than those of the neighbours, and half
     of a whole face."""
+    shapes = records.shapes
     reach = shapes[s].reach
     if seams.seamed[s] != 0:
         for k in range(seams.neighbours.shape[0]):
@@ -283,24 +285,25 @@ def _is_covered_at_end(i: int, seams: Seams) -> bool:
 
 
 @kernel
-def keep_slots(features: Ints, deformation: Reals, modes: Ints, seams: Seams) -> None:
+def keep_slots(manifolds: Manifolds, seams: Seams) -> None:
     """Keep what `carry_over` looks up."""
-    for slot in range(features.shape[0]):
-        seams.features[slot], seams.modes[slot] = features[slot], modes[slot]
-        for d in range(deformation.shape[1]):
-            seams.deformation[slot, d] = deformation[slot, d]
+    for slot in range(manifolds.features.shape[0]):
+        seams.features[slot], seams.modes[slot] = manifolds.features[slot], manifolds.modes[slot]
+        for d in range(manifolds.deformation.shape[1]):
+            seams.deformation[slot, d] = manifolds.deformation[slot, d]
 
 
 @kernel
-def carry_over(features: Ints, deformation: Reals, modes: Ints, outline: Reals, seams: Seams) -> None:
+def carry_over(manifolds: Manifolds, outline: Reals, seams: Seams) -> None:
     """Give each point that has come over a seam the deformation and mode that it had on the other side."""
+    features, deformation = manifolds.features, manifolds.deformation
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and _is_new(slot, features, seams):
             for old in range(features.shape[0]):
                 if old // 2 != slot // 2 and is_continued(
                     seams.features[old], features[slot], outline, seams
                 ):
-                    modes[slot] = seams.modes[old]
+                    manifolds.modes[slot] = seams.modes[old]
                     for d in range(deformation.shape[1]):
                         deformation[slot, d] = seams.deformation[old, d]
 
@@ -313,19 +316,20 @@ def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
 
 @kernel
 def mode_before(
-    slot: int, features: Ints, modes: Ints, before: Ints, modes_before: Ints, outline: Reals, seams: Seams
+    slot: int, manifolds: Manifolds, before: Ints, modes_before: Ints, outline: Reals, seams: Seams
 ) -> int:
     """Mode that the contact of the slot had when the features were `before`, in whichever slot it then was.
 
     A contact that has left the slot over a seam is accounted for where it is now: its mode here is as before.
     """
+    features = manifolds.features
     if slot >= features.shape[0] or features[slot] == before[slot]:
         return modes_before[slot]
     for other in range(features.shape[0]):
         if features[slot] == ABSENT:
             gone = features[other] != ABSENT
             if gone and is_continued(before[slot], features[other], outline, seams):
-                return modes[slot]
+                return manifolds.modes[slot]
         elif is_continued(before[other], features[slot], outline, seams):
             return modes_before[other]
     return modes_before[slot]

@@ -5,22 +5,17 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
-from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED
+from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
 from rungwise.system.planar.jacobian import contact_rows
-from rungwise.system.planar.manifold import ABSENT, GAP
+from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.place import X, Y
 from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
 
 
 @kernel
-def constants(
-    bodies: RecordArray,
-    coordinates: RecordArray,
-    potentials: RecordArray,
-    factors: RecordArray,
-    terms: Terms,
-) -> int:
+def constants(records: Records, terms: Terms) -> int:
     """Inertia, metric, stiffness, damping and force-limited rows; returns how many such rows there are."""
+    coordinates, potentials, factors = records.coordinates, records.potentials, records.terms
     n, count = coordinates.shape[0], 0
     for i in range(n):
         c = coordinates[i]
@@ -42,7 +37,7 @@ def constants(
             terms.limited[count, i] = c.lever
             terms.limit[count] = c.dry_friction / c.lever
             terms.account[count] = SUPPORT
-            terms.surface[count] = c.body if _slides_any_way(bodies[c.body], coordinates) else APART
+            terms.surface[count] = c.body if _slides_any_way(records.bodies[c.body], coordinates) else APART
             count += 1
     for p in range(potentials.shape[0]):
         for i in range(n):
@@ -74,11 +69,7 @@ def target(coordinate: Record, start: float, time: float) -> float:
 
 @kernel
 def loads(
-    world: RecordArray,
-    bodies: RecordArray,
-    coordinates: RecordArray,
-    potentials: RecordArray,
-    factors: RecordArray,
+    records: Records,
     pose: Reals,
     q: Reals,
     v: Reals,
@@ -94,12 +85,15 @@ def loads(
     Targets are those at theta of the step. What depends on place in another way than linearly is explicit, at
     q + (1 - theta) h v: the step is symplectic, of first order with theta = 1 and of second with 1/2.
     """
+    bodies, coordinates = records.bodies, records.coordinates
+    potentials, factors = records.potentials, records.terms
     ahead = (1.0 - theta) * h
     time += theta * h
     n = q.shape[0]
     for b in range(bodies.shape[0]):
         i = bodies[b].coordinate
-        _weight(world, bodies[b], pose[b], ahead * v[i] if bodies[b].motion == HINGE else 0.0, passive)
+        turn = ahead * v[i] if bodies[b].motion == HINGE else 0.0
+        _weight(records.world, bodies[b], pose[b], turn, passive)
     count = 0
     for i in range(n):
         c = coordinates[i]
@@ -145,9 +139,9 @@ def _weight(world: RecordArray, body: Record, pose: Reals, turn: float, passive:
 
 
 @kernel
-def potential_energy(world: RecordArray, bodies: RecordArray, pose: Reals) -> float:
+def potential_energy(records: Records, pose: Reals) -> float:
     """Energy of the bodies' weight."""
-    energy = 0.0
+    world, bodies, energy = records.world, records.bodies, 0.0
     for b in range(bodies.shape[0]):
         x, y = pose[b, X], pose[b, Y]
         energy -= bodies[b].mass * (world[0].gravity_x * x + world[0].gravity_y * y)
@@ -156,14 +150,9 @@ def potential_energy(world: RecordArray, bodies: RecordArray, pose: Reals) -> fl
 
 @kernel
 def gather(
-    bodies: RecordArray,
-    coordinates: RecordArray,
-    contacts: RecordArray,
-    pairs: RecordArray,
+    records: Records,
     pose: Reals,
-    points: Reals,
-    features: Ints,
-    deformation: Reals,
+    manifolds: Manifolds,
     q: Reals,
     prescribed: Ints,
     margin: float,
@@ -172,14 +161,16 @@ def gather(
 ) -> int:
     """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many,
     with their `slots`."""
+    pairs, coordinates = records.pairs, records.coordinates
+    points, deformation = manifolds.points, manifolds.deformation
     count = 0
     for p in range(pairs.shape[0]):
         for slot in range(2 * p, 2 * p + 2):
             strained = deformation[slot, 0] != 0.0 or deformation[slot, 1] != 0.0
-            if features[slot] != ABSENT and (points[slot, GAP] <= margin or strained):
-                contact = contacts[pairs[p].contact]
+            if manifolds.features[slot] != ABSENT and (points[slot, GAP] <= margin or strained):
+                contact = records.contacts[pairs[p].contact]
                 a, b = contact.body_a, contact.body_b
-                contact_rows(bodies[a], bodies[b], a, b, pose, points[slot], terms.rows, 2 * count)
+                contact_rows(a, b, records.bodies, pose, points[slot], terms.rows, 2 * count)
                 terms.lever[count] = 1.0
                 terms.gap[count] = points[slot, GAP]
                 terms.friction[count] = contact.friction
