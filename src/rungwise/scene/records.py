@@ -65,7 +65,7 @@ MEASURE = record_type(
 
 
 class Records(Block):
-    """Views of one buffer. Kernels get the arrays that they read, never the whole."""
+    """Views of one buffer."""
 
     world: NDArray[np.void]
     bodies: NDArray[np.void]
