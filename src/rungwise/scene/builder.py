@@ -8,7 +8,6 @@ from itertools import islice
 import numpy as np
 
 from rungwise.scene import records as rec
-from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.fields import (
     Box,
@@ -26,9 +25,10 @@ from rungwise.scene.fields import (
 )  # fmt: skip
 from rungwise.scene.joints import write_joint
 from rungwise.scene.names import Names, listed
+from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.outline import convex_pieces
 from rungwise.scene.pairing import matched, shape_pairs
-from rungwise.scene.template import SceneError, Template
+from rungwise.scene.template import SceneError, Template, block_of
 from rungwise.scene.values import Number, shown
 from rungwise.scene.writer import INF, Writer
 
@@ -200,15 +200,7 @@ class _Builder:
         program = Programs([self.names.number(value, path)])
         values = np.array([*(p.default for p in self.scene.parameters.values()), 0.0])
         found = np.zeros(1)
-        evaluate_numbers(
-            program.code,
-            program.constants,
-            program.table,
-            np.zeros(1, np.int64),
-            values,
-            np.zeros(STACK),
-            found,
-        )
+        evaluate_numbers(block_of(program, np.zeros(1, np.int64)), values, np.zeros(STACK), found)
         if not np.isfinite(found[0]):
             raise SceneError(
                 f"{path}: must be {'a number' if np.isnan(found[0]) else 'finite'}, not {found[0]:g}"

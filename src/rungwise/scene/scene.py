@@ -15,8 +15,9 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from rungwise.scene import bind as binding
+from rungwise.scene import faults
 from rungwise.scene import records as rec
+from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
@@ -76,18 +77,14 @@ class Scene:
         records = rec.views(buffer, template.counts)
         values = np.zeros(template.value_count)
         values[: len(template.parameters)] = list(self.parameters(given).values())
-        programs = template.numbers
         checks = template.checks
-        fault, index = binding.bind(
-            programs.code, programs.constants, programs.table, template.targets,
-            checks.slots, checks.low, checks.high, checks.kinds, values, np.zeros(STACK), buffer,
-            records.bodies, records.coordinates, records.shapes, records.vertices, records.contacts,
-            records.joints, records.measures,
-        )  # fmt: skip
-        if fault == binding.OUT_OF_RANGE:
+        fault, index = bind(
+            template.fixed_numbers(), checks.bounds(), values, np.zeros(STACK), buffer, records
+        )
+        if fault == faults.OUT_OF_RANGE:
             raise InvalidScene(self._out_of_range(index, float(buffer[checks.slots[index]])))
-        if fault != binding.BOUND:
-            raise InvalidScene(f"{self._place(fault, index, records)}: {binding.FAULTS[fault]}")
+        if fault != faults.BOUND:
+            raise InvalidScene(f"{self._place(fault, index, records)}: {faults.FAULTS[fault]}")
         values[-1] = records.world[0]["tolerance"]
         return Bound(buffer, records, values)
 
@@ -104,14 +101,14 @@ class Scene:
 
     def _place(self, fault: int, index: int, records: rec.Records) -> str:
         template = self.template
-        if fault == binding.OUT_OF_TRAVEL:
+        if fault == faults.OUT_OF_TRAVEL:
             body, coordinate = template.coordinates[index].split(".")
             return f"bodies.{body}.coordinates.{coordinate}"
-        if fault in (binding.NOT_CONVEX, binding.NO_NORMAL):
+        if fault in (faults.NOT_CONVEX, faults.NO_NORMAL):
             return f"bodies.{template.bodies[int(records.shapes[index]['body'])]}.shape"
-        if fault == binding.NOT_POSITIVE:
+        if fault == faults.NOT_POSITIVE:
             return f"contacts between {' and '.join(template.contacts[index])}"
-        if fault == binding.NO_JOINT_AXIS:
+        if fault == faults.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
 

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.block import Block
 from rungwise.errors import InputError
+from rungwise.kernel import Ints, Reals
 from rungwise.scene.expression import Programs
 
 STRICT, MAY_BE_INFINITE = 1, 2
@@ -15,6 +17,24 @@ STRICT, MAY_BE_INFINITE = 1, 2
 
 class SceneError(InputError):
     """A scene, or a value given for it, is wrong; the text is one line that names the field."""
+
+
+class Numbers(Block):
+    """Programs, and the slots that their values go to, for kernels."""
+
+    code: Ints
+    constants: Reals
+    table: Ints
+    targets: Ints
+
+
+class Bounds(Block):
+    """Slots of numbers, and the bounds that they must keep, for kernels."""
+
+    slots: Ints
+    low: Reals
+    high: Reals
+    kinds: Ints
 
 
 @dataclass(frozen=True)
@@ -26,6 +46,10 @@ class Checks:
     high: NDArray[np.float64]
     kinds: NDArray[np.int64]
     paths: tuple[str, ...]
+
+    def bounds(self) -> Bounds:
+        """The bounds as kernels take them."""
+        return Bounds(slots=self.slots, low=self.low, high=self.high, kinds=self.kinds)
 
 
 @dataclass(frozen=True)
@@ -53,3 +77,16 @@ class Template:
     @property
     def value_count(self) -> int:
         return len(self.parameters) + 2 + 2 * len(self.coordinates) + 3 * len(self.contacts)
+
+    def fixed_numbers(self) -> Numbers:
+        """Programs of the numbers that the parameters determine."""
+        return block_of(self.numbers, self.targets)
+
+    def timed_numbers(self) -> Numbers:
+        """Programs of the numbers that depend on time, too."""
+        return block_of(self.timed, self.timed_targets)
+
+
+def block_of(programs: Programs, targets: NDArray[np.int64]) -> Numbers:
+    """Programs and their targets as kernels take them."""
+    return Numbers(code=programs.code, constants=programs.constants, table=programs.table, targets=targets)

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.sets.labelled import LabelledBox
 from rungwise.sets.labels import Label
 from rungwise.sets.tree import Tree
 
 if TYPE_CHECKING:
     import xarray
 
-    from rungwise.sets.feasible import FeasibleSet
 
-
-def dataset(found: FeasibleSet) -> xarray.Dataset:
+def dataset(found: LabelledBox) -> xarray.Dataset:
     """Vertices, leaves and crossings, in the units of the parameters."""
     import xarray as xr
 

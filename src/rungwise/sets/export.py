@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rungwise.sets.arrays import dataset
 from rungwise.sets.crossings import ends_of
-from rungwise.sets.feasible import FeasibleSet
+from rungwise.sets.labelled import LabelledBox
 from rungwise.sets.labels import Label
 from rungwise.sets.store import SetError, write
 from rungwise.sets.surface import Mesh, boundary, check_axes
@@ -17,7 +18,7 @@ from rungwise.sets.surface import Mesh, boundary, check_axes
 MESHES = (".obj", ".stl")
 
 
-def to_csv(found: FeasibleSet, file: str | Path) -> Path:
+def to_csv(found: LabelledBox, file: str | Path) -> Path:
     """Every run that made the set, and every place where the boundary was located, one to a row.
 
     Columns: the parameters; `kind`: run, borrowed (from another rung) or boundary; `label`, of the run, or
@@ -25,7 +26,7 @@ def to_csv(found: FeasibleSet, file: str | Path) -> Path:
     OSError.
     """
     names = np.array([str(label) for label in Label])
-    data, vertices = found.data, found.tree.vertices
+    data, vertices = dataset(found), found.tree.vertices
     text = io.StringIO(newline="")
     table = csv.writer(text)
     table.writerow([*found.over, "kind", "label", "beyond", "margin"])
@@ -43,7 +44,7 @@ def to_csv(found: FeasibleSet, file: str | Path) -> Path:
     return write(Path(file), text.getvalue().encode())
 
 
-def to_mesh(found: FeasibleSet, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
+def to_mesh(found: LabelledBox, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
     """The boundary of a label's part: OBJ (triangles, or over two parameters lines) or, of triangles, STL.
 
     Raises SetError for another suffix or number of parameters, OSError.
@@ -64,7 +65,7 @@ def check_mesh(file: Path, axes: int) -> None:
         raise SetError("mesh: STL holds triangles only; over two parameters write .obj")
 
 
-def _obj(found: FeasibleSet, mesh: Mesh, label: Label) -> str:
+def _obj(found: LabelledBox, mesh: Mesh, label: Label) -> str:
     axes = ", ".join(f"{axis} = {name}" for axis, name in zip("xyz", found.over, strict=False))
     lines = [f"# {found.scene.name} on {found.name}: boundary of {label}; {axes}"]
     for vertex in mesh.vertices.tolist():

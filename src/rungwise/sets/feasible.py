@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
@@ -18,10 +18,11 @@ from scipy.special import betaincinv
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, load
-from rungwise.sets import arrays, store
+from rungwise.sets import arrays, export, store
 from rungwise.sets.asker import Asker
 from rungwise.sets.cluster import runner
 from rungwise.sets.crossings import planes, solve
+from rungwise.sets.labelled import LabelledBox
 from rungwise.sets.labels import Label, labels
 from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
 from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
@@ -56,46 +57,14 @@ class Certified:
 
 
 @dataclass(frozen=True)
-class FeasibleSet:
-    """Labels over a box of parameters.
+class FeasibleSet(LabelledBox):
+    """Labels over a box of parameters, and what can be asked of them.
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
     `probes` and `hits` those of the last round of random probes, and how many of them contradicted their
     leaf; `complete` is false when the budget ended the refinement.
     """
-
-    scene: Scene
-    model: Rung
-    over: tuple[str, ...]
-    box: Reals
-    tol: float
-    tree: Tree
-    crossings: dict[int, tuple[Ints, Reals]]
-    evaluations: int
-    probes: int
-    hits: int
-    request: dict[str, Any] = field(repr=False)
-
-    @property
-    def solutions(self) -> str:
-        """Whether "slowest", "possible" or "guaranteed" motions are meant."""
-        return str(self.request["solutions"])
-
-    @property
-    def name(self) -> str:
-        """The model, and of which of its motions the set speaks if not of the slowest."""
-        return self.model.name if self.solutions == SLOWEST else f"{self.model.name}, {self.solutions}"
-
-    @property
-    def complete(self) -> bool:
-        """Whether the refinement was not ended by its budget."""
-        return not self.tree.spent
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Values of the parameters that the set is not over."""
-        return {k: v for k, v in self.request["parameters"].items() if k not in self.over}
 
     def classify(self, points: Reals) -> NDArray[np.str_]:
         """Labels (m,) of points (m, d), in the order of `over`; `unknown` outside the box.
@@ -175,20 +144,11 @@ class FeasibleSet:
 
     def to_csv(self, file: str | Path) -> Path:
         """Write all runs and all located boundary points as a table; see `rungwise.sets.export`."""
-        from rungwise.sets import export
-
         return export.to_csv(self, file)
 
     def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
         """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
-        from rungwise.sets import export
-
         return export.to_mesh(self, file, label)
-
-    @property
-    def unit(self) -> Reals:
-        """Lengths (d,) of the tree's unit along each parameter."""
-        return np.asarray((self.box[:, 1] - self.box[:, 0]) / (1 << self.tree.finest))
 
     @cached_property
     def _planes(self) -> dict[int, tuple[Reals, Reals, Ints]]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.sets.crossings import edges_of
-from rungwise.sets.feasible import FeasibleSet
+from rungwise.sets.labelled import LabelledBox
 from rungwise.sets.labels import Label
 from rungwise.sets.store import SetError
 from rungwise.sets.tree import Tree
@@ -56,7 +56,7 @@ class _Edges:
     from_label: Ints
 
 
-def boundary(found: FeasibleSet, label: Label = Label.FEASIBLE) -> Mesh:
+def boundary(found: LabelledBox, label: Label = Label.FEASIBLE) -> Mesh:
     """The boundary of the part that has a label, without the sides of the box.
 
     Raises SetError unless the set is over two or three parameters.
@@ -84,7 +84,7 @@ def check_axes(axes: int) -> None:
         raise SetError(f"mesh: needs a set over 2 or 3 parameters, not {axes}")
 
 
-def _edges(found: FeasibleSet, label: Label) -> _Edges:
+def _edges(found: LabelledBox, label: Label) -> _Edges:
     tree, axes = found.tree, len(found.over)
     lower, axis = edges_of(axes)
     parts = []

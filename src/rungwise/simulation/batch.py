@@ -86,16 +86,12 @@ class Batch:
         columns = [template.parameters.index(name) for name in self.over]
         columns += [len(template.parameters) + start_of(scene, name) for name in self.starts]
         self._columns = np.array(columns, np.int64)
-        programs, checks, timed, conditions = (
-            template.numbers, template.checks, template.timed, template.conditions,
-        )  # fmt: skip
+        conditions = template.conditions
         self._programs = Programs(
-            code=programs.code, constants=programs.constants, table=programs.table, targets=template.targets,
-            slots=checks.slots, low=checks.low, high=checks.high, kinds=checks.kinds,
-            buffer=template.buffer, parameters=np.array(list(self.parameters.values())),
-            blank=np.zeros(1, CLOCK),
+            numbers=template.fixed_numbers(), bounds=template.checks.bounds(), buffer=template.buffer,
+            parameters=np.array(list(self.parameters.values())), blank=np.zeros(1, CLOCK),
         )  # fmt: skip
-        self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
+        self._timed = template.timed_numbers()
         self._conditions = (conditions.code, conditions.constants, conditions.table)
         self._rung = self.model.record(theta)
         self._options = np.zeros(1, OPTIONS)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.scene import Scene
-from rungwise.scene.bind import evaluate_numbers
 from rungwise.scene.expression import STACK
+from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import SERVO
 from rungwise.scene.scene import Bound
 from rungwise.simulation.planar.verdicts import time_slot
@@ -93,10 +93,7 @@ def _leap(
 
 def _target(scene: Scene, bound: Bound, workspace: Workspace, i: int, time: float) -> float:
     """Position that the servo of coordinate i wants at a time; the numbers that depend on time stay there."""
-    timed, values = scene.template.timed, bound.values.copy()
+    values = bound.values.copy()
     values[time_slot(workspace.state)] = time
-    evaluate_numbers(
-        timed.code, timed.constants, timed.table, scene.template.timed_targets, values, np.zeros(STACK),
-        bound.buffer,
-    )  # fmt: skip
+    evaluate_numbers(scene.template.timed_numbers(), values, np.zeros(STACK), bound.buffer)
     return float(target(bound.records.coordinates[i], workspace.state.start[i], time))

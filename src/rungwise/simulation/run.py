@@ -131,8 +131,8 @@ class Simulation:
         self.workspace.state.clock["stride"] = stride
         self.workspace.state.prefer[:] = preferred
         template = self.scene.template
-        timed, conditions = template.timed, template.conditions
-        self._timed = (timed.code, timed.constants, timed.table, template.timed_targets)
+        conditions = template.conditions
+        self._timed = template.timed_numbers()
         self._conditions = (conditions.code, conditions.constants, conditions.table)
         code = loop.begin(self._bound.records, self._rung, self._control, self.workspace)
         if code == Code.INVALID:

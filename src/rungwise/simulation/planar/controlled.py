@@ -12,12 +12,13 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
+from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.memory import bring_back, keep, remember, restore
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, swing, widen
 from rungwise.simulation.planar.passing import passes
-from rungwise.simulation.planar.workspace import Timed, Workspace
+from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.place import place, turns
 from rungwise.system.planar.seams import mode_before
 
@@ -38,7 +39,7 @@ SOON = 0.01
 @kernel
 def take(
     records: Records,
-    timed: Timed,
+    timed: Numbers,
     buffer: Reals,
     rung: RecordArray,
     control: RecordArray,
@@ -73,7 +74,7 @@ def take(
                 restore(records, workspace)
             return status, h, 0.5 * h
         if parts > 1 and part == 0:
-            if timed[3].shape[0] == 0 and _is_uniform(records, rung, control, workspace, length):
+            if timed.targets.shape[0] == 0 and _is_uniform(records, rung, control, workspace, length):
                 clock.time += length
                 clock.worst_residual = max(clock.worst_residual, clock.residual)
                 return TAKEN, length, max(following, GROWTH * length)

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, kernel
-from rungwise.scene.bind import evaluate_numbers
+from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
+from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.verdicts import time_slot
-from rungwise.simulation.planar.workspace import Timed, Workspace
+from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 
 
 @kernel
 def set_speeds(
-    records: Records, timed: Timed, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
+    records: Records, timed: Numbers, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
     """Numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns the
     step that ends at the first travel limit, and the greatest prescribed speed of anything, joints included.
@@ -27,12 +28,10 @@ def set_speeds(
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
-    if timed[3].shape[0] > 0:
+    if timed.targets.shape[0] > 0:
         state.values[time_slot(state)] = clock.time + rung[0].theta * h
         scratch = workspace.scratch
-        scratch.undefined[0] = evaluate_numbers(
-            timed[0], timed[1], timed[2], timed[3], state.values, scratch.stack, buffer
-        )
+        scratch.undefined[0] = evaluate_numbers(timed, state.values, scratch.stack, buffer)
         if scratch.undefined[0] >= 0:
             return h, 0.0
     moving = joints.fastest(records)

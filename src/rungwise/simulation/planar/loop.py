@@ -6,6 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
+from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.controlled import take, until_contact
 from rungwise.simulation.planar.drives import set_speeds
@@ -26,7 +27,7 @@ from rungwise.simulation.planar.verdicts import (
     spent,
     withholds,
 )
-from rungwise.simulation.planar.workspace import ROUNDING, Conditions, State, Timed, Workspace
+from rungwise.simulation.planar.workspace import ROUNDING, Conditions, State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place, start
@@ -111,7 +112,7 @@ def _comes_apart(records: Records, workspace: Workspace) -> bool:
 @kernel
 def advance(
     records: Records,
-    timed: Timed,
+    timed: Numbers,
     conditions: Conditions,
     buffer: Reals,
     rung: RecordArray,
@@ -121,7 +122,7 @@ def advance(
 ) -> int:
     """Take at most `turns` steps; returns the outcome, RUNNING if the run has not ended.
 
-    `timed` and `conditions` are (code, constants, table[, targets]) of the scene's programs.
+    `timed` are the programs of numbers that depend on time, `conditions` those of the scene's conditions.
     """
     state = workspace.state
     clock = state.clock[0]
@@ -139,7 +140,7 @@ def advance(
 @kernel
 def step(
     records: Records,
-    timed: Timed,
+    timed: Numbers,
     conditions: Conditions,
     buffer: Reals,
     rung: RecordArray,

@@ -6,12 +6,14 @@ import math
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
-from rungwise.scene.bind import BOUND, bind, origin
+from rungwise.scene.bind import bind, origin
+from rungwise.scene.faults import BOUND
 from rungwise.scene.records import Records
+from rungwise.scene.template import Bounds, Numbers
 from rungwise.simulation.planar.loop import begin, step
 from rungwise.simulation.planar.memory import clear
 from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
-from rungwise.simulation.planar.workspace import Conditions, Timed, Workspace
+from rungwise.simulation.planar.workspace import Conditions, Workspace
 
 RESULT = record_type("outcome steps attempts", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""
@@ -27,14 +29,8 @@ STOPPED = 0
 class Programs(Block):
     """All that is the same for every sample: programs, checks, and the numbers that samples begin with."""
 
-    code: Ints
-    constants: Reals
-    table: Ints
-    targets: Ints
-    slots: Ints
-    low: Reals
-    high: Reals
-    kinds: Ints
+    numbers: Numbers
+    bounds: Bounds
     buffer: Reals
     parameters: Reals
     blank: RecordArray
@@ -52,7 +48,7 @@ class Place(Block):
 @kernel
 def run_samples(
     programs: Programs,
-    timed: Timed,
+    timed: Numbers,
     conditions: Conditions,
     rung: RecordArray,
     options: RecordArray,
@@ -85,7 +81,7 @@ def run_samples(
 @kernel
 def _run(
     programs: Programs,
-    timed: Timed,
+    timed: Numbers,
     conditions: Conditions,
     rung: RecordArray,
     options: RecordArray,
@@ -139,12 +135,8 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
             values[columns[j]] = point[j]
     for j in range(place.buffer.shape[0]):
         place.buffer[j] = programs.buffer[j]
-    fault, _ = bind(
-        programs.code, programs.constants, programs.table, programs.targets,
-        programs.slots, programs.low, programs.high, programs.kinds, values, place.workspace.scratch.stack,
-        place.buffer, records.bodies, records.coordinates, records.shapes, records.vertices, records.contacts,
-        records.joints, records.measures,
-    )  # fmt: skip
+    stack = place.workspace.scratch.stack
+    fault, _ = bind(programs.numbers, programs.bounds, values, stack, place.buffer, records)
     values[values.shape[0] - 1] = records.world[0].tolerance
     possible = fault == BOUND
     for j in range(columns.shape[0]):

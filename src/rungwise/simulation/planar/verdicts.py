@@ -8,9 +8,10 @@ from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate, holds
 from rungwise.scene.records import FORCE, SERVO, Records
+from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.passing import thickness
-from rungwise.simulation.planar.workspace import Conditions, Scratch, State, Timed, Workspace
+from rungwise.simulation.planar.workspace import Conditions, Scratch, State, Workspace
 from rungwise.system.planar import joints
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
@@ -154,12 +155,12 @@ def spent(
     control: RecordArray,
     workspace: Workspace,
     moving: float,
-    timed: Timed,
+    timed: Numbers,
 ) -> int:
     """Verdict of a state that no condition decides: out of time, or at rest with all inputs spent."""
     state = workspace.state
     clock = state.clock[0]
-    driven, others = clock.free < state.q.shape[0], timed[3].shape[0] + records.potentials.shape[0]
+    driven, others = clock.free < state.q.shape[0], timed.targets.shape[0] + records.potentials.shape[0]
     others += joints.any_driven(records)
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:

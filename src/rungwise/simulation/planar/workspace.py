@@ -20,8 +20,6 @@ from rungwise.system.terms import Terms, allocate_terms
 
 Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 """Programs of the scene's conditions: code, constants and table."""
-Timed: TypeAlias = tuple[Ints, Reals, Ints, Ints]
-"""Programs of the numbers that depend on time: code, constants, table and targets."""
 
 ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""

@@ -1,0 +1,29 @@
+"""What can be wrong with a scene whose numbers are known."""
+
+from __future__ import annotations
+
+(
+    BOUND,
+    OUT_OF_RANGE,
+    NOT_CONVEX,
+    NO_NORMAL,
+    NO_AXIS,
+    NO_MASS,
+    NO_INERTIA,
+    OUT_OF_TRAVEL,
+    NO_JOINT_AXIS,
+    NOT_POSITIVE,
+) = range(10)
+FAULTS = {
+    NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
+    NO_NORMAL: "the normal has no length",
+    NO_AXIS: "the axis has no length",
+    NO_MASS: "a body that forces move needs a mass greater than 0 (give mass, or a shape with area)",
+    NO_INERTIA: "a body that turns freely needs an inertia greater than 0"
+    " (give inertia, or a shape with area)",
+    NO_JOINT_AXIS: "the axis has no length",
+    NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
+    OUT_OF_TRAVEL: "the start lies outside lower..upper",
+}
+"""Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
+coordinate, joint or contact."""
