@@ -8,7 +8,7 @@ from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
-from rungwise.simulation.planar.choice import SUDDEN, solve_motion
+from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
@@ -68,7 +68,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     clock.tried = h
     for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
-        status = solve_motion(records, rung, h, contacts, shortest, workspace)
+        status = choose_motion(records, rung, h, contacts, shortest, workspace)
         if status in (UNSOLVED, SUDDEN):
             break
         reach = 2.0 * h * fastest_pair(records, rung, terms, state, scratch.v_new, 0.0)

@@ -34,7 +34,7 @@ turns, once around."""
 
 
 @kernel
-def solve_motion(
+def choose_motion(
     records: Records, rung: RecordArray, h: float, contacts: int, shortest: float, workspace: Workspace
 ) -> int:
     """As `solve_step`; where something is preferred, of the admissible motions the one nearest to it, or

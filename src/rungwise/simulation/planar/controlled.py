@@ -37,7 +37,7 @@ SOON = 0.01
 
 
 @kernel
-def take(
+def controlled_step(
     records: Records,
     timed: Numbers,
     buffer: Reals,

@@ -1,4 +1,15 @@
-"""The compiled planar loop: steps, halving, events and verdicts, until the run ends or its turn is over."""
+"""The compiled planar loop: steps, halving, events and verdicts, until the run ends or its turn is over.
+
+The way of one step, from the outside in:
+
+    advance           the steps of a turn, and a frame after each
+    run_step          a run's step: sets the drives, halves the step until it has a solution, judges conditions
+    controlled_step   a step of controlled length: whole and in halves, until the two agree; or just one step
+    attempt           one attempt at a length: terms, motion, place, look; accepted, or taken back
+    choose_motion     the slowest motion, or of several admissible ones the preferred
+    core.solve_step   assembles the rung's problem, and chooses inertia, restitution and theta
+    contact.step      solves it: mode guess, proximal point, pivoting, enumeration
+"""
 
 from __future__ import annotations
 
@@ -8,7 +19,7 @@ from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
-from rungwise.simulation.planar.controlled import take, until_contact
+from rungwise.simulation.planar.controlled import controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
 from rungwise.simulation.planar.memory import restore
@@ -132,13 +143,13 @@ def advance(
     for _ in range(turns):
         if clock.outcome != RUNNING:
             break
-        clock.outcome = step(records, timed, conditions, buffer, rung, control, workspace)
+        clock.outcome = run_step(records, timed, conditions, buffer, rung, control, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
 
 
 @kernel
-def step(
+def run_step(
     records: Records,
     timed: Numbers,
     conditions: Conditions,
@@ -159,7 +170,7 @@ def step(
         h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
             return NOT_CONVERGED
-        status, h, following = take(records, timed, buffer, rung, control, workspace, h)
+        status, h, following = controlled_step(records, timed, buffer, rung, control, workspace, h)
         if status == TAKEN:
             if rung[0].metric:
                 _note_leap(records, h, state)

@@ -10,7 +10,7 @@ from rungwise.scene.bind import bind, origin
 from rungwise.scene.faults import BOUND
 from rungwise.scene.records import Records
 from rungwise.scene.template import Bounds, Numbers
-from rungwise.simulation.planar.loop import begin, step
+from rungwise.simulation.planar.loop import begin, run_step
 from rungwise.simulation.planar.memory import clear
 from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
 from rungwise.simulation.planar.workspace import Conditions, Workspace
@@ -114,7 +114,7 @@ def _run(
         if clock.steps >= options[0].budget:
             outcome = NOT_CONVERGED
             break
-        outcome = step(place.records, timed, conditions, place.buffer, rung, control, workspace)
+        outcome = run_step(place.records, timed, conditions, place.buffer, rung, control, workspace)
         best, danger = _watch(conditions, workspace, best, danger)
     result[0].margin = _margin(outcome, best, danger, 1.0 - clock.time / control[0].duration)
     result[0].steps, result[0].attempts = clock.steps, clock.attempts
