@@ -3,7 +3,7 @@
 The way of one step, from the outside in:
 
     advance           the steps of a turn, and a frame after each
-    run_step          a run's step: sets the drives, halves the step until it has a solution, judges conditions
+    run_step          a run's step: drives, halving until it has a solution, conditions
     controlled_step   a step of controlled length: whole and in halves, until the two agree; or just one step
     attempt           one attempt at a length: terms, motion, place, look; accepted, or taken back
     choose_motion     the slowest motion, or of several admissible ones the preferred
