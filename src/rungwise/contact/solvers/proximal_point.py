@@ -21,12 +21,12 @@ from rungwise.contact.solvers.work import Work
 
 NAME = "proximal-point"
 _OUTER, _PATIENT = 120, 5000
-"""How many subproblems are solved at most, and how many near a solution with time to spare: where tiny gaps
-decide which contacts carry, forces drift for long from one set to another."""
+"""Most subproblems that `solve` and `solve_patiently` solve: where tiny gaps decide which contacts carry,
+forces drift for long from one set of contacts to another."""
 _WINDOW, _STALLED = 40, 0.7
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
-"""The first weight, or less where the residual is small: some solutions repel what is heavy."""
+"""The first weight, or less where the residual is small: some solutions repel iterates of a heavy weight."""
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
 
@@ -43,7 +43,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
 
 @np.errstate(all="ignore")
 def solve_patiently(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The same, going on where progress is slow."""
+    """The best iterate x (N,) and the subproblems tried, as `solve`, but going on where progress is slow."""
     return _followed(system, start, tol, work, _PATIENT, math.inf)
 
 
