@@ -1,1 +1,1 @@
-"""All solutions, closure, sensitivities."""
+"""What solutions tell: all solutions of a problem, closure, sensitivities."""

@@ -1,1 +1,1 @@
-"""What an answer is worth, and proofs that there is none. Knows no solver."""
+"""The worth of an answer, and proofs that there is none. This package knows no solver."""

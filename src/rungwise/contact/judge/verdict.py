@@ -213,7 +213,8 @@ def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: A
 
 
 def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
-    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one where a row has no terms."""
+    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one where there is nothing to
+    count by."""
     scales = _scales(problem)
     scratch = _own_terms(problem, system, scales.absolute @ np.abs(x))
     own_size(*scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
