@@ -1,4 +1,4 @@
-"""How far a scaled iterate is from a solution: what solvers steer by. Answers are judged elsewhere."""
+"""Distance of a scaled iterate from a solution, by which solvers steer. Answers are judged elsewhere."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _ROUNDING = 2.0**-53
 
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
-    """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
+    """Norm of the natural map of x (N,) in the system A + shift with offset b, with the part that rounding
+    hides."""
     s, out = system, np.empty((2, system.size))
     b = s.b if b is None else b
     if s.product is None:
@@ -64,7 +65,7 @@ def distance(
 
 @inner_kernel
 def distance_at(y: Reals, x: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
-    """As `distance`, the rates being y; `out` (N,) gets the sizes."""
+    """The norm that `distance` returns, for given rates y; `out` (N,) gets the sizes."""
     natural_map(x, y, mu, d, lower, upper, out)
     total = 0.0
     for i in range(len(x)):

@@ -5,7 +5,7 @@ gamma), with lexicographic ratio test, after the velocities and bilateral rows h
 plane the polyhedral cone is the exact one. Pivots are judged in units in which H and the Delassus matrix have
 diagonals of about one. Sources: Lemke, Management Science 11 (1965) 681-689; Stewart and Trinkle, Int. J.
 Numer. Methods Eng. 39 (1996) 2673-2691; Cottle, Pang, Stone: The Linear Complementarity Problem (1992),
-section 4.9. Accepts: d = 2, H positive definite; R, b may be anything that leaves the matrix copositive
+section 4.9. Accepts: d = 2, H positive definite; R, b may have any values that leave the matrix copositive
 (symmetric positive semidefinite Delassus blocks do). Promises: a solution or a ray in finitely many pivots; a
 ray is a hint that there is no solution, not a proof.
 """
@@ -36,8 +36,8 @@ def solve_lemke(
     force: Reals,
     tau: Reals,
 ) -> int:
-    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates: it is the exception, not the
-    rule."""
+    """Fill mode, v, force and tau; returns SOLVED, RAY or EXHAUSTED. Allocates memory: it is called
+    rarely."""
     rows, size = 2 * contacts + limited, 4 * contacts + 3 * limited
     x, y = _units(problem, n, contacts, limited)
     delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
@@ -89,7 +89,7 @@ def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Real
         y[2 * contacts + r] = yields
         most = max(most, yields)
     for r in range(2 * contacts + limited):
-        # What nothing yields to is in the unit of another.
+        # A force to which nothing yields has the unit of another.
         yields = y[r] if y[r] > 0.0 else most
         y[r] = 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
     return x, y
@@ -254,7 +254,7 @@ def _eliminate(a: Reals, row: int, column: int, size: int) -> None:
 
 @kernel
 def _ratio_test(a: Reals, entering: int, basis: Ints, size: int) -> int:
-    """Row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
+    """The row that leaves: least lexicographic ratio of (q, B^-1) to the entering column; z0 first among
     equals."""
     last, best = 2 * size + 1, -1
     for i in range(size):

@@ -72,7 +72,7 @@ def _worse(a: float, b: float) -> float:
 
 @kernel
 def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
-    """`force`, or what it takes to change the rate of row r by `speed`, roughly, if that is more."""
+    """`force`, or roughly the force that changes the rate of row r by `speed`, if this is more."""
     yields = 0.0
     for i in range(n):
         # Most forces are larger by far: no division then.
@@ -84,8 +84,8 @@ def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, forc
 
 @kernel
 def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
-    """Speed to measure row r against when `velocity` is only the rounding of what `force` does to it; 0 if it
-    is not."""
+    """The speed to measure row r against when `velocity` is only rounding of the change that `force` causes;
+    else 0."""
     speed = 0.0
     for i in range(n):
         push = rows[r, i] * rows[r, i] * force
