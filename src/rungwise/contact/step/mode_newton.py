@@ -1,5 +1,4 @@
-"""Warm mode guess: solve the linear system of a contact mode, flip the contacts that contradict it, and
-repeat.
+"""Warm mode guess: solve a contact mode's linear system, flip the modes it contradicts, until none flips.
 
 Algorithm: semismooth Newton (active set) on the mixed problem, whose pieces are the contact modes.
 Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.

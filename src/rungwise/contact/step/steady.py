@@ -21,7 +21,7 @@ _NOTICED = 1e-3
 steps."""
 _ROUNDS = 2
 _BETTER = 0.1
-"""Part of the greatest rate before the correction that must not remain."""
+"""Part of the greatest rate before the correction that may remain after it, at most."""
 
 
 @kernel

@@ -9,7 +9,7 @@ from rungwise.kernel import Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 
 _FIRST, _HEAD = 2, 9
-"""The array begins with the place after the last note, and the number of notes meant."""
+"""The array begins with the place after the last note, and the number of notes, stored or not."""
 _FIELDS = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F", "quantum")
 
 
@@ -84,7 +84,7 @@ def _put_matrix(source: Reals, rows: int, columns: int, out: Reals, at: int) -> 
 
 
 def taken(hard: Reals) -> tuple[list[Note], int]:
-    """The notes in the array, which is then empty, and the number of those that found no room."""
+    """The notes in the array, which is then empty, and the number of notes that found no room."""
     notes, end, meant = [], int(hard[0]), int(hard[1])
     at = _FIRST
     while at < end:
