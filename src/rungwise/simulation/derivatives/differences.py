@@ -42,7 +42,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Start:
-    """The state before a step: q, v (n,), deformation (slots, d), and the owners of the slots, if known."""
+    """The state before a step: q, v (n,), deformation (slots, d), and the features of the slots, if known."""
 
     q: Array
     v: Array

@@ -135,7 +135,7 @@ def _rests(records: Records, body: Record, pace: float, workspace: Workspace) ->
 @rare_kernel
 def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
-    is one step, however many it takes here. One that has gone too far ends."""
+    is one step, however many it takes here. A motion that has gone too far ends."""
     state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         unit = records.coordinates[i].lever
@@ -149,7 +149,7 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
 
 @rare_kernel
 def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
-    """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
+    """Whether a coordinate is so far from its start that its motion is no longer preferred."""
     is_angle = turns(records.bodies[records.coordinates[i].body], i)
     far = 2.0 * math.pi if is_angle else FAR * workspace.terms.rounding[0] / ROUNDING
     return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)

@@ -35,7 +35,7 @@ from rungwise.system.terms import APART, METRIC
 
 MAX_HALVINGS = 60
 CLOSED = 1e-9
-"""Overlap, or opening of a joint, at the start that counts as rounding, over the longest lever."""
+"""Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 PAUSE = 2.0
 """An approach no faster than what loads cause in so many nominal steps does not bounce."""
 
@@ -97,7 +97,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
 
 @kernel
 def _comes_apart(records: Records, workspace: Workspace) -> bool:
-    """Whether the start is not that of a closed joint, or lies outside its travel."""
+    """Whether a joint is open at the start, or outside its travel."""
     state, places = workspace.state, workspace.scratch.measures
     measures, apart = records.measures, False
     joints.values(
@@ -150,8 +150,8 @@ def step(
     control: RecordArray,
     workspace: Workspace,
 ) -> int:
-    """One accepted step, halved as long as it has no solution; one longer than a nominal step does not reach
-    where a condition holds, so that when it began to is known to a nominal step."""
+    """Take one step, halved as long as it has no solution; a step longer than a nominal step ends before a
+    condition holds, so that the condition's beginning is known to a nominal step."""
     state = workspace.state
     clock = state.clock[0]
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
@@ -187,7 +187,7 @@ def step(
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
         if status == REFUSED and moving > 0.0:
-            # What is pushed may move faster than what pushes it.
+            # A pushed body may move faster than the body that pushes it.
             fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
             if h * max(moving, fastest) < control[0].jam:
                 return JAMMED
@@ -199,7 +199,7 @@ def step(
 
 @rare_kernel
 def _note_leap(records: Records, h: float, state: State) -> None:
-    """Remember the farthest that a servo, followed exactly, has moved anything in a step."""
+    """Remember the farthest motion in a step of anything that a servo, followed exactly, moves."""
     clock = state.clock[0]
     for i in range(state.q.shape[0]):
         c = records.coordinates[i]
