@@ -44,7 +44,7 @@ def to_csv(found: FeasibleSet, file: str | Path) -> Path:
 
 
 def to_mesh(found: FeasibleSet, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
-    """The boundary of a label's part: OBJ (triangles, or over two parameters lines) or, of triangles, STL.
+    """The boundary of a label's part: OBJ (triangles, or over two parameters lines) or, for triangles, STL.
 
     Raises SetError for another suffix or number of parameters, OSError.
     """
@@ -55,7 +55,7 @@ def to_mesh(found: FeasibleSet, file: str | Path, label: Label = Label.FEASIBLE)
 
 
 def check_mesh(file: Path, axes: int) -> None:
-    """Raises SetError for a name or a number of parameters that `to_mesh` refuses."""
+    """Raise SetError for a name or a number of parameters that `to_mesh` refuses."""
     suffix = file.suffix.lower()
     if suffix not in MESHES:
         raise SetError(f"mesh: {file.name} must end in {' or '.join(MESHES)}")

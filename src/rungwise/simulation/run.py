@@ -298,7 +298,7 @@ class Simulation:
         """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
         certificate.
 
-        Where a contact is about to close in just this step, the state is neither a jam nor free.
+        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
         """
         assert self.workspace is not None
         state, frames = self.workspace.state, self.workspace.frames
