@@ -60,7 +60,7 @@ def bind(
     joints: RecordArray,
     measures: RecordArray,
 ) -> tuple[int, int]:
-    """Numbers into `buffer`, checked, then all that follows from them. Returns (fault, index)."""
+    """Write numbers into `buffer`, check them, then fill in all that follows. Returns (fault, index)."""
     evaluate_numbers(code, constants, table, targets, values, stack, buffer)
     wrong = _check(slots, low, high, kinds, buffer)
     if wrong >= 0:
@@ -105,7 +105,7 @@ def _check(slots: Ints, low: Reals, high: Reals, kinds: Ints, buffer: Reals) -> 
 def _derive(
     bodies: RecordArray, coordinates: RecordArray, shapes: RecordArray, vertices: RecordArray
 ) -> tuple[int, int]:
-    """Fill in all that follows from the numbers. Returns (fault, index)."""
+    """Fill in all records that follow from the numbers. Returns (fault, index)."""
     for s in range(shapes.shape[0]):
         fault = _outline(shapes[s], vertices)
         if fault != BOUND:
@@ -127,7 +127,7 @@ def _derive(
 
 @kernel
 def origin(body: Record, i: int) -> float:
-    """Value of the body's coordinate i at its pose: 0 but for free bodies."""
+    """Value of the body's coordinate i at its pose: 0 except for free bodies."""
     if body.motion != FREE:
         return 0.0
     if i == body.coordinate:
@@ -137,7 +137,7 @@ def origin(body: Record, i: int) -> float:
 
 @kernel
 def _outline(shape: Record, vertices: RecordArray) -> int:
-    """Vertices in the body frame, counter-clockwise, with their edges' normals and lengths."""
+    """Fill in vertices in the body frame, counter-clockwise, with their edges' normals and lengths."""
     first, n = shape.first, shape.end - shape.first
     if shape.kind == HALFPLANE:
         return _halfplane(shape, vertices)
@@ -167,7 +167,7 @@ def _outline(shape: Record, vertices: RecordArray) -> int:
 
 @kernel
 def _convexity(first: int, n: int, vertices: RecordArray) -> int:
-    """Each turn is to the left, and together they are one full turn."""
+    """Fault unless each turn is to the left, and all turns together are one full turn."""
     total = 0.0
     for k in range(n):
         a, b = vertices[first + (k + n - 1) % n], vertices[first + k]
@@ -190,7 +190,7 @@ def _place(shape: Record, vertices: RecordArray) -> None:
 
 @kernel
 def _halfplane(shape: Record, vertices: RecordArray) -> int:
-    """One edge from `at`, of unit length, with the solid on its left."""
+    """Fill in one edge from `at`, of unit length, with the solid on its left."""
     a, b = shape.first, shape.first + 1
     nx, ny = vertices[b].x, vertices[b].y
     norm = math.hypot(nx, ny)
@@ -215,10 +215,11 @@ def _twice_area(first: int, n: int, vertices: RecordArray) -> float:
 
 @kernel
 def _mass(body: Record, shapes: RecordArray, vertices: RecordArray) -> None:
-    """Mass, centre (body frame) and inertia about it, from outline and density where not given.
+    """Fill in mass, centre (body frame) and inertia about the centre, from outline and density where not
+    given.
 
     A rounded polygon is its core, a strip along each edge and a sector at each vertex; the moments of each
-    are exact. A body of several shapes is their sum.
+    part are exact. The moments of a body are the sums over its shapes.
     """
     area = first_x = first_y = second = 0.0
     for s in range(body.first_shape, body.end_shape):
@@ -303,7 +304,7 @@ def _bisector(before: Record, after: Record) -> tuple[float, float]:
 
 @kernel
 def _motion(body: Record, coordinates: RecordArray) -> int:
-    """Unit axis, generalised inertia and metric of the body's coordinates."""
+    """Fill in unit axis, generalised inertia and metric of the body's coordinates."""
     i = body.coordinate
     if body.motion == SLIDE:
         norm = math.hypot(body.axis_x, body.axis_y)
@@ -371,7 +372,7 @@ def _width(shape: Record, vertices: RecordArray) -> float:
 def _joints(
     joints: RecordArray, measures: RecordArray, bodies: RecordArray, shapes: RecordArray
 ) -> tuple[int, int]:
-    """Anchors and axis of each joint in the frames of its bodies. Returns (fault, index)."""
+    """Fill in anchors and axis of each joint in the frames of its bodies. Returns (fault, index)."""
     for k in range(joints.shape[0]):
         joint = joints[k]
         a, b = bodies[joint.body_a], bodies[joint.body_b]

@@ -119,7 +119,8 @@ def _follow(
     deformation: Reals,
     modes: Ints,
 ) -> None:
-    """Give slots `slot` and `slot + 1` the fresh features, keeping what belongs to those that stay."""
+    """Give slots `slot` and `slot + 1` the fresh features, keeping the deformation and mode of features that
+    stay."""
     if fresh[0] == features[slot] and fresh[1] == features[slot + 1]:
         return
     if _stays(features[slot + 1], fresh[0], a, b, outline) or _stays(features[slot], fresh[1], a, b, outline):

@@ -70,9 +70,9 @@ def _move(body: Record, pose: Reals, x: float, y: float, ex: float, ey: float, r
 
 @kernel
 def constants(joints: RecordArray, measures: RecordArray, metric: bool, first: int, terms: Terms) -> int:
-    """Limits, gains and accounts of the rows from `first` on; returns the number after the last.
+    """Fill in limits, gains and accounts of the rows from `first` on; returns the number after the last row.
 
-    With `metric` (no forces) what is held and driven is rigid, and nothing resists.
+    With `metric` (no forces) held and driven measures are rigid, and nothing resists.
     """
     count = first
     for m in range(measures.shape[0]):
@@ -98,7 +98,7 @@ def constants(joints: RecordArray, measures: RecordArray, metric: bool, first: i
 
 @kernel
 def _unit(kind: Record, joints: RecordArray) -> float:
-    """What a measure is in lengths per unit of its own."""
+    """Length per unit of a measure."""
     return joints[kind.joint].lever if kind.which == ANGLE else 1.0
 
 
@@ -126,10 +126,10 @@ def rows(
     terms: Terms,
     row: Reals,
 ) -> None:
-    """Rows and errors at q for a step of length h whose loads are those at `time`; adds given forces.
+    """Fill in rows and errors at q for a step of length h with the loads at `time`; adds given forces.
 
-    `begun` (measures,) are the values at the start of the step, from where given speeds count: q is elsewhere
-    when a step is linearised again.
+    `begun` (measures,) are the values at the start of the step, from where given speeds count: q differs when
+    a step is linearised again.
     """
     count = first
     n = q.shape[0]
@@ -174,7 +174,7 @@ def values(
     row: Reals,
     out: Reals,
 ) -> None:
-    """Every measure at q in its own unit (length or angle) into `out` (measures,)."""
+    """Write every measure at q in its own unit (length or angle) into `out` (measures,)."""
     for m in range(measures.shape[0]):
         kind = measures[m]
         out[m] = measure(kind, joints[kind.joint], bodies, pose, q, row) / _unit(kind, joints)
@@ -184,7 +184,7 @@ def values(
 def opening(
     joints: RecordArray, measures: RecordArray, bodies: RecordArray, pose: Reals, q: Reals, row: Reals
 ) -> float:
-    """How far the rigid joints are from closed at q, the most of any held measure over its joint's lever."""
+    """How far the rigid joints are from closed at q: the greatest held measure over its joint's lever."""
     widest = 0.0
     for m in range(measures.shape[0]):
         kind = measures[m]
@@ -198,7 +198,7 @@ def opening(
 def forces(
     joints: RecordArray, measures: RecordArray, metric: bool, first: int, limited: Reals, out: Reals
 ) -> None:
-    """Force (or torque) on b in each measure, of all rows of it, into `out` (measures,)."""
+    """Write the force (or torque) on b in each measure, over all its rows, into `out` (measures,)."""
     count = first
     for m in range(measures.shape[0]):
         kind = measures[m]
@@ -215,7 +215,7 @@ def forces(
 
 @inner_kernel
 def fastest(joints: RecordArray, measures: RecordArray) -> float:
-    """Greatest speed that a joint is made to have."""
+    """Greatest prescribed speed of a joint."""
     speed = 0.0
     for m in range(measures.shape[0]):
         if measures[m].drive == SPEED:
@@ -245,8 +245,8 @@ def stops(
     slots: Ints,
     row: Reals,
 ) -> int:
-    """Contacts from number `first` on for the travel limits of joints, in slots from `slot` on; returns how
-    many contacts there are now."""
+    """Add contacts from number `first` on for the travel limits of joints, in slots from `slot` on; returns
+    how many contacts there are now."""
     count = first
     for m in range(measures.shape[0]):
         kind = measures[m]

@@ -21,7 +21,7 @@ def place(
     outline: Reals,
     fixed_too: bool,
 ) -> None:
-    """Fill `pose` and `outline` at q; bodies without coordinates only if `fixed_too`."""
+    """Fill `pose` and `outline` at q; those of bodies without coordinates only if `fixed_too`."""
     for b in range(bodies.shape[0]):
         body = bodies[b]
         if body.motion == FIXED and not fixed_too:
@@ -75,7 +75,7 @@ def _pose(body: Record, q: Reals, pose: Reals) -> None:
 
 @kernel
 def start(bodies: RecordArray, coordinates: RecordArray, q: Reals, v: Reals) -> None:
-    """Initial q and v: `start` is a displacement from the pose."""
+    """Fill in the initial q and v: `start` is a displacement from the pose."""
     for i in range(coordinates.shape[0]):
         q[i] = coordinates[i].start
         v[i] = coordinates[i].speed
