@@ -185,7 +185,7 @@ def doomed_set(
         cells: along each axis; `CELLS` if not given.
         parameters: values of the other parameters.
         solutions: "slowest", or, on the kinematic rung, "any": objects that nothing drives move in every way
-        without overlap.
+            without overlap.
         strides: macro-steps, in cells that the fastest coordinate moves.
         padding: how many cells around a cell serve to estimate how far motions differ within it.
         accuracy, threads: as for `feasible_set`.

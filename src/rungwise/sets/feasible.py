@@ -247,9 +247,9 @@ def feasible_set(
         box: interval (low, high) by name; see `box_of` for parameters not given.
         parameters: values of the other parameters.
         solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
-        motion tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
+            motion tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
         near: another rung's set over the same box: the boundary is looked for where the other set has it, and
-        followed from there. Elsewhere its labels stand, until a probe finds another label.
+            followed from there. Elsewhere its labels stand, until a probe finds another label.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.

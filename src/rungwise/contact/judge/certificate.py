@@ -8,8 +8,8 @@
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
 * unbalanced: Farkas vectors for every contact mode, as in a frictional certificate, of the problem with H_0
-in the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count with
-their rates: so a part slips out of a grip whose drive limits its force.
+  in the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count
+  with their rates: so a part slips out of a grip whose drive limits its force.
 
 Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In
 floating point a remainder `left` multiplies the unknowns, and the proof says that no solution x has |x|_1 <=

@@ -68,7 +68,7 @@ def run_sensitivity(
         steps: how many, at least 1.
         h: length of each; the scene's own if not given.
         q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and its start
-        depends on parameters.
+            depends on parameters.
         deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
         time: at the start, for numbers that depend on time.
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
