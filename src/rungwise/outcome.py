@@ -1,6 +1,6 @@
 """Every way a run can end: code, exit code and advice, in one table.
 
-The codes are what kernels return; the texts are what people read.
+Kernels return the codes; people read the texts.
 """
 
 from __future__ import annotations

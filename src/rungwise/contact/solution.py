@@ -76,7 +76,7 @@ class ContactSolution:
 
     @property
     def z(self) -> Array:
-        """Unknowns that are neither contact forces nor velocities: those of LCPs, joints, limited rows."""
+        """Unknowns that are neither contact forces nor velocities: unknowns of LCPs, joints, limited rows."""
         return self.x[self.problem.rows + self.problem.velocities :]
 
     @property

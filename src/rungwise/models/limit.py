@@ -40,11 +40,11 @@ def limit_inertia(
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
     Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
-    over inertia, a row's resistance times what the row yields to a force, a load over the momentum of the
-    fastest motion demanded. Damping that is faint beside other damping or the loads does not count. With
-    `landing` it counts, and eps is so small that a body that closes any gap within the step still needs no
-    force for this, nor a body that moves against the faintest damping. Without loads, damping, servos and
-    compliance the limit does not depend on eps, and 1 is exact.
+    over inertia, a row's resistance times the row's yield to a force, a load over the momentum of the fastest
+    motion demanded. Damping that is faint beside other damping or the loads does not count. With `landing` it
+    counts, and eps is so small that a body that closes any gap within the step still needs no force for this,
+    nor a body that moves against the faintest damping. Without loads, damping, servos and compliance the
+    limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
         return 0.0
@@ -145,7 +145,7 @@ def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Int
 def _demanded_pace(
     h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
 ) -> float:
-    """Fastest motion, as a length per time, by which a free body alone would meet what one row demands."""
+    """Fastest motion, as a length per time, by which a free body alone would meet the demand of one row."""
     fastest, d = 0.0, terms.contact_stiffness.shape[1]
     for r in range(contacts * d):
         demanded = abs(carried(terms.rows, r, speed))

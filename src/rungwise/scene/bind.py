@@ -35,7 +35,7 @@ FAULTS = {
     NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
-"""Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
+"""Fault of a binding -> its text; the second number of a fault is the index of check, shape, body,
 coordinate, joint or contact."""
 
 

@@ -75,7 +75,7 @@ def compile_expression(
     """Bytecode of `text`.
 
     `lookup` resolves names to slots; `names` lists the valid names for the error message. Raises
-    ExpressionError, with one line that says what is wrong.
+    ExpressionError, with one line that names the fault.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"longer than {MAX_LENGTH} characters")

@@ -179,7 +179,7 @@ def doomed_set(
     Args:
         scene, model: as for `simulate`; a rung with rigid contact.
         over: 1 to 4 names of the scene's state: all its coordinates ("part.x3", or "x3" where that is clear)
-            and, on dynamic rungs, the speeds of those that are not prescribed ("speed(part.x3)").
+            and, on dynamic rungs, the speeds of coordinates not prescribed ("speed(part.x3)").
         inputs: bounds of the parameters that may change in time, for example speeds of drives.
         box: interval of each state by name; travel limits where not given.
         cells: along each axis; `CELLS` if not given.

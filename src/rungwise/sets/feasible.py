@@ -62,7 +62,7 @@ class FeasibleSet:
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
-    `probes` counts the last round of random probes, `hits` the probes of it that contradicted their leaf;
+    `probes` counts the random probes of the last round, `hits` the probes that contradicted their leaf;
     `complete` is false when the budget ended the refinement.
     """
 

@@ -1,8 +1,8 @@
 """Results on disk: every finished batch is kept, and a stopped run goes on where it stopped.
 
-A set is computed by a sequence of batches that depends only on the request and on what earlier batches found.
-So a restart needs only the log of batches: it answers the same questions from the log until the log ends.
-Files appear under their names whole or not at all.
+A set is computed by a sequence of batches that depends only on the request and on the answers of earlier
+batches. So a restart needs only the log of batches: it answers the same questions from the log until the log
+ends. Files appear under their names whole or not at all.
 """
 
 from __future__ import annotations

@@ -142,6 +142,6 @@ def _triangles(vertices: Reals, quads: Ints) -> Ints:
 
 
 def _proper(pieces: Ints) -> Ints:
-    """Pieces without those that have a vertex twice."""
+    """Pieces without the pieces that have a vertex twice."""
     ordered = np.sort(pieces, axis=1)
     return np.asarray(pieces[(np.diff(ordered, axis=1) > 0).all(axis=1)])

@@ -33,8 +33,8 @@ class Results:
     """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
     of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
 
-    The margin is positive where the goal was reached (by how much the run stayed clear of what is unsafe or
-    doomed) and otherwise negative (how near the run came to the goal): the margin is continuous where it
+    The margin is positive where the goal was reached (by how much the run stayed clear of unsafe and doomed
+    states) and otherwise negative (how near the run came to the goal): the margin is continuous where it
     passes zero, if the scene's conditions are continuous; nan where there was no run. A jam has no
     certificate here: run the point again with `simulate` for one.
     """

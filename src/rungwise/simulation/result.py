@@ -1,4 +1,4 @@
-"""How a run ended and what it recorded."""
+"""The end of a run and its record."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """How a run ended and what it recorded.
+    """The end of a run and its record.
 
     `motion` holds the preferred velocities (see `Simulation`); `final` maps body -> coordinate -> value;
     `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is the problem

@@ -53,7 +53,7 @@ class Simulation:
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
             where contacts do not change their mode.
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
-            the slowest motion; what turns counts by its radius of gyration. On the kinematic and quasistatic
+            the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
             not given, nearest to zero: the slowest. See `simulation.planar.choice`.
         frames: how many states are kept at most (the stride doubles when they are full).

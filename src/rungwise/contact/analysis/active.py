@@ -1,8 +1,8 @@
-"""The active pieces of a solution: what each contact and limited row can still do to first order.
+"""The active pieces of a solution: first-order changes still open to each contact and limited row.
 
 Near a solution the change of the forces is df = B x + limits dlimit, with unknowns x of which each obeys
 
-    C^T du + D x = 0                    what holds, or slides on
+    C^T du + D x = 0                    a contact that holds, or slides on
     0 <= x  _|_  C^T du + D x >= 0      one-sided: where the mode may change
     the whole law of a contact          where force, gap and slip are all zero
 

@@ -1,4 +1,4 @@
-"""All solutions of a problem with few contacts, and what motions they allow.
+"""All solutions of a problem with few contacts, and the motions they allow.
 
 Branch and bound over contact modes, as in `solvers.branching`, to the end: a mode is held by a piece known
 before, excluded by a Farkas vector or divided, and a mode that divides no further is measured. All linear
@@ -172,7 +172,7 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
     In the plane, and in space without friction.
 
     `objects` names the velocities of each object. One for which rest is admissible rests: of the solutions
-    only those count in which no further object could rest. Infinite where nothing bounds the motion.
+    only solutions count in which no further object could rest. Infinite where nothing bounds the motion.
 
     Raises ValueError where modes are undecided, there is no solution, or an object names no velocity.
     """

@@ -2,7 +2,7 @@
 
 For two solutions x and x*, with the symmetric part of A positive, the sum over all laws of (x - x*)(y - y*)
 is (x - x*) A (x - x*) >= 0. A law that is monotone adds no more than 0 to it: without friction, or within
-limits. With friction it does so
+limits. A law with friction adds no more than 0
 
     at rest in x*:      where r*_t = 0, or x sticks too, or x slips along r*_t;
     open in x*:         where y*_n >= mu |y*_t| against every slip that x may have, or x is open too;

@@ -53,7 +53,7 @@ class Sensitivity:
         active: size below which a value counts as zero, relative to the scale of forces, or of a row's rates.
 
     Raises:
-        ValueError: naming what has the wrong size or is not finite.
+        ValueError: naming the array that has the wrong size or is not finite.
     """
 
     def __init__(

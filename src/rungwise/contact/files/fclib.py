@@ -26,7 +26,7 @@ _MOST = 2.0**53
 
 
 def h5py_library(field: str = "file") -> Any:
-    """The optional h5py; ValueError naming `field`, with what to install, when it is missing."""
+    """The optional h5py; ValueError naming `field` and the package to install when h5py is missing."""
     try:
         import h5py
     except ImportError:
@@ -35,7 +35,7 @@ def h5py_library(field: str = "file") -> Any:
 
 
 def read_fclib(path: Path) -> Problem | ContactProblem:
-    """The problem in `path`; ValueError naming what is missing or wrong."""
+    """The problem in `path`; ValueError naming the part that is missing or wrong."""
     try:
         with h5py_library().File(path, "r") as file:
             if _STEP in file:

@@ -26,7 +26,7 @@ def read_problem(path: str | Path, kind: str | None = None) -> Problem | Contact
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
     The problem of a step that `save_hard` kept comes back as assembled. Raises ValueError with one line that
-    says what is wrong.
+    names the fault.
     """
     path = Path(path)
     if kind is not None and kind not in KINDS:

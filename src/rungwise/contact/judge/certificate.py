@@ -1,7 +1,7 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
-  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, of
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. This kind concerns speeds alone,
   neither loads nor momentum.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
@@ -166,8 +166,8 @@ def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: lis
 def _check_unsupported(
     problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
 ) -> bool:
-    """The motion's power: loads less drives against what rates, contact forces and joint forces may still
-    do, with forces counted beside the greatest load."""
+    """The motion's power: loads less drives, against the power that rates, contact forces and joint forces
+    may still have, with forces counted beside the greatest load."""
     if motion.shape != problem.c.shape:
         return False
     d, units = problem.R.shape[1], natural_units(problem)

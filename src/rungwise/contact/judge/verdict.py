@@ -1,4 +1,4 @@
-"""What a candidate is worth, from the problem alone: no solver has a say in it."""
+"""The worth of a candidate, from the problem alone: no solver has a say in the verdict."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def violations(
 ) -> None:
     """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|."""
     own, slope, out = scratch[0], scratch[1], scratch[2]
-    # What rounding leaves in the rates: no residual is known better than that.
+    # Rounding in the rates: no residual is known better than this.
     doubt = 0.0
     for i in range(len(kept)):
         own[i], slope[i] = x[kept[i]] / force[i], y[kept[i]] / rate[i]
@@ -167,8 +167,8 @@ def judge_rows(
 
 
 class _Scales(NamedTuple):
-    """What the judge keeps of a problem: |A|, its rows, the free rows, and units of free unknowns among
-    themselves."""
+    """Numbers that the judge keeps for a problem: |A|, its rows, the free rows, and units of free unknowns
+    among themselves."""
 
     absolute: Matrix
     rows: tuple[Ints, Ints, Array]
@@ -197,8 +197,8 @@ def absolute(problem: Problem) -> Matrix:
 
 def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
     """The largest violation by x of a law of the problem as it was given, whatever the units of its rows and
-    of its unknowns: rates count by the size of their terms, forces by what they do to the rows, over theirs;
-    each contact in a unit of its own.
+    of its unknowns: rates count by the size of their terms, forces by their terms in the rows, over the terms
+    of the rows; each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
     beside the norm of all. Only a row whose own terms are rounding beside that norm (`_AT_REST`) counts

@@ -125,7 +125,8 @@ def _refined(own: Reals, factor: Reals, unit: Reals, order: Ints, x: Reals, chan
 
 @kernel
 def _weigh(A: Reals, row: int, gone: Ints, factor: Reals, unit: Reals, order: Ints, weight: Reals) -> None:
-    """weight (g,) becomes |A_gg^-T A_row,g|: what errors in the free unknowns' equations do to a row."""
+    """weight (g,) becomes |A_gg^-T A_row,g|: the effect on a row of errors in the free unknowns'
+    equations."""
     for m in range(len(gone)):
         weight[m] = unit[m] * A[row, gone[m]]
     substitute_transposed(factor, len(gone), order, weight)

@@ -118,7 +118,7 @@ def centre(cones: Cones) -> Array:
 
 
 def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
-    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by those of the identity."""
+    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by rows of the identity."""
     A = cones.A
     if cones.condensed is not None:
         E = cones.idle.copy()
@@ -239,7 +239,7 @@ def _half(z: Reals, w: Reals, i: int, d: int, v: Reals) -> float:
 
 @inner_kernel
 def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
-    """out = factor (2 v v^T - J) x, the sign that of all but the first entry of v."""
+    """out = factor (2 v v^T - J) x, where `sign` multiplies all but the first entry of v."""
     dot = v[0] * x[0]
     for j in range(1, len(x)):
         dot += sign * v[j] * x[j]

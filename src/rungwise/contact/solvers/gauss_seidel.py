@@ -8,8 +8,8 @@ Eng. 155 (1998) 31-47.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
 limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
 nor a few planar contacts or limited rows, which pivoting does.
-Promises: the iterate of least residual among those checked; linear convergence where the problem is well
-posed, none where it is badly rank deficient.
+Promises: the iterate of least residual among the checked iterates; linear convergence where the problem is
+well posed, none where it is badly rank deficient.
 """
 
 from __future__ import annotations

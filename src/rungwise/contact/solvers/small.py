@@ -165,7 +165,7 @@ def solve_dense(
 
 @allocating_kernel
 def _parted(lower: Reals, upper: Reals, rows: int) -> tuple[Ints, Ints]:
-    """Places of the unknowns that are kept, and of those without limits."""
+    """Places of the kept unknowns, and of the unknowns without limits."""
     kept, gone = np.empty(rows + len(lower), np.int64), np.empty(len(lower), np.int64)
     for i in range(rows):
         kept[i] = i

@@ -68,7 +68,7 @@ def solve_lemke(
 def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Reals, Reals]:
     """Units x of the velocities and y of the forces in which H has a unit diagonal and rows are about one.
 
-    Both directions of a contact share one unit, so that friction coefficients stay what they are.
+    Both directions of a contact share one unit, so that friction coefficients stay the same.
     """
     x, y, most = np.ones(n), np.zeros(2 * contacts + limited), 0.0
     for i in range(n):

@@ -3,7 +3,7 @@
 Algorithm: a sequence of problems in which each force yields a little about its last value, R + rho and
 w - rho lambda, so that its contact modes have one answer each; every one is solved by Newton's method on the
 modes, in velocities alone (W^T (R + rho)^-1 W + H is as large as there are coordinates, however many contacts
-there are). rho falls while the modes settle and rises when they do not; what it adds vanishes at the end.
+there are). rho falls while the modes settle and rises when they do not; the added yield vanishes at the end.
 Sources: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; Carpentier, Montaut, Le Lidec: From compliant
 to rigid contact simulation, RSS 2024.
 Accepts: planar problems (d = 2), H positive definite. Promises: nothing but the residual that it returns; it
@@ -78,7 +78,7 @@ def solve_proximal(
         found = residual(problem, n, contacts, limited, v, force, tau)
         rests = _moved(contacts, limited, force, tau, centre) <= STILL
         rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
-        # Where a smaller rho does not help, what is left is rounding.
+        # Where a smaller rho does not help, the rest is rounding.
         if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
         collect(contacts, limited, force, tau, centre)

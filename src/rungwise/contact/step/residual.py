@@ -1,13 +1,13 @@
 """Residual of a candidate solution, from the problem alone: no solver has a say in it.
 
 Each equation is measured against the largest term of its kind, so that the residual is free of units, also
-where coordinates of different units meet: each balance row against its own terms and what the largest contact
-force L could do in it, velocities against U, the largest velocity term of the contact rows but no less than
-the problem's quantum, forces against L. Signorini is the natural map min(u_n / U, lambda_n / L); friction is
-lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L
-is at least `_FLOOR` of the force that would change a contact's speed by U, so that forces of rounding size
-count as none; and where U is only rounding beside the change of speed that L causes, it is `_REST` of that
-change, so that things may rest.
+where coordinates of different units meet: each balance row against its own terms and the largest term that
+the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
+rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
+lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
+lambda_n / L (exact cone). L is at least `_FLOOR` of the force that would change a contact's speed by U, so
+that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
+causes, it is `_REST` of that change, so that things may rest.
 """
 
 from __future__ import annotations

@@ -175,7 +175,7 @@ class Assembly:
         faster: Array | None = None,
     ) -> dict[str, Array]:
         """Data of the problem from `start`, contacts in the order held, with their `gap`, `stiffness` and
-        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are those held.
+        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are the held gaps.
 
         Raises ModelError when other points touch than the held contacts.
         """

@@ -216,7 +216,8 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
 
 @rare_kernel
 def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scratch: Scratch) -> None:
-    """Linearise about the trial state: gaps and errors of joints less what the trial velocity contributed."""
+    """Linearise about the trial state: gaps and errors of joints less the contribution of the trial
+    velocity."""
     for r in range(drives, limited):
         for j in range(scratch.v_new.shape[0]):
             terms.error[r, 0] += h * terms.limited[r, j] * scratch.v_new[j]

@@ -37,7 +37,7 @@ MAX_HALVINGS = 60
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 PAUSE = 2.0
-"""An approach no faster than what loads cause in so many nominal steps does not bounce."""
+"""Nominal steps: an approach no faster than loads cause within them does not bounce."""
 
 
 @kernel
@@ -213,6 +213,7 @@ def _note_leap(records: Records, h: float, state: State) -> None:
 def _shorter(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> float:
-    """The next step to try after a refusal: up to the first contact to close, or else half of it."""
+    """The next step to try after a refusal: up to the first contact to close, or else half of the refused
+    step."""
     landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, math.inf)
     return landing if landing < 0.999 * h else 0.5 * h

@@ -53,7 +53,7 @@ class Course(Block):
     horizon     (1,)            time to look ahead; none where it is 0
     known       (1,)            whether `speed` is filled for this look
     speed       (bodies, 3)     velocity of the centre, and rate of turning
-    pose, outline               of what is placed ahead
+    pose, outline               of the shapes placed ahead
     points (2, 5), features (2,) of a pair placed ahead
     """
 

@@ -21,7 +21,7 @@ def place(
     outline: Reals,
     fixed_too: bool,
 ) -> None:
-    """Fill `pose` and `outline` at q; those of bodies without coordinates only if `fixed_too`."""
+    """Fill `pose` and `outline` at q; rows of bodies without coordinates only if `fixed_too`."""
     for b in range(bodies.shape[0]):
         body = bodies[b]
         if body.motion == FIXED and not fixed_too:
