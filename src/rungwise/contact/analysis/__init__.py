@@ -1,1 +1,1 @@
-"""What solutions tell: all solutions of a problem, closure, sensitivities."""
+"""All solutions of a problem, closure, sensitivities."""

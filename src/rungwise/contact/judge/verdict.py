@@ -53,7 +53,7 @@ class Residuals:
 
     @property
     def worst(self) -> float:
-        """The residual to hold against a tolerance: the larger of `natural` and `balance`."""
+        """The residual to hold against a tolerance."""
         return max(self.natural, self.balance)
 
 

@@ -43,7 +43,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
 
 @np.errstate(all="ignore")
 def solve_patiently(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The best iterate x (N,) and the subproblems tried, as `solve`, but going on where progress is slow."""
+    """The answer of `solve`, but going on where progress is slow."""
     return _followed(system, start, tol, work, _PATIENT, math.inf)
 
 

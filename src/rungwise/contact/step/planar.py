@@ -92,7 +92,7 @@ def solve_planar(
 
 @rare_kernel
 def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
-    """Set all forces and velocities to zero, contacts open and limited rows held."""
+    """Set forces and velocities to zero, contacts open."""
     v[:] = 0.0
     for k in range(contacts):
         mode[k] = OPEN
