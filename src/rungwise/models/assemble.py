@@ -87,7 +87,7 @@ def assemble(
 
 @kernel
 def _fill_metric(terms: Terms, free: Ints, n: int, problem: ContactProblem) -> None:
-    """Kinematic rung: the slowest admissible motion in the unit-mass metric."""
+    """Fill in H and c on the kinematic rung: the slowest admissible motion in the unit-mass metric."""
     for i in range(n):
         problem.c[i] = 0.0
         for j in range(n):

@@ -18,7 +18,7 @@ from rungwise.viewing.extent import bounds, largest_force, receives_first
 PAGE = files("rungwise.viewing") / "page"
 SCRIPTS = ("unpack.js", "data.js", "stage.js", "charts.js", "player.js")
 LARGEST = 4_500_000
-"""Bytes of a file: frames are left out, evenly, until it is no larger."""
+"""Bytes of a file: frames are left out, evenly, until the file is no larger."""
 CURVES = 8
 """Most contacts that are drawn as curves: the contacts with the largest forces, then the nearest."""
 

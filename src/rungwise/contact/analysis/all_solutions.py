@@ -134,7 +134,8 @@ class _Holding:
         self._seen: dict[Demands, tuple[Array | None, int | None]] = {}
 
     def point(self, mode: Mode) -> tuple[Array | None, int | None]:
-        """A point that proves the mode held; else the contact that prevents it most, if forces prevent it."""
+        """A point that proves the mode held; else the contact that prevents this most, if forces prevent
+        it."""
         needed = demands(self.system, self.piece.point, self.piece.mode, mode)
         if needed is None:
             return None, None

@@ -28,7 +28,8 @@ def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0
 
 
 def natural_parts(system: System, x: Array) -> Array:
-    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
+    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where the map is not
+    finite."""
     s, y, out = system, np.empty(system.size), np.empty(system.size)
     all_rates(s, x, s.b, 0.0, y)
     distance_at(y, x, s.mu, s.directions, s.lower, s.upper, out)

@@ -16,7 +16,7 @@ from rungwise.kernel import Reals, inner_kernel
 
 @inner_kernel
 def solve_contact(block: Reals, shift: float, b: Reals, mu: float, accuracy: float, x: Reals) -> None:
-    """Solve one contact, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
+    """Solve one contact with rates (block + shift) x + b; block (d, d); x (d,) holds a guess at first."""
     d = len(x)
     if b[0] >= 0.0 or d == 1 or mu == 0.0:
         x[0] = max(0.0, -b[0] / (block[0, 0] + shift))

@@ -63,7 +63,7 @@ def solve_mode(
     matrix: Reals,
     order: Ints,
 ) -> bool:
-    """A solution of the linear equations of `mode`, inequalities aside; whether it is the only one."""
+    """Solve the linear equations of `mode`, inequalities aside; returns whether the solution is unique."""
     size = _assemble(problem, n, contacts, limited, mode, v, force, tau, matrix)
     regular = solve_in_place(matrix, size, 1, order) == size
     _unpack(problem, n, contacts, limited, mode, size, matrix, v, force, tau)

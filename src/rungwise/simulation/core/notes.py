@@ -15,7 +15,7 @@ _FIELDS = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F", "quantum")
 
 @dataclass(frozen=True, eq=False)
 class Note:
-    """A step's problem and how it went: `stage` is where `solve_planar` ended, v (n,) its answer."""
+    """A step's problem and its solution: `stage` is the last stage of `solve_planar`, v (n,) its answer."""
 
     status: int
     stage: int

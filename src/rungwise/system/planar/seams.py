@@ -191,7 +191,7 @@ def continue_each_other(a: Record, b: Record, seams: Seams) -> bool:
 
 @kernel
 def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
-    """Link edge i to edge m if it continues there in the same line."""
+    """Link edge i to edge m if edge i continues there in the same line."""
     j = seams.ends[i]
     if not math.hypot(outline[m, 0] - outline[j, 0], outline[m, 1] - outline[j, 1]) <= near:
         return False
