@@ -55,7 +55,7 @@ class Block:
 
 
 class Layout(NamedTuple):
-    """What a block looks like: its name, and the names of its fields and their kinds."""
+    """The layout of a block: its name, the names of its fields, and their kinds."""
 
     name: str
     fields: tuple[str, ...]
@@ -63,7 +63,8 @@ class Layout(NamedTuple):
 
 
 Kind: TypeAlias = tuple[np.dtype[Any], int, bool] | Layout
-"""Of an array: its type, its dimensions, and whether it may be written into."""
+"""The kind of a field: a block's layout or, of an array, its type, dimensions, and whether it is
+writeable."""
 
 
 def _header(value: np.ndarray[Any, Any] | Block) -> list[int]:

@@ -1,4 +1,4 @@
-"""What every refusal of wrong input has in common."""
+"""The common base of all errors about wrong input."""
 
 from __future__ import annotations
 

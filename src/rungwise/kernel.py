@@ -1,8 +1,8 @@
 """The one compile decorator.
 
 Every hot function of the package is a *kernel*: arrays in, arrays out, compiled when it is first called. With
-the environment variable NUMBA_DISABLE_JIT=1 kernels are the plain functions that they are written as. How
-they are compiled stands in `rungwise.compilation`, which this module loads when the first kernel is called.
+the environment variable NUMBA_DISABLE_JIT=1 kernels are plain Python functions. The package
+`rungwise.compilation`, which this module loads when the first kernel is called, compiles them.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def record_type(integers: str, reals: str) -> np.dtype[np.void]:
 
 
 class Kernel:
-    """A function that is compiled for the types of its arguments; a part, for compiled code that contains it
-    instead of calling it."""
+    """A function that is compiled for the types of its arguments; if a part, compiled code contains the
+    function instead of calling it."""
 
     def __init__(self, function: Callable[..., object], is_part: bool, **options: object) -> None:
         update_wrapper(self, function)
@@ -99,8 +99,8 @@ def rare_kernel(function: F) -> F:
 
 
 def imported_kernel(module: str) -> Callable[[F], F]:
-    """Stand for the kernel of the same name and signature in `module`, which is imported when it is first
-    called: for what few runs need, and what is long to import."""
+    """Stand for the kernel of the same name and signature in `module`, imported at its first call: for code
+    that few runs need and that takes long to import."""
 
     def declare(function: F) -> F:
         def imported(*arguments: object) -> object:
@@ -114,7 +114,7 @@ def imported_kernel(module: str) -> Callable[[F], F]:
 
 
 def inner_kernel(function: F) -> F:
-    """A kernel that becomes a part of each that calls it, where a call would take as long as the work."""
+    """A kernel that becomes a part of each caller, where a call would take as long as the work."""
     return _compile(function, True, forceinline=True)
 
 
@@ -124,13 +124,13 @@ def summing_kernel(function: F) -> F:
 
 
 def linking_time() -> float:
-    """Seconds that this thread has spent, within compiled code, on loading and compiling what it calls."""
+    """Seconds that this thread has spent, within compiled code, on loading and compiling called kernels."""
     calls = sys.modules.get("rungwise.compilation.calls")
     return 0.0 if calls is None else float(calls.thread.seconds)
 
 
 def _is_private(function: Callable[..., object]) -> bool:
-    """Whether it belongs to one module, or to one function there."""
+    """Whether the function belongs to one module, or to one function there."""
     return function.__name__.startswith("_") or "<" in function.__qualname__
 
 

@@ -1,6 +1,6 @@
 """Every way a run can end: code, exit code and advice, in one table.
 
-The codes are what kernels return; the texts are what people read.
+Kernels return the codes; people read the texts.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import IntEnum
 
 
 class Code(IntEnum):
-    """Outcome of a run. `RUNNING` is the only one that is not final."""
+    """Outcome of a run. Only `RUNNING` is not final."""
 
     RUNNING = 0
     GOAL = 1
@@ -29,7 +29,7 @@ class Code(IntEnum):
 class Outcome:
     """How a run ended.
 
-    `exit_code` is that of the command line: 0 the answer is positive, 1 negative, 2 bad input.
+    `exit_code` is the exit code of the command line: 0 the answer is positive, 1 negative, 2 bad input.
     """
 
     code: Code

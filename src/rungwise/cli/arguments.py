@@ -1,4 +1,4 @@
-"""Arguments that several commands take, and what they mean."""
+"""Arguments that several commands take, and their meanings."""
 
 from __future__ import annotations
 
@@ -68,7 +68,8 @@ def intervals(option: str, text: str) -> tuple[list[str], dict[str, tuple[float,
 
 
 def writable(folder: Path) -> None:
-    """Refuse a folder in which nothing can be written, by trying; what this makes is removed again."""
+    """Refuse a folder in which nothing can be written, by trying; folders made by the trial are removed
+    again."""
     missing: list[Path] = []
     try:
         missing = [path for path in (folder, *folder.parents) if not path.exists()]

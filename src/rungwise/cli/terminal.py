@@ -1,4 +1,4 @@
-"""What commands print, and how they refuse."""
+"""Output of commands, and their refusals."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""How kernels become machine code: all that knows numba; loaded when the first kernel is called."""
+"""Compilation of kernels: all modules that know numba, loaded when the first kernel is called."""

@@ -42,7 +42,8 @@ class BlockType(types.Type):
 
 @cache
 def block_type(name: str, names: tuple[str, ...], kinds: tuple[Kind, ...]) -> BlockType:
-    """Looked up by what numpy knows: asking numba for each array would take most of a run's set-up."""
+    """Numba's type of a block, looked up by numpy's types: asking numba for each array would take most of a
+    run's set-up."""
     fields: list[tuple[str, types.Type, int]] = []
     word = 0
     for field, kind in zip(names, kinds, strict=True):

@@ -58,9 +58,9 @@ def _roots() -> tuple[Path, Path]:
 
 @cache
 def _sources(module: str) -> frozenset[Path]:
-    """Files of `module` and of all that it imports from the package.
+    """Files of `module` and of all modules that it imports from the package.
 
-    For a module outside the package every file of the package, and those that lie beside the module's own.
+    For a module outside the package: every file of the package, and the files beside the module's own file.
     """
     found: set[Path] = set()
     waiting = [module]
@@ -98,7 +98,8 @@ def _file(module: str) -> Path | None:
 
 
 class KernelCache(_Cache):
-    """The compiled forms of one function, a file for each; `kind` tells apart what is compiled differently.
+    """The compiled forms of one function, a file for each; `kind` tells apart kernels that are compiled
+    differently.
 
     A file that is missing, cut off or unreadable is compiled again; where none can be written, all goes on.
     """
@@ -131,7 +132,7 @@ class KernelCache(_Cache):
             draft.replace(file)
 
     def _file(self, signature: Any, target: Any) -> Path:
-        """Named by what numba's own cache looks up: the types, and the processor."""
+        """The file named by the keys of numba's own cache: the types, and the processor."""
         key = f"{self._name} {signature} {target.codegen().magic_tuple()}"
         return self._folder / f"{self._name.removeprefix('rungwise.')}.{_short(key)}"
 

@@ -5,8 +5,8 @@ of nested kernels the innermost is compiled as often as there are ways to reach 
 once, when it is first called. Compiled code reaches it through a *cell*, a pointer in the caller's own data
 that is null at first. A call that finds null asks `_link` for the address, with the kernel's name and types
 of arguments, which lie beside the cell; `_link` loads or compiles the kernel and fills the cell. So code that
-never runs is never compiled, and code from the cache brings all that it needs to find what it calls. Types of
-results are taken from annotations, so that a caller can be compiled before what it calls.
+never runs is never compiled, and code from the cache brings all data for finding the kernels it calls. Types
+of results are taken from annotations, so that a caller can be compiled before the kernels it calls.
 
 Private kernels of a module, inner kernels, and the few kernels that return arrays become parts of their
 callers, as numba does it.
@@ -41,11 +41,11 @@ _SCALARS = {"int": types.int64, "float": types.float64, "bool": types.boolean, "
 
 
 class LinkError(RuntimeError):
-    """Compiled code could not be given what it calls; the reason is kept in `thread`."""
+    """Compiled code could not be linked to a kernel that it calls; the reason is kept in `thread`."""
 
 
 class Thread(threading.local):
-    """What linking did in a thread: why it failed last, and how long it took in all."""
+    """Linking in a thread: the reason of its last failure, and its time in all."""
 
     error: BaseException | None = None
     seconds: float = 0.0
@@ -55,7 +55,7 @@ thread = Thread()
 
 
 def result_type(function: Callable[..., object]) -> Any:
-    """Numba's type of what an annotated kernel returns; None where it is not made of scalars."""
+    """Numba's type of the result of an annotated kernel; None where the result is not made of scalars."""
     given = function.__annotations__.get("return", "")
     annotation = given.__name__ if isinstance(given, type) else str(given).replace(" ", "")
     if not annotation.startswith("tuple["):
@@ -77,7 +77,7 @@ class KernelDispatcher(CPUDispatcher):
         return super().compile(self._returns(*arguments) if self._returns else tuple(arguments))
 
     def address(self, arguments: tuple[Any, ...]) -> int:
-        """Of the machine code for these types of arguments; loaded or compiled now if need be."""
+        """Address of the machine code for these types of arguments; loaded or compiled now if need be."""
         self.compile(arguments)
         compiled = self.overloads[arguments]
         return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
@@ -113,7 +113,7 @@ def type_of(kernel: Kernel) -> Any:
 
 
 def _caller(key: bytes) -> Callable[..., Any]:
-    """What writes a call through a cell."""
+    """The function that writes a call through a cell."""
 
     def write(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         convention, module = context.call_conv, builder.module
@@ -140,7 +140,7 @@ def _caller(key: bytes) -> Callable[..., Any]:
 
 @ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p)
 def _link(key: int, size: int, cell: int) -> int:
-    """Fill a cell; 1, or 0 where that fails, with the reason kept."""
+    """Fill a cell; returns 1, or 0 where linking fails, with the reason kept."""
     began = time.perf_counter()
     try:
         module, name, arguments = pickle.loads(ctypes.string_at(key, size))

@@ -43,7 +43,7 @@ class Progress:
             self.seconds += time.perf_counter() - self._began
 
     def reset(self) -> None:
-        """After a compilation that did not end."""
+        """Forget a compilation that did not end."""
         self._depth = 0
 
 

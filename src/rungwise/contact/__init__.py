@@ -1,1 +1,1 @@
-"""Contact problems: what they are, how they are solved, how a solution or its absence is judged."""
+"""Contact problems: their form, their solvers, and the judgement of a solution or of its absence."""

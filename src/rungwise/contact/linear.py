@@ -1,9 +1,9 @@
 """Gaussian elimination.
 
 With complete pivoting, for the small and possibly singular systems of contact modes: promises the solution of
-a regular system to rounding, and for a singular but consistent one a solution whose dependent unknowns are
-zero; whether it is one is for the residual to say. With row pivoting and factors that are kept, for regular
-systems; it skips zeros.
+a regular system to rounding, and for a singular but consistent one a vector whose dependent unknowns are
+zero; the residual says whether it is a solution. With row pivoting and factors that are kept, for regular
+systems; this variant skips zeros.
 """
 
 from __future__ import annotations
@@ -122,7 +122,8 @@ def factorise(a: Reals, size: int, order: Ints) -> bool:
 
 @inner_kernel
 def _pivot(a: Reals, k: int, size: int, order: Ints) -> bool:
-    """Bring the largest of column k up, and replace it by one over it; False if it is zero."""
+    """Bring the largest entry of column k up, and replace it by its reciprocal; False if the entry is
+    zero."""
     row, largest = k, abs(a[k, k])
     for i in range(k + 1, size):
         if abs(a[i, k]) > largest:
@@ -167,7 +168,8 @@ def substitute(a: Reals, size: int, order: Ints, x: Reals) -> None:
 
 @kernel
 def substitute_transposed(a: Reals, size: int, order: Ints, x: Reals) -> None:
-    """Solve with the transposed of what `factorise` was given for the right-hand side x (size,), in place."""
+    """Solve with the transpose of the matrix that `factorise` took for the right-hand side x (size,), in
+    place."""
     for i in range(size):
         x[i] *= a[i, i]
         for j in range(i + 1, size):
@@ -183,7 +185,7 @@ def substitute_transposed(a: Reals, size: int, order: Ints, x: Reals) -> None:
 
 @summing_kernel
 def substitute_many(a: Reals, size: int, order: Ints, x: Reals) -> None:
-    """As `substitute`, row by row: faster where there are more than a few tens."""
+    """Solve as `substitute` does, row by row: faster where there are more than a few tens of rows."""
     _exchange_rows(size, order, x)
     for i in range(size):
         left, total = a[i, :i], x[i]

@@ -5,10 +5,11 @@
     contact i, normal first:  0 <= x_n  _|_  y_n >= 0,   x_t in argmin over |x_t| <= mu x_n of y_t . x_t
     other j:                  lower <= x <= upper, and y = 0 inside, y >= 0 at lower, y <= 0 at upper
 
-Everything is this with values fixed: an LCP has no contacts and limits (0, inf); a free unknown (a velocity,
-the force of a joint) has limits (-inf, inf) and so y = 0; dry friction or a drive has limits (-F, F). A need
-be neither symmetric nor regular, and may be sparse. Source of the law: Acary, Bremond, Huber, in Advanced
-Topics in Nonsmooth Dynamics (2018), chapter 10; De Saxce and Feng, Math. Comput. Modelling 28 (1998) 225-245.
+Every problem has this form with some values fixed: an LCP has no contacts and limits (0, inf); a free unknown
+(a velocity, the force of a joint) has limits (-inf, inf) and so y = 0; dry friction or a drive has limits
+(-F, F). A need be neither symmetric nor regular, and may be sparse. Source of the law: Acary, Bremond, Huber,
+in Advanced Topics in Nonsmooth Dynamics (2018), chapter 10; De Saxce and Feng, Math. Comput. Modelling 28
+(1998) 225-245.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class Problem:
             raise ValueError(f"velocities: must be 0 to {len(self.lower)}, not {self.velocities!r}")
 
     def _lock(self) -> None:
-        """What is prepared from a problem is kept, so its numbers are its own and stay."""
+        """Lock the numbers, as own copies: systems prepared from a problem are kept."""
         for name in ("A", "b", "mu", "lower", "upper"):
             own = getattr(self, name).copy()
             for array in (own.data, own.indices, own.indptr) if sp.issparse(own) else (own,):
@@ -94,12 +95,12 @@ class Problem:
 
     @property
     def is_boxes(self) -> bool:
-        """Whether it has no contacts and no free unknowns: an LCP, a relay, limits alone."""
+        """Whether the problem has no contacts and no free unknowns: an LCP, a relay, limits alone."""
         return len(self.mu) == 0 and len(self.lower) > 0 and not self.free.any()
 
     @property
     def demands(self) -> Array:
-        """b of contacts and of other unknowns but velocities and fixed ones: the rates that are demanded."""
+        """The demanded rates: b of contacts and of other unknowns, except velocities and fixed unknowns."""
         asked = self.lower < self.upper
         asked[: self.velocities] = False
         return np.asarray(self.b[np.concatenate([np.ones(self.rows, bool), asked])])
@@ -184,7 +185,7 @@ class Problem:
 
     @classmethod
     def of(cls, problem: Problem | ContactProblem) -> Problem:
-        """The problem itself, or that of a step; ValueError for anything else."""
+        """The problem itself, or the problem of a step; ValueError for anything else."""
         if isinstance(problem, ContactProblem):
             return cls.of_step(problem)
         if not isinstance(problem, Problem):
@@ -237,7 +238,7 @@ class Problem:
 
 
 def vector(name: str, value: ArrayLike, finite: bool = True) -> Array:
-    """`value` (n,) as contiguous floats; ValueError naming the field when it is not."""
+    """`value` (n,) as contiguous floats; ValueError naming the field when it is no vector."""
     array = numbers(name, value)
     if array.ndim != 1:
         raise ValueError(f"{name}: must have one dimension, not {np.ndim(value)}")
@@ -278,7 +279,7 @@ def matrix(name: str, value: Matrix) -> Matrix:
 
 
 def _rows(name: str, value: Any) -> sp.csr_array:
-    """Of a sparse matrix, whose indices are looked at: what reads them does not."""
+    """Rows of a sparse matrix, whose indices are checked: code that reads the rows does not check them."""
     try:
         if value.format in ("csr", "csc", "bsr"):
             value.check_format(full_check=True)

@@ -1,4 +1,4 @@
-"""What `solve` answers: never more than what was judged or certified."""
+"""The answers of `solve`: never more than has been judged or certified."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rungwise.contact.problem import Array, Problem
 
 class Status(StrEnum):
     """SOLVED within tolerance · JAMMED no rates satisfy the laws, certified · UNSUPPORTED no forces balance
-    the loads, certified · NOT_CONVERGED neither, and the residual says how far off."""
+    the loads, certified · NOT_CONVERGED neither, and the residual says how far off the answer is."""
 
     SOLVED = "solved"
     JAMMED = "jammed"
@@ -45,8 +45,8 @@ class ContactSolution:
     """x (N,) and rates y = A x + b (N,) of the problem, judged.
 
     `certificate` is there when the status is JAMMED or UNSUPPORTED; x is then the least violation met.
-    `massless`: judged beside what is demanded, for inertia is next to none (see `system`); the certificate
-    is then one of `scaled(problem, massless=True)`.
+    `massless`: judged beside the demanded rates, for inertia is next to zero (see `system`); the certificate
+    is then a certificate of `scaled(problem, massless=True)`.
     """
 
     problem: Problem
@@ -76,7 +76,7 @@ class ContactSolution:
 
     @property
     def z(self) -> Array:
-        """Unknowns that are neither contact forces nor velocities: those of LCPs, joints, limited rows."""
+        """Unknowns that are neither contact forces nor velocities: unknowns of LCPs, joints, limited rows."""
         return self.x[self.problem.rows + self.problem.velocities :]
 
     @property

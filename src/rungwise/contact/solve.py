@@ -50,15 +50,15 @@ def solve(
     start: Array | None = None,
     solvers: tuple[str, ...] | None = None,
 ) -> ContactSolution:
-    """Solve a contact problem of any kind; see `Problem` for what there is.
+    """Solve a contact problem of any kind; see `Problem` for the kinds.
 
     The answer is SOLVED only if its residual (`Residuals.worst`, without unit) is within `tol`; JAMMED and
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
-    given as assembled, is first solved as a run would.
-    However hard a problem is, no more is done than `Work` allows.
+    given as assembled, is first solved as in a run. However hard a problem is, solvers do no more work than
+    `Work` allows.
 
-    Raises ValueError naming what is wrong with the arguments.
+    Raises ValueError naming the argument that is wrong.
     """
     assembled = problem if isinstance(problem, ContactProblem) else None
     problem = Problem.of(problem)
@@ -124,7 +124,7 @@ def solve(
 
 
 class _Answer(NamedTuple):
-    """x (N,) and its rates, judged; or the least that was met of what is proved not to be."""
+    """x (N,) and its rates, judged; with a proof that there is no solution, the x of least residual met."""
 
     x: Array
     y: Array
@@ -146,7 +146,7 @@ def _as_it_is(problem: Problem, system: System, x: Array) -> _Answer:
 
 
 def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
-    """The answer x; or what it becomes in the rows as they were given, where it is not within `tol`."""
+    """The answer x; or, where x is not within `tol`, the answer sharpened in the rows as they were given."""
     answer = _as_it_is(problem, system, x)
     if answer.residual > tol and (sharp := sharpened(problem, system, x)) is not x:
         other = _as_it_is(problem, system, sharp)
@@ -177,7 +177,7 @@ def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work:
 
 
 def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
-    """The answer with its rates refined, where that is within `tol` too."""
+    """The answer with its rates refined, where the refined answer is within `tol` too."""
     if answer.residual > tol:
         return answer
     finer = refined(problem, system, answer.x, tol)
@@ -188,14 +188,14 @@ def _finer(problem: Problem, system: System, answer: _Answer, tol: float) -> _An
 
 
 def _tells(problem: Problem, system: System, answer: _Answer, tol: float) -> bool:
-    """Whether the residual says something of the rates that there are, beside those without forces."""
+    """Whether the residual says something of the rates of the answer, beside the rates without forces."""
     return answer.residual <= tol and rate_error(problem, system, answer.x) <= tol
 
 
 def _without_inertia(
     problem: Problem, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
-    """The answer in which what is demanded decides, or a proof."""
+    """The answer in which the demanded rates decide, or a proof."""
     system = scaled(problem, massless=True)
     own, attempts = _run(chain, system, x / system.force, tol, work)
     answer = _judged_scaled(problem, system, own, tol, work)
@@ -210,7 +210,7 @@ def _is_open(answer: _Answer, tol: float) -> bool:
 
 
 def demands_little(given: Problem | ContactProblem, system: System) -> bool:
-    """Whether what is demanded is next to nothing beside the rates without forces, and yet no noise."""
+    """Whether demanded rates are next to nothing beside the rates without forces, and yet no noise."""
     if isinstance(given, ContactProblem):
         rates = np.abs([*given.w, *given.w_s[given.F > 0.0]])
         return bool(rates.max(initial=0.0) > given.quantum) and system.demanded < SMALL
@@ -218,7 +218,7 @@ def demands_little(given: Problem | ContactProblem, system: System) -> bool:
 
 
 def is_kinematic(problem: Problem, proof: Infeasible) -> bool:
-    """Whether a proof of the massless system weighs no balance of forces, and so is one of any inertia."""
+    """Whether a proof of the massless system weighs no balance of forces, and so holds for any inertia."""
     balance = slice(problem.rows, problem.rows + problem.velocities)
     return not any(p[balance].any() for p in proof.vectors)
 
@@ -231,7 +231,7 @@ def _last_resort(
     tol: float,
     work: Work,
 ) -> tuple[_Answer, list[Attempt]]:
-    """What branching, all unknowns, and other units make of an answer that is not within `tol`."""
+    """The answer after branching, all unknowns, and other units, where it was not within `tol`."""
     attempts: list[Attempt] = []
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
@@ -258,8 +258,8 @@ def _last_resort(
 def _in_all_unknowns(
     problem: Problem, system: System, chain: tuple[ModuleType, ...], x: Array, tol: float, work: Work
 ) -> tuple[_Answer, list[Attempt]]:
-    """What the chain comes to where nothing is eliminated: beside a light body, the rates of a heavy one are
-    lost in the sums of the condensed form."""
+    """The chain's answer where nothing is eliminated: beside a light body, the rates of a heavy one are lost
+    in the sums of the condensed form."""
     whole = uneliminated(problem)
     own, attempts = _run(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
     work.spend(_ASIDE * work.left - part.left)
@@ -287,7 +287,7 @@ def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work
 def _in_other_units(
     problem: Problem, chain: tuple[ModuleType, ...], tol: float, work: Work
 ) -> tuple[Array, list[Attempt]]:
-    """What the chain comes to with units for rows and for unknowns, each of its own."""
+    """The chain's answer with separate units for rows and for unknowns."""
     A, per_row, unit = sp.csr_array(problem.A), np.ones(len(problem.b)), np.ones(len(problem.b))
     size = abs(A)
     for _ in range(_ROUNDS):
@@ -315,7 +315,7 @@ def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
 def _run(
     chain: tuple[ModuleType, ...], system: System, x: Array, tol: float, work: Work
 ) -> tuple[Array, list[Attempt]]:
-    """The best x that the chain came to, and who did what."""
+    """The best x of the chain, and the part of each solver."""
     attempts: list[Attempt] = []
     least = natural(system, x)
     for solver in chain:
@@ -334,7 +334,8 @@ def _run(
 
 
 def _apart(solver: ModuleType, system: System, x: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """What a solver makes of the islands that are not solved, one by one, and the most iterations of one."""
+    """The x after a solver worked on the islands that are not solved, one by one, and the most iterations of
+    one."""
     apart = islands(system) if system.size > _WORTH and solver is not gauss_seidel else None
     if apart is None:  # or the solver does so itself, compiled
         found: tuple[Array, int] = solver.solve(system, x, tol, work)

@@ -11,8 +11,8 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     w_t = -(R K delta)_t + W_p v_p
 
     rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree;
-    what overlaps comes apart in no less than a pause, however short the step, or it would be thrown, and what
-    joints hold closes in no less than half a pause)
+    overlapping bodies come apart in no less than a pause, however short the step, or they would be thrown,
+    and open joints close in no less than half a pause)
     restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
 """
 
@@ -90,7 +90,7 @@ def assemble(
 
 @kernel
 def _fill_metric(terms: Terms, free: Ints, n: int, problem: ContactProblem) -> None:
-    """Kinematic rung: the slowest admissible motion in the unit-mass metric."""
+    """Fill in H and c on the kinematic rung: the slowest admissible motion in the unit-mass metric."""
     for i in range(n):
         problem.c[i] = 0.0
         for j in range(n):
@@ -141,7 +141,7 @@ def lean(
     """Move the assembled step from rest to `wish` (n_v,): c += eps M wish / h, or metric wish (kinematic).
 
     Of the motions that order 0 admits the solution is then the one nearest to `wish`; where nothing resists
-    (eps = 1) contact forces vanish in the limit, and friction has no say in which one that is.
+    (eps = 1) contact forces vanish in the limit, and friction has no say in which motion that is.
     """
     for i in range(n):
         for j in range(n):
@@ -165,7 +165,7 @@ def carried(rows: Reals, r: int, speed: Reals) -> float:
 @inner_kernel
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause, and no
-    faster than in a fall from a height that counts as none."""
+    faster than in a fall from a height that counts as zero."""
     g = carried(terms.rows, r, speed)
     loaded = 0.0
     for i in range(n):
@@ -181,7 +181,7 @@ def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, e
 
 @kernel
 def _soften(k: int, d: int, h: float, theta: float, terms: Terms, problem: ContactProblem) -> None:
-    """R, and what the deformation at the start contributes to w."""
+    """Fill in R, and the contribution of the deformation at the start to w."""
     for i in range(d):
         for j in range(d):
             problem.R[k, i, j] = theta * h * terms.contact_stiffness[k, i, j] + terms.contact_damping[k, i, j]
@@ -201,7 +201,7 @@ def _soften(k: int, d: int, h: float, theta: float, terms: Terms, problem: Conta
 
 @kernel
 def _invert(a: Reals, d: int) -> None:
-    """Inverse of a positive definite matrix in place (Gauss-Jordan; no pivoting is needed)."""
+    """Invert a positive definite matrix in place (Gauss-Jordan; no pivoting is needed)."""
     for k in range(d):
         pivot = 1.0 / a[k, k]
         a[k, k] = 1.0
@@ -219,12 +219,12 @@ def _invert(a: Reals, d: int) -> None:
 def deform(
     h: float, theta: float, terms: Terms, k: int, force: Reals, problem: ContactProblem, after: Reals
 ) -> None:
-    """Deformation of contact k after the step into `after` (d,).
+    """Write the deformation of contact k after the step into `after` (d,).
 
-    With force it is R (h lambda + (C - (1 - theta) h K) delta).
+    With force the deformation is R (h lambda + (C - (1 - theta) h K) delta).
 
-    Without force it relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta = 1/2 and
-    little damping it would otherwise change sign from step to step for ever.
+    Without force the deformation relaxes fully implicitly, K delta' + C (delta' - delta) / h = 0: with theta
+    = 1/2 and little damping it would otherwise change sign from step to step for ever.
     """
     d = after.shape[0]
     pushed = False

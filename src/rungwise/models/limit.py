@@ -1,7 +1,7 @@
-"""The limit eps -> 0+ in floating point: how much inertia stands for none.
+"""The limit eps -> 0+ in floating point: how much inertia stands for zero inertia.
 
-Order 0 of the limit balances what resists; order 1 lets inertia pick among the motions that balance. Both are
-had at once with an inertia far below every other resistance, and far above the rounding of the forces.
+Order 0 of the limit balances the resistances; order 1 lets inertia pick among the motions that balance. One
+problem gives both with an inertia far below every other resistance, and far above the rounding of the forces.
 Sizes are measured with `heft`, which bounds M.
 """
 
@@ -14,15 +14,15 @@ from rungwise.models.assemble import carried
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
 LIMIT = 1e-8
-"""How small the inertia of the limit eps -> 0+ is, relative to what else resists motion."""
+"""Inertia in the limit eps -> 0+, relative to the other resistances to motion."""
 FAINT = 1e-3
-"""Damping that resists less than this part of the softest contact, as rates, leaves it to inertia which way
-nothing else decides: so far below the stiffness it would be lost in the rounding of contact forces."""
+"""Damping that resists less than this part of the softest contact, as rates, leaves undecided motions to
+inertia: so far below the stiffness damping would be lost in the rounding of contact forces."""
 STIR = 1e3
 """Motion in a step, over the rounding of positions, from which on something under load no longer rests."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
-of what balances the greatest."""
+of the forces that balance the greatest."""
 
 
 @kernel
@@ -40,11 +40,11 @@ def limit_inertia(
     """The eps of a rung: its own, or for the limit 0+ one far below every other resistance to motion.
 
     Each resistance is a rate at which it stops the heaviest body, which contacts may have it push: damping
-    over inertia, a row's resistance times what the row yields to a force, a load over the momentum of the
-    fastest motion demanded. Damping that is faint beside other damping or the loads does not count. With
-    `landing` it does, and eps is so small that what closes any gap within the step still needs no force for
-    it, nor what moves against the faintest damping. Without loads, damping, servos and compliance the limit
-    does not depend on eps, and 1 is exact.
+    over inertia, a row's resistance times the row's yield to a force, a load over the momentum of the fastest
+    motion demanded. Damping that is faint beside other damping or the loads does not count. With `landing` it
+    counts, and eps is so small that a body that closes any gap within the step still needs no force for this,
+    nor a body that moves against the faintest damping. Without loads, damping, servos and compliance the
+    limit does not depend on eps, and 1 is exact.
     """
     if rung[0].metric:
         return 0.0
@@ -93,10 +93,11 @@ def limit_inertia(
 
 @kernel
 def resting_inertia(h: float, terms: Terms, n: int, free: Ints) -> float:
-    """An eps for what rests under load: beside the loads inertia shows in motions beyond `STIR` roundings of
-    positions a step, and in no others.
+    """An eps for bodies at rest under load: beside the loads inertia shows in motions beyond `STIR` roundings
+    of positions a step, and in no others.
 
-    Where damping is faint beside the loads, the rounding of contact forces would otherwise move what rests.
+    Where damping is faint beside the loads, the rounding of contact forces would otherwise move bodies at
+    rest.
     """
     pace = STIR * terms.rounding[0] / h
     return min(1.0, LIMIT * _load_rate(terms, n, free, pace) * h)
@@ -144,7 +145,7 @@ def _greatest_damping(h: float, heaviest: float, terms: Terms, n: int, free: Int
 def _demanded_pace(
     h: float, terms: Terms, contacts: int, limited: int, n: int, free: Ints, speed: Reals, landing: bool
 ) -> float:
-    """Fastest motion, as a length per time, by which a free body alone would meet what one row demands."""
+    """Fastest motion, as a length per time, by which a free body alone would meet the demand of one row."""
     fastest, d = 0.0, terms.contact_stiffness.shape[1]
     for r in range(contacts * d):
         demanded = abs(carried(terms.rows, r, speed))
@@ -161,7 +162,8 @@ def _demanded_pace(
 
 @kernel
 def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
-    """W M^-1 W^T of a row for bodies of mass 1, by the diagonal of M: what its force does to its own rate."""
+    """W M^-1 W^T of a row for bodies of mass 1, by the diagonal of M: the change of its rate by its own
+    force."""
     total = 0.0
     for i in range(n):
         a = free[i]
@@ -171,7 +173,7 @@ def _mobility(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
 
 @kernel
 def _reach(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
-    """Rate of a row per speed of the bodies, at most; what turns moves by its radius of gyration."""
+    """Greatest rate of a row per speed of the bodies; an angle moves by its radius of gyration."""
     total = 0.0
     for i in range(n):
         a = free[i]
@@ -191,7 +193,7 @@ def _answer(rows: Reals, r: int, terms: Terms, n: int, free: Ints) -> float:
 
 @kernel
 def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
-    """The greatest load as a force, and as an acceleration; what turns counts by its radius of gyration."""
+    """The greatest load as a force, and as an acceleration; an angle counts by its radius of gyration."""
     force, acceleration = 0.0, 0.0
     for i in range(n):
         a = free[i]
@@ -203,10 +205,10 @@ def greatest_load(terms: Terms, n: int, free: Ints) -> tuple[float, float]:
 
 @kernel
 def noticed_load(terms: Terms, a: int, force: float, acceleration: float, least: float) -> float:
-    """Load beside which what inertia is left of coordinate a must be small.
+    """Load beside which the remaining inertia of coordinate a must be small.
 
-    It is the coordinate's own, but no less than a part `least` of the greatest; where it has none it is the
-    greatest, as a force or as an acceleration, whichever is less here.
+    This is the coordinate's own load, but no less than a part `least` of the greatest; where the coordinate
+    has no load it is the greatest, as a force or as an acceleration, whichever is less here.
     """
     unit = math.sqrt(terms.heft[a, METRIC])
     greatest = unit * min(force, terms.heft[a, INERTIA] / terms.heft[a, METRIC] * acceleration)

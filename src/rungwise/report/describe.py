@@ -1,4 +1,4 @@
-"""What a scene contains, for `rungwise check`."""
+"""Contents of a scene, for `rungwise check`."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def _freedom(joint: Joint, measures: NDArray[np.void]) -> dict[str, Any]:
 
 
 def describe_text(report: Mapping[str, Any]) -> str:
-    """The same as lines of text."""
+    """The description as lines of text."""
     lines = [f"{report['scene']}: {report['about']}", "bodies"]
     for name, body in report["bodies"].items():
         x, y = body["centre"]

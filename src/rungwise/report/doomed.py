@@ -17,7 +17,7 @@ LAYERS = 4
 
 
 def summary(found: DoomedSet) -> dict[str, Any]:
-    """Bounds, parts of the box, and on which rungs it holds, as `rungwise doomed --json` prints them."""
+    """Bounds, parts of the box, and rungs on which the set holds, as `rungwise doomed --json` prints them."""
     return {
         "scene": found.scene.name,
         "model": found.model.name,
@@ -58,7 +58,8 @@ def text(summary: dict[str, Any]) -> str:
 
 
 def figure(found: DoomedSet, file: str | Path) -> Path:
-    """Slices over the first two states, others fixed; whole or not. Raises OSError."""
+    """Draw slices over the first two states, others fixed; the file appears whole or not at all. Raises
+    OSError."""
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch

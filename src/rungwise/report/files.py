@@ -16,14 +16,14 @@ WRITERS: dict[str, Callable[[FeasibleSet, Path], Path]] = {
 
 
 def check(wanted: Mapping[str, Path | None], axes: int) -> None:
-    """Refuse, before anything is computed, what `write` could not make. Raises SetError."""
+    """Refuse, before anything is computed, files that `write` could not make. Raises SetError."""
     mesh = wanted.get("mesh")
     if mesh is not None:
         check_mesh(mesh, axes)
 
 
 def write(found: Sequence[FeasibleSet], wanted: Mapping[str, Path | None]) -> list[Path]:
-    """Write files by kind (see `WRITERS`), of several sets one for each, by its name. Raises SetError."""
+    """Write files by kind (see `WRITERS`), one for each of several sets, by its name. Raises SetError."""
     written = []
     chosen = {kind: target for kind, target in wanted.items() if target is not None}
     for kind, target in chosen.items():

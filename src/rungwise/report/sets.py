@@ -37,7 +37,7 @@ PIXELS, LAYERS = 400, 3
 
 
 def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
-    """Counts, volumes and what lies between neighbours of the ladder, as `rungwise sets --json` prints them.
+    """Counts, volumes and differences of neighbours on the ladder, as `rungwise sets --json` prints them.
 
     With `certify` > 0, each set is tested at so many fresh points.
     """
@@ -65,7 +65,7 @@ def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
 
 
 def _neighbours(found: Sequence[FeasibleSet]) -> list[tuple[FeasibleSet, FeasibleSet]]:
-    """Pairs to compare: the same rung by what its motions do, and one rung with the next."""
+    """Pairs to compare: sets of one rung for different motions, and one rung with the next."""
     rungs = list(dict.fromkeys(each.model for each in found))
     kinds = list(dict.fromkeys(each.solutions for each in found))
     groups = [[each for each in found if each.model == rung] for rung in rungs]
@@ -104,13 +104,14 @@ def text(summary: dict[str, Any]) -> str:
 
 
 def _name(summary: dict[str, Any]) -> str:
-    """As `FeasibleSet.name`."""
+    """Name of a summarised set, as `FeasibleSet.name`."""
     model, solutions = summary["model"], summary["solutions"]
     return f"{model}" if solutions == SLOWEST else f"{model}, {solutions}"
 
 
 def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
-    """Slices of each set, a row for each, over its first two parameters; whole or not. Raises OSError."""
+    """Draw slices of each set, in one row, over its first two parameters; whole or not at all. Raises
+    OSError."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
@@ -133,7 +134,8 @@ def figure(found: Sequence[FeasibleSet], file: str | Path) -> Path:
 
 
 def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Label]:
-    """Labels over the first two parameters, the others at parts 0..1 of theirs; returns those shown."""
+    """Draw labels over the first two parameters, the others at parts 0..1 of their range; returns the labels
+    shown."""
     from matplotlib.colors import ListedColormap
 
     low, high = found.box.T
@@ -172,7 +174,7 @@ def _fixed(found: FeasibleSet, part: float) -> str:
 
 
 def write_figure(drawing: Figure, file: Path) -> Path:
-    """Save a drawing, whole or not. Raises OSError."""
+    """Save a drawing, whole or not at all. Raises OSError."""
     file.parent.mkdir(parents=True, exist_ok=True)
     mark = file.with_name(f".{uuid.uuid4().hex[:8]}{file.suffix}")
     try:
@@ -184,7 +186,7 @@ def write_figure(drawing: Figure, file: Path) -> Path:
 
 
 def draw_surface(axis: Any, found: FeasibleSet, color: str) -> None:
-    """The boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
+    """Draw the boundary of the feasible part of a set over three parameters into three-dimensional `axis`."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     mesh = boundary(found)

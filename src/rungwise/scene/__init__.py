@@ -1,4 +1,4 @@
-"""Scenes: what a manipulation task is, read from YAML, checked, and bound to numbers."""
+"""Scenes: descriptions of manipulation tasks, read from YAML, checked, and bound to numbers."""
 
 from rungwise.scene.scene import Bound, InvalidScene, Scene, load, schema, shipped
 from rungwise.scene.template import SceneError

@@ -71,7 +71,7 @@ def _derive(records: Records) -> tuple[int, int]:
 
 @kernel
 def origin(body: Record, i: int) -> float:
-    """Value of the body's coordinate i at its pose: 0 but for free bodies."""
+    """Value of the body's coordinate i at its pose: 0 except for free bodies."""
     if body.motion != FREE:
         return 0.0
     if i == body.coordinate:
@@ -81,7 +81,7 @@ def origin(body: Record, i: int) -> float:
 
 @kernel
 def _motion(body: Record, coordinates: RecordArray) -> int:
-    """Unit axis, generalised inertia and metric of the body's coordinates."""
+    """Fill in unit axis, generalised inertia and metric of the body's coordinates."""
     i = body.coordinate
     if body.motion == SLIDE:
         norm = math.hypot(body.axis_x, body.axis_y)

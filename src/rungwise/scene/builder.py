@@ -33,7 +33,7 @@ from rungwise.scene.values import Number, shown
 from rungwise.scene.writer import INF, Writer
 
 MAX_PAIRS = 100_000
-"""Most pairs of shapes that may touch: beyond it, a small file would need all memory."""
+"""Most pairs of shapes that may touch: with more pairs, a small file would need all memory."""
 
 
 def build(scene: SceneFile) -> Template:
@@ -294,7 +294,7 @@ def _vertex_count(shape: Shape) -> int:
 
 
 def _vertices(shape: Shape) -> list[tuple[Number, Number]]:
-    """Core outline before `at` and `angle`; binding fills in those that follow from sizes."""
+    """Core outline before `at` and `angle`; binding fills in vertices that follow from sizes."""
     match shape:
         case Polygon(vertices=vertices):
             return list(vertices)

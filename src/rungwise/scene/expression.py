@@ -5,7 +5,7 @@ functions of `FUNCTIONS`. Nothing is ever evaluated by Python.
 
 A condition compiles to a *signed margin*: ``a <= b`` is ``b - a``, ``and`` the least, ``or`` the greatest,
 ``not`` the negative; it holds where the margin is >= 0. A strict comparison has a negative margin at
-equality. A comparison with what is not a number does not hold.
+equality. A comparison with a value that is not a number does not hold.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ Lookup = Callable[[str, tuple[str, ...]], int | None]
 
 
 class ExpressionError(ValueError):
-    """The text is not an expression of this grammar, or names something unknown."""
+    """The text is not an expression of this grammar, or contains an unknown name."""
 
 
 @dataclass
@@ -74,8 +74,8 @@ def compile_expression(
 ) -> Code:
     """Bytecode of `text`.
 
-    `lookup` resolves names to slots; `names` lists the valid ones for the error message. Raises
-    ExpressionError, with one line that says what is wrong.
+    `lookup` resolves names to slots; `names` lists the valid names for the error message. Raises
+    ExpressionError, with one line that names the fault.
     """
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"longer than {MAX_LENGTH} characters")
@@ -136,7 +136,7 @@ class _Compiler:
                 )
 
     def condition(self, node: ast.expr, needed: bool = False) -> None:
-        """A condition; `needed`: without which the whole one does not hold."""
+        """Compile a condition; `needed`: the whole condition does not hold without it."""
         match node:
             case ast.Compare(left, ops, comparators):
                 operands = [left, *comparators]
@@ -256,7 +256,7 @@ def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals,
 
 @kernel
 def holds(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> bool:
-    """Whether a condition, compiled as above, holds: no more of it is looked at than that takes."""
+    """Whether a condition, compiled as above, holds; evaluation ends once that is known."""
     return _run(code, constants, start, stop, values, stack, True) >= 0.0
 
 

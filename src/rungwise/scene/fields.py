@@ -1,6 +1,6 @@
-"""What a scene file may say: bodies, shapes, motion, drives, contacts, goal (pydantic models).
+"""The fields of a scene file: bodies, shapes, motion, drives, contacts, goal (pydantic models).
 
-Every `Number` is a number or an expression of the scene's parameters (see `expression`); those marked
+Every `Number` is a number or an expression of the scene's parameters (see `expression`); numbers marked
 *timed* may also use the time ``t``. Units are the scene's own, as long as they are consistent.
 """
 
@@ -14,11 +14,11 @@ from pydantic_core import PydanticCustomError
 from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit, shown
 
 ONE, MANY = "<one>", "<many>"
-"""Tags of a field that takes one thing or a list; pydantic puts them into the place of an error."""
+"""Tags of a field that takes one value or a list; pydantic puts them into the place of an error."""
 
 
 def _kinds(*models: type[BaseModel]) -> BeforeValidator:
-    """Requires a mapping whose field `kind` is that of one of `models`."""
+    """Require a mapping whose field `kind` is the kind of one of `models`."""
     kinds = [get_args(model.model_fields["kind"].annotation)[0] for model in models]
     valid = ", ".join(kinds)
 

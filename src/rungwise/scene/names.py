@@ -1,4 +1,4 @@
-"""What a scene's expressions may name, and the programs that they compile to."""
+"""Names that a scene's expressions may use, and the programs that expressions compile to."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `read` collects, for each of `OF_CONTACTS`, the contacts of which some condition reads it.
+    `read` collects, for each function of `OF_CONTACTS`, the contacts for which some condition calls it.
     """
 
     def __init__(

@@ -55,7 +55,7 @@ def _joined(outline: Sequence[Place], pieces: list[list[int]]) -> list[list[int]
 
 
 def _union(outline: Sequence[Place], one: list[int], other: list[int]) -> list[int] | None:
-    """Both pieces as one, if they share an edge and it is convex."""
+    """Both pieces as one, if they share an edge and the union is convex."""
     for k in range(len(one)):
         a, b = one[k], one[(k + 1) % len(one)]
         if b not in other or other[(other.index(b) + 1) % len(other)] != a:

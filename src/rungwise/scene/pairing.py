@@ -15,7 +15,7 @@ from rungwise.scene.values import shown
 
 
 def matched(scene: SceneFile) -> Iterator[tuple[tuple[str, str], int, Contact]]:
-    """Pairs of bodies, each with the number of the first entry that names it, and the entry."""
+    """Pairs of bodies, each with the number of the first entry that names the pair, and the entry."""
     bodies = scene.bodies
     for entry, contact in enumerate(scene.contacts):
         if contact.between[0] == contact.between[1] and contact.between[0] in bodies:

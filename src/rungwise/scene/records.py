@@ -1,6 +1,6 @@
 """A scene as kernels see it: a few record arrays that are views of one flat buffer of float64.
 
-All fields are 8 bytes wide, so that a number's place in the buffer (its *slot*) is all that binding needs.
+All fields are 8 bytes wide, so that binding needs only a number's place in the buffer (its *slot*).
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ BODY = record_type(
     "x y angle axis_x axis_y pivot_x pivot_y mass density inertia centre_x centre_y"
     " force_x force_y torque gyration2",
 )
-"""x, y, angle: the pose, then (bound) that of the centre of mass; gyration2: squared radius of gyration."""
+"""x, y, angle: the pose, then (bound) the pose of the centre of mass; gyration2: squared radius of
+gyration."""
 
 COORDINATE = record_type(
     "body drive has_target limited",
@@ -54,8 +55,8 @@ JOINT = record_type(
     "body_a body_b kind",
     "at_x at_y axis_x axis_y a_x a_y b_x b_y angle lever",
 )
-"""at: in the world at the poses. Bound, a and b: the same in the bodies' frames; axis: in that of a; angle:
-that of b less that of a; lever: a length that makes angles comparable with distances."""
+"""at: in the world at the poses. Bound, a and b: the same in the bodies' frames; axis: in the frame of a;
+angle: the angle of b less the angle of a; lever: a length that makes angles comparable with distances."""
 
 MEASURE = record_type(
     "joint which held drive has_target limited",
@@ -84,7 +85,7 @@ DTYPES = (WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM
 
 
 def allocate(counts: tuple[int, ...]) -> NDArray[np.float64]:
-    """A zeroed buffer for so many records of each kind."""
+    """A zeroed buffer for `counts` records of each kind."""
     return np.zeros(sum(n * dtype.itemsize // 8 for n, dtype in zip(counts, DTYPES, strict=True)))
 
 

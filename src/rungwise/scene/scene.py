@@ -36,7 +36,7 @@ class InvalidScene(SceneError):
 class Bound:
     """A scene with every number known, ready for kernels.
 
-    `values` is what expressions read: parameters, t, q, v, gaps, normal forces, tolerance.
+    Expressions read `values`: parameters, t, q, v, gaps, normal forces, tolerance.
     """
 
     buffer: NDArray[np.float64]
@@ -71,7 +71,8 @@ class Scene:
         return values
 
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
-        """All numbers at these parameters. Raises InvalidScene, naming the field, when that is impossible."""
+        """All numbers at these parameters. Raises InvalidScene, naming the field, when the scene is
+        impossible."""
         template = self.template
         buffer = template.buffer.copy()
         records = rec.views(buffer, template.counts)
@@ -114,9 +115,9 @@ class Scene:
 
 
 def load(source: str | Path | Mapping[str, Any]) -> Scene:
-    """Read a scene: the name of one that ships, the path of a YAML file, or its content as a mapping.
+    """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping.
 
-    Raises SceneError: one line that names the field and what is valid.
+    Raises SceneError: one line that names the field and its valid values.
     """
     if not isinstance(source, str | Path | Mapping):
         raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
@@ -151,7 +152,7 @@ WORDING = {
     "too_short": "must have at least {min_length}, not {actual_length}",
     "too_long": "must have at most {max_length}",
 }
-"""Type of a pydantic error -> what a scene's author reads."""
+"""Type of a pydantic error -> the message for a scene's author."""
 
 _COMPLETE = {
     "missing",
@@ -164,11 +165,11 @@ _COMPLETE = {
     "range",
     "joint",
 }
-"""Errors whose text does not go on with the value that was given."""
+"""Errors whose text does not go on with the given value."""
 
 
 def explain(error: ValidationError, data: object) -> str:
-    """The first error as one line: field, what is wrong, what is valid; and how many more there are."""
+    """The first error as one line: field, fault, valid values; and how many more errors there are."""
     errors = error.errors(include_url=False)
     errors = [
         e for e in errors if e["type"] != "too_short"

@@ -1,4 +1,4 @@
-"""Kinds of values that the fields of a scene file take, and how messages show a wrong one."""
+"""Kinds of values that the fields of a scene file take, and how messages show a wrong value."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ INF = float("inf")
 
 
 class Writer:
-    """Records of so many of each kind, and what is left to compute and to check when a scene is bound."""
+    """Records, `counts` of each kind, and the programs and checks that remain for binding."""
 
     def __init__(self, counts: tuple[int, ...], names: Names) -> None:
         self.counts, self.names = counts, names
@@ -27,7 +27,7 @@ class Writer:
 
     @property
     def checks(self) -> Checks:
-        """The bounds of all numbers put."""
+        """The bounds of all numbers written."""
         slots, low, high, kinds, paths = zip(*self._checks, strict=True)
         return Checks(
             np.array(slots, np.int64), np.array(low), np.array(high), np.array(kinds, np.int64), paths
@@ -47,7 +47,7 @@ class Writer:
         infinite: bool = False,
         timed: bool = False,
     ) -> None:
-        """Store a literal, or keep the program that computes the number; and the bounds that it must keep."""
+        """Store a literal, or keep the program that computes the number; and keep its bounds."""
         target = rec.slot(self.counts, kind, index, field)
         if isinstance(value, str):
             code = self.names.number(value, path, timed)
@@ -61,7 +61,7 @@ class Writer:
         self._checks.append((target, low, at_most, kinds, path))
 
     def drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
-        """What drives a coordinate (kind `coordinates`) or a joint's (`measures`)."""
+        """Write the drive of a coordinate (kind `coordinates`) or of a joint's coordinate (`measures`)."""
         record = getattr(self.records, kind)[index]
 
         def put(field: str, value: Number, source: str, at_least: float = -INF, timed: bool = False) -> None:

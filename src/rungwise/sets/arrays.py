@@ -1,4 +1,4 @@
-"""A set as named arrays, and back."""
+"""Conversion of a set to named arrays, and back."""
 
 from __future__ import annotations
 

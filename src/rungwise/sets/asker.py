@@ -20,7 +20,7 @@ Answer = tuple[int, Ints, Reals]
 
 
 class Runner(Protocol):
-    """Whoever runs batches."""
+    """The interface of objects that run batches."""
 
     def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
         """Run batches of points (m, d); each answer as soon as it is known, in any order.
@@ -43,7 +43,7 @@ class InProcess:
 
 
 class Asker:
-    """Answers in batches; `count` is the number of runs so far, `task` what they are for."""
+    """Answers in batches; `count` is the number of runs so far, `task` their purpose."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class Asker:
         return labels(outcomes), margins
 
     def _known(self, batches: Sequence[Reals]) -> dict[int, tuple[Ints, Reals]]:
-        """Answers that are kept."""
+        """The kept answers among these batches."""
         if self._log is None:
             return {}
         found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}

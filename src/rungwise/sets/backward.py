@@ -16,7 +16,7 @@ CLOSE = 1e-9
 
 def around(values: NDArray[np.float64], padding: int, greatest: bool) -> NDArray[np.float64]:
     """Least or greatest (n1, ..., nd, k) of the values (n1 + 1, ..., nd + 1, k) at the vertices of each cell
-    and of those within `padding` cells; nan is left out, and comes out where there is nothing else."""
+    and of the cells within `padding` cells; nan is left out, and returned where there is nothing else."""
     for axis in range(values.ndim - 1):
         width = [(padding, padding) if k == axis else (0, 0) for k in range(values.ndim)]
         padded = np.pad(values, width, constant_values=np.nan)
@@ -27,7 +27,7 @@ def around(values: NDArray[np.float64], padding: int, greatest: bool) -> NDArray
 
 
 def backward(reaches: Flags, allowed: Flags, first: Ints, last: Ints) -> Flags:
-    """The cells (n1, ..., nd) that reach those where `reaches` holds, on a way through `allowed` ones.
+    """The cells (n1, ..., nd) that reach cells where `reaches` holds, on a way through `allowed` cells.
 
     Cell c, counted in C order, may lead to the boxes first[c, u]..last[c, u] (both (cells, boxes, d)) of
     cells, for each u; a box with first > last is empty.

@@ -1,4 +1,4 @@
-"""What a richer rung loses and gains: two sets over the same box, point by point."""
+"""Losses and gains of a richer rung: two sets over the same box, compared point by point."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from rungwise.sets.store import SetError
 
 @dataclass(frozen=True)
 class Between:
-    """Parts of the box: feasible on both rungs, lost or gained by the richer one; and the error of each.
+    """Parts of the box: feasible on both rungs, lost or gained by the richer rung; and the error of each
+    part.
 
     `error` is one standard error of sampling, sqrt(p (1 - p) / n) at its greatest, 1/2.
     """

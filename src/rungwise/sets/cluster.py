@@ -1,7 +1,7 @@
 """Batches on the workers of a dask scheduler: this machine's or others', reached by its address.
 
 A batch is cut into tasks of about `TASK_S`. The scheduler gives the tasks of a worker that dies to others.
-Runs do not depend on how they are cut, so the answers are those of one process.
+Runs do not depend on how they are cut, so the answers equal the answers of one process.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 TASK_S = 0.3
-"""Seconds of a task: beside them what the scheduler takes, about a millisecond, does not count."""
+"""Seconds of a task: beside them the scheduler's time, about a millisecond, does not count."""
 FIRST_TASK = 32
-"""Runs of a task before it is known how long they take."""
+"""Runs of a task before the time of a run is known."""
 CONNECT_S, PATIENCE_S, POLL_S = 5.0, 15.0, 1.0
 """How long to try to reach the scheduler, to go on without any worker, and between two looks for workers."""
 
 LOGGERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
-"""They, and those below them, would tell in pages what an error of ours tells in a line."""
+"""Loggers to silence, with the loggers below them: they print pages where an error of ours prints a line."""
 KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can be resumed"
 
 
 class Cluster:
-    """Runs batches on a scheduler's workers. Raises SetError when there is none, or none is left."""
+    """Runs batches on a scheduler's workers. Raises SetError when there is no worker, or none is left."""
 
     def __init__(self, address: str, scene: Scene, request: Mapping[str, Any]) -> None:
         self.address = address
@@ -64,7 +64,7 @@ class Cluster:
             logger.setLevel(level)
 
     def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
-        """As `Runner.answers`."""
+        """Run batches as `Runner.answers` does."""
         outcomes = [np.zeros(len(points), np.int64) for points in batches]
         margins = [np.zeros(len(points)) for points in batches]
         left = Counter({number: len(points) for number, points in enumerate(batches)})
@@ -93,7 +93,7 @@ class Cluster:
 
     @contextmanager
     def _asking(self) -> Iterator[None]:
-        """Raises SetError when the connection is lost."""
+        """Raise SetError when the connection is lost."""
         try:
             yield
         except (OSError, asyncio.CancelledError, futures.CancelledError) as error:
@@ -130,7 +130,7 @@ class Cluster:
         return ()
 
     def _result(self, future: Future[Any]) -> tuple[Ints, Reals] | None:
-        """Outcomes and margins; None when the worker that had them is gone, and they are made anew."""
+        """Outcomes and margins; None when their worker is gone, and another makes them anew."""
         error = future.exception() if future.status == "error" else None
         if isinstance(error, SetError):
             raise error
@@ -144,7 +144,7 @@ class Cluster:
         return None
 
     def _learn(self, runs: int, seconds: float) -> None:
-        """Size of the next tasks, from the time that one took."""
+        """Set the size of the next tasks, from the time of one task."""
         self._size = int(np.clip(runs * TASK_S / max(seconds, 1e-9), 1, min(KEPT, 4 * self._size)))
 
 
@@ -162,7 +162,7 @@ def runner(batch: Motions, address: str | None, scene: Scene, request: Mapping[s
 
 
 def version() -> str:
-    """Mark of what runs depend on: the sources of the compiled loop, and numba."""
+    """Mark of the code that runs depend on: the sources of the compiled loop, and numba."""
     return cache_folder("rungwise.simulation.planar.samples").name
 
 

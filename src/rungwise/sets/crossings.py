@@ -1,4 +1,4 @@
-"""Where the boundary crosses the edges of cells of one level, and the plane that it is in each cell."""
+"""Where the boundary crosses the edges of cells of one level, and its plane in each cell."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def edges_of(axes: int) -> tuple[Ints, Ints]:
 def crossing_edges(tree: Tree, level: int) -> Ints:
     """Sorted keys of the edges of a level's mixed leaves whose ends have different labels.
 
-    An edge's key is that of its lower end times the number of axes, plus its axis.
+    An edge's key is the key of its lower end times the number of axes, plus its axis.
     """
     origins = tree.leaves[level]
     origins = origins[tree.is_mixed(origins, level)]
@@ -78,7 +78,8 @@ def solve(tree: Tree, level: int, oracle: Oracle) -> tuple[Ints, Reals]:
 
 
 def _root(a: Reals, b: Reals, at_a: Reals, at_b: Reals) -> Reals:
-    """Where a straight line between margins of opposite sign passes zero; the middle where there is none."""
+    """Where a straight line between margins of opposite sign passes zero; the middle where margins have no
+    opposite sign."""
     with np.errstate(invalid="ignore", divide="ignore"):
         root = a + (b - a) * at_a / (at_a - at_b)
         straddles = np.isfinite(root) & ((at_a >= 0.0) != (at_b >= 0.0))
@@ -129,7 +130,7 @@ def planes(tree: Tree, level: int, keys: Ints, fractions: Reals) -> tuple[Reals,
 
 
 def _sides(corner_labels: Ints, side: Reals) -> Ints:
-    """Labels on both sides of planes, or -1 where corners do not obey."""
+    """Labels on both sides of planes, or -1 where corners contradict their side."""
     result = np.full((len(side), 2), -1, np.int64)
     for k, positive in enumerate((False, True)):
         mine = (side >= 0.0) == positive

@@ -1,13 +1,14 @@
 """States from which no input within bounds reaches the goal, by backward reachability over cells.
 
 A grid covers a box of states. From each of its vertices runs of one macro-step are made, for a grid of the
-inputs. What a cell may lead to is, for each of these inputs, the cell moved by the displacements of its
-vertices and of those of its neighbours: by all between the least and the greatest in each coordinate. Cells
-from which no chain of such steps leads to a cell about which a run met the goal are doomed. What leaves the
-box, and what a run did not decide, counts as reaching the goal.
+inputs. A cell may lead, for each of these inputs, to the cell moved by the displacements of its vertices and
+of its neighbours' vertices: by all between the least and the greatest in each coordinate. Cells from which no
+chain of macro-steps leads to a cell about which a run met the goal are doomed. A state that leaves the box,
+or that a run did not decide, counts as reaching the goal.
 
 So the doomed set is found too small rather than too large, as far as the vertices about a cell show how far
-motions differ in it. That is an estimate, not a proof: `padding` says from how many cells around it is made.
+motions differ in it. The set is an estimate, not a proof: `padding` says from how many cells around a cell it
+is made.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ MAX_AXES = 4
 CELLS = (0, 512, 96, 40, 16)
 """Cells along each axis, by the number of axes."""
 STRIDES = (2.0,)
-"""Lengths of macro-steps: how many cells the fastest coordinate moves. What one of them dooms is doomed."""
+"""Lengths of macro-steps: how many cells the fastest coordinate moves. A cell that one of them dooms is
+doomed."""
 POINTS = 100_000
 
 
@@ -54,7 +56,7 @@ class DoomedSet:
     """Labels (n1, ..., nd) of cells over a box of states: `DOOMED`; `INVALID` where every vertex about the
     cell is no state (bodies overlap); `UNKNOWN` otherwise.
 
-    `inputs` (k, 2) are their bounds, `steps` the macro-steps' lengths in time, `runs` how many there were,
+    `inputs` (k, 2) are the inputs' bounds, `steps` the macro-steps' lengths in time, `runs` their number,
     `escapes` the part of the cells, invalid ones aside, from which the box may be left.
     """
 
@@ -79,7 +81,7 @@ class DoomedSet:
         return np.array([str(label) for label in Label])[self.labels(points)]
 
     def labels(self, points: Reals) -> Ints:
-        """As `classify`, as values of `Label`. Raises ValueError for another shape."""
+        """Labels of states as `classify`, but as values of `Label`. Raises ValueError for another shape."""
         points = np.asarray(points, np.float64)
         if points.ndim != 2 or points.shape[1] != len(self.over):
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
@@ -102,7 +104,7 @@ class DoomedSet:
         return {str(label): float(count[label]) for label in Label if count[label] > 0.0}
 
     def holds_on(self, model: Rung | str) -> tuple[bool, str]:
-        """Whether what is doomed here is doomed on another rung with the same inputs, and why."""
+        """Whether states doomed here are doomed on another rung with the same inputs, and why."""
         other = moving_rung(model)
         if other == self.model:
             return True, "it is the same rung"
@@ -115,8 +117,8 @@ class DoomedSet:
         return True, "any motion without overlap is one of this set, whatever causes it"
 
     def beside_rule(self, n: int = POINTS, seed: int = 4, threads: int | None = None) -> dict[str, float]:
-        """Of n random states in the box, the parts that are doomed here and by the scene's own rule ("both"),
-        "only here", and "only by rule" (those are not contradicted: this set is found too small)."""
+        """Parts of n random states in the box that are doomed here and by the scene's own rule ("both"),
+        "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
         batch = Batch(
@@ -177,18 +179,18 @@ def doomed_set(
     Args:
         scene, model: as for `simulate`; a rung with rigid contact.
         over: 1 to 4 names of the scene's state: all its coordinates ("part.x3", or "x3" where that is clear)
-            and, on dynamic rungs, the speeds of those that are not prescribed ("speed(part.x3)").
-        inputs: bounds of the parameters that may change in time, such as speeds of drives.
+            and, on dynamic rungs, the speeds of coordinates not prescribed ("speed(part.x3)").
+        inputs: bounds of the parameters that may change in time, for example speeds of drives.
         box: interval of each state by name; travel limits where not given.
         cells: along each axis; `CELLS` if not given.
         parameters: values of the other parameters.
-        solutions: "slowest", or, on the kinematic rung, "any": what nothing drives moves in every way that
-            overlaps nothing.
+        solutions: "slowest", or, on the kinematic rung, "any": objects that nothing drives move in every way
+            without overlap.
         strides: macro-steps, in cells that the fastest coordinate moves.
-        padding: from how many cells around a cell it is estimated how far motions differ within it.
+        padding: how many cells around a cell serve to estimate how far motions differ within it.
         accuracy, threads: as for `feasible_set`.
         out: folder for the result.
-        on_progress: called with what is done, runs so far, and runs known to be needed.
+        on_progress: called with the present task, runs so far, and runs known to be needed.
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
     """
@@ -235,9 +237,9 @@ def doomed_set(
 
 
 def load_doomed_set(folder: str | Path, scene: Scene | None = None) -> DoomedSet:
-    """A set from the folder that it was saved in; `scene` if it is none that ships.
+    """A set from the folder in which it was saved; `scene` if the scene does not ship.
 
-    Raises FileNotFoundError when the folder holds none, SceneError or SetError when the scene is not its own.
+    Raises FileNotFoundError when the folder holds no set, SceneError or SetError when the scene is another.
     """
     data = store.load(folder)
     request = store.attributes(data)

@@ -56,7 +56,7 @@ def to_mesh(found: LabelledBox, file: str | Path, label: Label = Label.FEASIBLE)
 
 
 def check_mesh(file: Path, axes: int) -> None:
-    """Raises SetError for a name or a number of parameters that `to_mesh` refuses."""
+    """Raise SetError for a name or a number of parameters that `to_mesh` refuses."""
     suffix = file.suffix.lower()
     if suffix not in MESHES:
         raise SetError(f"mesh: {file.name} must end in {' or '.join(MESHES)}")

@@ -1,4 +1,4 @@
-"""The set of a scene's parameters by what becomes of the scene there, on one rung."""
+"""The set of a scene's parameters, labelled by the outcome of the scene, on one rung."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ if TYPE_CHECKING:
     import xarray
 
 CELL, DEEPER = 4.0, 2
-"""Side of the cells along the boundary, in tolerances: crossings of their edges are located to within one. A
-cell in which the boundary is no plane is split at most `DEEPER` times more, to the side of a tolerance."""
+"""Side of the cells along the boundary, in tolerances: crossings of their edges are located to within a
+tolerance. A cell in which the boundary is no plane is split at most `DEEPER` times more, to the side of a
+tolerance."""
 MAX_AXES = 6
 PROBE_ROUNDS = 4
 BUDGET = 50_000_000
@@ -46,7 +47,7 @@ BUDGET = 50_000_000
 class Certified:
     """With a confidence of 1 - delta, a random point is labelled wrongly with a probability below `bound`.
 
-    `near` counts the wrong ones among the `wrong` that lie within the tolerance of the boundary.
+    `near` counts the points among the `wrong` that lie within the tolerance of the boundary.
     """
 
     samples: int
@@ -62,8 +63,8 @@ class FeasibleSet(LabelledBox):
 
     `tree` holds cells, and labels and margins at their corners; `crossings`, by level, the keys of edges that
     the boundary crosses, and where along them (see `rungwise.sets.crossings`). `evaluations` counts runs;
-    `probes` and `hits` those of the last round of random probes, and how many of them contradicted their
-    leaf; `complete` is false when the budget ended the refinement.
+    `probes` counts the random probes of the last round, `hits` the probes that contradicted their leaf;
+    `complete` is false when the budget ended the refinement.
     """
 
     def classify(self, points: Reals) -> NDArray[np.str_]:
@@ -74,7 +75,7 @@ class FeasibleSet(LabelledBox):
         return np.array([str(label) for label in Label])[self.labels(points)]
 
     def labels(self, points: Reals) -> Ints:
-        """As `classify`, as values of `Label`."""
+        """Labels of points as `classify`, but as values of `Label`."""
         points = np.asarray(points, np.float64)
         if points.ndim != 2 or points.shape[1] != len(self.over):
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
@@ -85,7 +86,7 @@ class FeasibleSet(LabelledBox):
 
     def witness(self, point: Reals) -> dict[str, float] | None:
         """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
-        holds the point, or none; one whose label is borrowed is none. `replay` runs it."""
+        holds the point, or None; corners with a borrowed label do not count. `replay` runs them."""
         place = (np.asarray(point, np.float64)[None, :] - self.box[:, 0]) / self.unit
         levels, index = self.tree.locate(place)
         level = int(levels[0])
@@ -100,7 +101,7 @@ class FeasibleSet(LabelledBox):
         return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
 
     def replay(self, parameters: Mapping[str, float]) -> Run:
-        """The run at these parameters, step by step as it was; of several motions the one that decides."""
+        """The run at these parameters, repeated step by step; of several motions the one that decides."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
         return decisive(self.scene, self.model, self.solutions, parameters=parameters, **options)
 
@@ -195,7 +196,7 @@ def feasible_set(
 ) -> FeasibleSet:
     """Where in a box of parameters the scene ends in its goal, and how it ends elsewhere.
 
-    The number of runs grows like the surface between labels, not like the volume. What is thinner than a cell
+    The number of runs grows like the surface between labels, not like the volume. A part thinner than a cell
     of the first grid may be missed where no probe meets it: see `probes` and `hits` of the result.
 
     Args:
@@ -203,20 +204,20 @@ def feasible_set(
         over: names of 1 to 6 parameters.
         tol: how well the boundary is located, as a part of the box's side along each axis. Cells are four
             times as large, and as large as `tol` where the boundary is no plane.
-        box: interval (low, high) by name; see `box_of` for those not given.
+        box: interval (low, high) by name; see `box_of` for parameters not given.
         parameters: values of the other parameters.
         solutions: of a model with several motions, whether the slowest, some motion ("possible") or every
-            one of those tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
-        near: another rung's set over the same box: the boundary is looked for where that one has it, and
-            followed from there. Elsewhere its labels stand, until a probe finds another one.
+            motion tried ("guaranteed") must reach the goal; see `rungwise.sets.motions`.
+        near: another rung's set over the same box: the boundary is looked for where the other set has it, and
+            followed from there. Elsewhere its labels stand, until a probe finds another label.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs.
         threads: as many as there are cores if not given. The set does not depend on it.
-        cluster: address of a dask scheduler whose workers run instead of threads; nor does it depend on this.
-        out: folder where every finished batch is kept, and the set in the end.
+        cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
+        out: folder where every finished batch is kept, and in the end the set.
         resume: go on from the batches kept in `out`.
-        on_progress: called with what is done, runs so far, and runs asked for so far.
+        on_progress: called with the present task, runs so far, and runs asked for so far.
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
     """
@@ -267,7 +268,7 @@ def feasible_set(
 
 
 def load_set(folder: str | Path) -> FeasibleSet:
-    """A finished set from the folder that it was saved in. Raises FileNotFoundError when that holds none,
+    """A finished set from the folder in which it was saved. Raises FileNotFoundError when it holds no set,
     SetError for a set of states, SceneError when this version does not read its scene."""
     data = store.load(folder)
     request = store.attributes(data)
@@ -286,7 +287,7 @@ def load_set(folder: str | Path) -> FeasibleSet:
 
 
 def _neighbour(near: FeasibleSet, request: Mapping[str, Any]) -> str:
-    """What identifies the set whose boundary is near. Raises SetError when it is over another box."""
+    """Mark of the set whose boundary is near. Raises SetError when that set is over another box."""
     for field_ in ("over", "box", "tol"):
         if near.request[field_] != request[field_]:
             raise SetError(f"near: its {field_} must be the same, not {near.request[field_]}")
@@ -296,7 +297,8 @@ def _neighbour(near: FeasibleSet, request: Mapping[str, Any]) -> str:
 def _grow(
     tree: Tree, asker: Asker, near: FeasibleSet | None, probes: int, generator: np.random.Generator
 ) -> tuple[int, int]:
-    """Refine, then probe leaves that look uniform until a round finds nothing new; its probes and hits."""
+    """Refine, then probe leaves that look uniform until a round finds nothing new; returns its probes and
+    hits."""
     asker.task = "cells"
     if near is None:
         tree.grow(asker)

@@ -1,4 +1,4 @@
-"""What cells of states may lead to: runs of one macro-step from the vertices of a grid."""
+"""Images of cells of states: runs of one macro-step from the vertices of a grid."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ PILOT = 1e-4
 """Length of the runs that tell how fast things move, over the scene's duration."""
 MOST_INPUTS = 9
 LOST = (Code.NOT_CONVERGED, Code.UNSUPPORTED, Code.MODEL_INVALID)
-"""Outcomes that decide nothing: such a state counts as one that reaches the goal."""
+"""Outcomes that decide nothing: a state with one of these outcomes counts as reaching the goal."""
 Report = Callable[[str, int, int], None]
 
 
 class Images:
-    """A grid over states, and what runs from its vertices show.
+    """A grid over states, and the results of runs from its vertices.
 
-    `states` (n1, ..., nd): cells about which some vertex is a state; `escapes`: those from which the box may
+    `states` (n1, ..., nd): cells about which some vertex is a state; `escapes`: cells from which the box may
     be left; `steps`: lengths of the macro-steps so far; `runs`: their number.
     """
 
@@ -69,7 +69,7 @@ class Images:
 
     def doomed(self, stride: float, wanders: bool) -> Flags:
         """Cells from which no chain of macro-steps leads to the goal, in each of which the fastest coordinate
-        moves by `stride` cells; `wanders`: what nothing drives may move by itself."""
+        moves by `stride` cells; `wanders`: bodies that nothing drives may move by themselves."""
         step = stride / self._pace
         self.steps.append(step)
         levels = [
@@ -110,8 +110,8 @@ class Images:
         return found.outcome, np.hstack([found.final, found.speed])[:, self._columns] - vertices
 
     def _pilot(self) -> tuple[float, list[float]]:
-        """Cells per time that the fastest coordinate moves, and how many each input makes a difference of; on
-        the way, which vertices are states."""
+        """Cells per time that the fastest coordinate moves, and the difference in cells that each input
+        makes; also finds which vertices are states."""
         places = np.array([not name.startswith(SPEED_OF) for name in self._names])
         step = PILOT * float(self._scene.bind(self._request["parameters"]).records.world[0]["duration"])
         middle = np.array([0.5 * (low + high) for low, high in self._bounds.values()])
@@ -159,7 +159,7 @@ class Images:
         return first.reshape(-1, len(top)), last.reshape(-1, len(top)), np.asarray(leaves)
 
     def _wanderings(self) -> list[tuple[Ints, Ints]]:
-        """Steps to the cells beside, along each coordinate that nothing drives."""
+        """Boxes of neighbouring cells along each coordinate that nothing drives."""
         here = np.moveaxis(np.indices(self._shape), 0, -1).reshape(-1, len(self._shape))
         top = np.array(self._shape) - 1
         aside = np.eye(len(self._shape), dtype=np.int64)

@@ -11,8 +11,8 @@ from rungwise.outcome import Code
 
 
 class Label(IntEnum):
-    """What is known of a point. `DOOMED`: its run came to a state from which, by the scene's rule, no input
-    reaches the goal. `INFEASIBLE`: its one run missed, which says nothing about other inputs."""
+    """Knowledge of a point. `DOOMED`: its run came to a state from which, by the scene's rule, no input
+    reaches the goal. `INFEASIBLE`: its one run missed the goal, which says nothing about other inputs."""
 
     FEASIBLE = 0
     INFEASIBLE = 1
@@ -35,7 +35,7 @@ LABELS = {
     Code.JAMMED: Label.JAMMED,
     Code.INVALID: Label.INVALID,
 }
-"""Label of each outcome; every other one leaves the point unknown."""
+"""Label of each outcome; every other outcome leaves the point unknown."""
 
 _TABLE = np.array([LABELS.get(code, Label.UNKNOWN) for code in sorted(Code)], np.int64)
 

@@ -1,11 +1,12 @@
-"""Sets of a model that has several motions: the sets of the slowest, of some and of all admissible motions.
+"""Sets of a model that has several motions: by the slowest, by some and by all admissible motions.
 
-On a kinematic or quasistatic rung an object that must move may move in many ways. The extremes are those that
-go as fast as contacts allow along one coordinate, either way, until something stops them. A point is possible
-if its slowest motion or one of the extremes reaches the goal, guaranteed if all of them do. So what is found
-to be possible is: a run proves it; and what is found not to be guaranteed is not. The converse holds where
-the object has one free coordinate, since then every motion lies between the two extremes; with more of them,
-a motion that changes its direction on the way may do what no extreme does.
+On a kinematic or quasistatic rung an object that must move may move in many ways. The extreme motions go as
+fast as contacts allow along one coordinate, either way, until something stops them. A point is possible if
+its slowest motion or one of the extremes reaches the goal, guaranteed if all these motions do. So a point
+labelled possible is possible: a run proves it; and a point labelled not guaranteed is not guaranteed. The
+converse holds where the object has one free coordinate, since then every motion lies between the two
+extremes; with more free coordinates, a motion that changes its direction on the way may do what no extreme
+does.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ from rungwise.simulation.run import simulate
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
 HASTE = 1e3
-"""Speed of an extreme motion in multiples of the pace (see `Simulation`): what it crosses meanwhile is early
-by one part in so many."""
+"""Speed of an extreme motion in multiples of the pace (see `Simulation`): events that it meets on its way
+come early by one part in so many."""
 Motion = Mapping[str, float]
 
 
 def motions(scene: Scene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
-    """The slowest motion, and, of a model that has others, the extremes: both ways along each coordinate of
-    what nothing drives."""
+    """The slowest motion and, for a model that has other motions, the extremes: both ways along each
+    coordinate of a body that nothing drives."""
     if solutions == SLOWEST or model.inertia > 0.0:
         return ({},)
     template = scene.template
@@ -64,7 +65,8 @@ class Motions:
         self.over = self._batches[0].over
 
     def run(self, points: Reals, *, on_progress: Callable[[int], None] | None = None) -> Results:
-        """As `Batch.run`. Margins are the greatest (possible) or least (guaranteed) of those known."""
+        """Run the points as `Batch.run` does. Margins are the greatest (possible) or least (guaranteed) of
+        the margins known."""
         found = self._batches[0].run(points, on_progress=on_progress)
         for batch in self._batches[1:]:
             open_ = (found.outcome != Code.INVALID) & ((found.outcome == Code.GOAL) == self._wanted)
@@ -75,7 +77,8 @@ class Motions:
 
 
 def _merge(found: Results, at: NDArray[np.intp], other: Results, wanted: bool) -> None:
-    """Replace what another motion decides otherwise; else keep the run, with the margin nearer to that."""
+    """Replace runs that another motion decides otherwise; else keep the run, with the margin nearer to that
+    decision."""
     margin = found.margin[at]
     nearer = np.fmin(margin, other.margin) if wanted else np.fmax(margin, other.margin)
     changed = (other.outcome == Code.GOAL) != wanted

@@ -1,4 +1,4 @@
-"""What is asked of a set: the box, the accuracy of runs, and the batch that answers."""
+"""The request for a set: the box, the accuracy of runs, and the batch that answers."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ ACCURACY = 3e-3
 """Error allowed per step of a run, relative to the smallest shape of the scene."""
 THETA = 0.5
 WIDE = 100.0
-"""A range more than so many times the default is not one to search; see `box_of`."""
+"""A range more than so many times the default is not searched as a whole; see `box_of`."""
 
 
 def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:
-    """Intervals (d, 2) of the parameters: as given, or their range, or, where that is more than `WIDE` times
-    the default, from 0 to twice the default within the range. Raises SetError."""
+    """Intervals (d, 2) of the parameters: as given, or their range, or, where the range is more than `WIDE`
+    times the default, from 0 to twice the default within the range. Raises SetError."""
     intervals = []
     for name in over:
         declared = scene.file.parameters[name]
@@ -51,7 +51,7 @@ def digest(scene: Scene) -> str:
 
 
 def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
-    """Reach of the smallest shape that has one, at these parameters; 1 where none has."""
+    """Reach of the smallest shape that has a reach, at these parameters; 1 where no shape has."""
     reach = scene.bind(parameters).records.shapes["reach"]
     known = reach[np.isfinite(reach) & (reach > 0.0)]
     return float(known.min()) if len(known) else 1.0
@@ -60,7 +60,7 @@ def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
 def batch_of(
     scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
 ) -> Motions:
-    """Runs as the request has them."""
+    """The batch of runs that the request describes."""
     return Motions(
         scene, model, over, request["solutions"], parameters=request["parameters"], tol=request["accuracy"],
         theta=request["theta"], threads=threads,

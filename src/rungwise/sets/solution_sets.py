@@ -31,9 +31,10 @@ def solution_sets(
     out: str | Path | None = None,
     **options: Any,
 ) -> SolutionSets:
-    """The sets of a model by what all its motions do, on the same box; a folder each in `out`.
+    """The sets of a model by the slowest, by some and by all its motions, on the same box; a folder each in
+    `out`.
 
-    Options as for `feasible_set`. Raises as that does.
+    Options and errors as for `feasible_set`.
     """
     return SolutionSets(
         *(

@@ -1,4 +1,4 @@
-"""States and inputs by name: what a set of states is over."""
+"""States and inputs by name: the axes of a set of states."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SPEED_OF = "speed("
 
 
 def state_name(scene: Scene, name: str) -> str:
-    """The full name of a coordinate or speed, given that or the short one. Raises SceneError or SetError."""
+    """The full name of a coordinate or speed, from its full or short name. Raises SceneError or SetError."""
     inner = name[len(SPEED_OF) : -1] if name.startswith(SPEED_OF) and name.endswith(")") else name
     matches = [full for full in scene.template.coordinates if inner in (full, full.split(".")[1])]
     if len(matches) > 1:
@@ -114,7 +114,7 @@ def input_box(scene: Scene, inputs: Mapping[str, tuple[float, float]]) -> dict[s
 
 
 def without_doomed(scene: Scene) -> Scene:
-    """The scene without its own rule of what is doomed."""
+    """The scene without its own rule for doomed states."""
     data = scene.file.model_dump(mode="json")
     data.pop("doomed", None)
     return load(data)

@@ -1,7 +1,7 @@
-"""Results on disk: every finished batch is kept, and a run that was stopped goes on where it was.
+"""Results on disk: every finished batch is kept, and a stopped run goes on where it stopped.
 
-A set is computed by a sequence of batches that depends only on the request and on what earlier batches found.
-So the log of batches is all that a restart needs: it answers the same questions from the log until the log
+A set is computed by a sequence of batches that depends only on the request and on the answers of earlier
+batches. So a restart needs only the log of batches: it answers the same questions from the log until the log
 ends. Files appear under their names whole or not at all.
 """
 
@@ -30,13 +30,13 @@ REQUEST, BATCHES, STORE = "request.json", "batches", "set.zarr"
 
 
 class SetError(InputError):
-    """A request for a set, or a folder of one, is wrong; the text is one line that names what."""
+    """A request for a set, or a folder of one, is wrong; the text is one line that names the fault."""
 
 
 class Log:
     """The finished batches of one request in a folder.
 
-    Raises SetError when the folder holds another request, or holds one already and `resume` is false.
+    Raises SetError when the folder holds another request, or holds this request and `resume` is false.
     """
 
     def __init__(self, folder: Path, request: Mapping[str, object], resume: bool) -> None:
@@ -55,7 +55,8 @@ class Log:
             write(known, text.encode())
 
     def read(self, number: int, points: Reals) -> tuple[Ints, Reals] | None:
-        """Outcomes and margins of a batch if it is kept whole. Raises SetError if that has other points."""
+        """Outcomes and margins of a batch if it is kept whole. Raises SetError if the kept batch has other
+        points."""
         file = self._file(number)
         if not file.is_file():
             return None
@@ -85,7 +86,7 @@ _DRAFT = re.compile(r"\.[0-9a-f]{8}(\.npz|\.zarr|\.old)?")
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what was being written when a process was killed."""
+    """Remove files that a killed process left half written."""
     for path in folder.iterdir():
         if _DRAFT.fullmatch(path.name):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
@@ -120,7 +121,7 @@ def save(folder: Path, data: xarray.Dataset) -> Path:
 
 
 def load(folder: str | Path) -> xarray.Dataset:
-    """The finished set of a folder. Raises FileNotFoundError when it holds none."""
+    """The finished set of a folder. Raises FileNotFoundError when the folder holds none."""
     import xarray as xr
 
     store = Path(folder) / STORE

@@ -35,7 +35,8 @@ class Mesh:
     pieces: Ints
 
     def coarsened(self, cells: int, box: Reals) -> Mesh:
-        """One vertex, their mean, for all in one of cells^d parts of the box; what collapses goes."""
+        """The mesh with one vertex, the mean, for all vertices in each of cells^d parts of the box; collapsed
+        pieces go."""
         low, high = box.T
         at = np.clip(((self.vertices - low) / (high - low) * cells).astype(np.int64), 0, cells - 1)
         _, where = np.unique(at @ cells ** np.arange(len(low)), return_inverse=True)
@@ -79,7 +80,7 @@ def boundary(found: LabelledBox, label: Label = Label.FEASIBLE) -> Mesh:
 
 
 def check_axes(axes: int) -> None:
-    """Raises SetError unless a set over so many parameters has a mesh."""
+    """Raise SetError unless a set over so many parameters has a mesh."""
     if axes not in _ROUND:
         raise SetError(f"mesh: needs a set over 2 or 3 parameters, not {axes}")
 
@@ -141,6 +142,6 @@ def _triangles(vertices: Reals, quads: Ints) -> Ints:
 
 
 def _proper(pieces: Ints) -> Ints:
-    """Pieces without those that have a vertex twice."""
+    """Pieces without the pieces that have a vertex twice."""
     ordered = np.sort(pieces, axis=1)
     return np.asarray(pieces[(np.diff(ordered, axis=1) > 0).all(axis=1)])

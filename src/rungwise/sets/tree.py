@@ -5,9 +5,9 @@ Every cell has labels at its corners; one whose corners differ is split until it
 cell whose corners agree is split, too, where a finer neighbour shows another label on its surface, where a
 probe inside it has another label, and, on the coarse levels, where margins would change sign within it.
 
-A tree may begin as another one, with labels that are only borrowed: the corners of its finest mixed cells are
-asked for, and so are those of every cell that is split or becomes mixed, until all that shows a boundary is
-known.
+A tree may begin as another tree, with labels that are only borrowed: the corners of its finest mixed cells
+are asked for, and the corners of every cell that is split or becomes mixed, until every corner that shows a
+boundary is known.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class Vertices:
         return wanted
 
     def _forget(self, keys: Ints) -> None:
-        """Drop those of the keys that are there."""
+        """Drop the vertices of these keys, where known."""
         kept = ~np.isin(self.keys, keys)
         self.keys, self.labels = self.keys[kept], self.labels[kept]
         self.margins, self.borrowed = self.margins[kept], self.borrowed[kept]
@@ -139,8 +139,8 @@ class Tree:
         self._refine(origins, first, oracle, first + MARGIN_LEVELS)
 
     def grow_around(self, other: Tree, oracle: Oracle) -> None:
-        """Refine from the cells of another tree over the same box, down to the target level: where that one
-        is mixed, and where the boundary leads from there."""
+        """Refine from the cells of another tree over the same box, down to the target level: where the other
+        tree is mixed, and where the boundary leads from there."""
         self.leaves[: self.target] = other.leaves[: self.target]
         fine = np.concatenate(other.leaves[self.target :])
         side = self.size(self.target)
@@ -152,8 +152,8 @@ class Tree:
         self._settle(oracle)
 
     def _settle(self, oracle: Oracle, cells: Ints | None = None) -> None:
-        """Ask for borrowed corners of the cells, and of mixed ones, of the target level, and mend, until
-        there are none."""
+        """Ask for borrowed corners of the cells, and of mixed cells, of the target level, and mend, until
+        none are borrowed."""
         while not self.spent:
             mixed = self.leaves[self.target]
             mixed = mixed[self.is_mixed(mixed, self.target)]
@@ -170,7 +170,7 @@ class Tree:
                 return
 
     def split(self, level: int, chosen: NDArray[np.bool_], oracle: Oracle) -> None:
-        """Split the chosen leaves of a level, and refine what comes of it."""
+        """Split the chosen leaves of a level, and refine their children."""
         children = self._children(self.leaves[level][chosen], level)
         try:
             self.vertices.learn(children[:, None, :] + self.size(level + 1) * self.corners, oracle)
@@ -196,12 +196,13 @@ class Tree:
         return np.asarray((origins[:, None, :] + self.size(level + 1) * self.corners).reshape(-1, self.axes))
 
     def _refine(self, origins: Ints, level: int, oracle: Oracle, margins_below: int) -> None:
-        """Sort cells whose corners are known into leaves, then mend what neighbours show."""
+        """Sort cells whose corners are known into leaves, then split leaves whose neighbours show another
+        label."""
         self._sort(origins, level, oracle, margins_below)
         self._mend(oracle)
 
     def _sort(self, origins: Ints, level: int, oracle: Oracle, margins_below: int = 0) -> None:
-        """Leaves of cells whose corners are known, level by level."""
+        """Make leaves of cells whose corners are known, level by level."""
         while len(origins):
             if level >= self.target:
                 self._add(origins, level)
@@ -231,7 +232,7 @@ class Tree:
         self.leaves[level] = joined[np.argsort(self.vertices.key(joined), kind="stable")]
 
     def _mend(self, oracle: Oracle) -> None:
-        """Split leaves on whose surface a vertex of a neighbour has another label, until there are none."""
+        """Split leaves on whose surface a vertex of a neighbour has another label, until none are left."""
         checked = np.zeros(0, np.int64)
         while not self.spent:
             keys = np.setdiff1d(self.vertices.keys, checked)

@@ -33,10 +33,10 @@ class Results:
     """Runs at points (m, k): codes of outcomes (see `rungwise.outcome.Code`), times, signed margins, counts
     of steps, worst scaled residuals (all (m,)), and coordinates and speeds at the end (m, n).
 
-    The margin is positive where the goal was reached (by how much the run stayed clear of what is unsafe or
-    doomed) and otherwise not (how near it came to the goal): it is continuous where it passes zero, if the
-    scene's conditions are; nan where there was no run. A jam has no certificate here: run the point again
-    with `simulate` for one.
+    The margin is positive where the goal was reached (by how much the run stayed clear of unsafe and doomed
+    states) and otherwise negative (how near the run came to the goal): the margin is continuous where it
+    passes zero, if the scene's conditions are continuous; nan where there was no run. A jam has no
+    certificate here: run the point again with `simulate` for one.
     """
 
     outcome: Ints
@@ -55,8 +55,8 @@ class Batch:
         scene, model: as for `Simulation`.
         over: names of the parameters that points give, in order.
         starts: names of the coordinates ("part.x3") or speeds ("speed(part.x3)") whose value at the start
-            points give after those, in place of the scene's.
-        parameters: values of others; the rest keep their defaults.
+            points give after the parameters, in place of the scene's.
+        parameters: values of other parameters; the rest keep their defaults.
         step, tol, duration, theta, motion: as for `Simulation`; theta is 1/2 if not given (second order).
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """

@@ -25,11 +25,11 @@ _MEANING = (
 class HardSteps:
     """Files of a run's hard steps in `folder`.
 
-    Hard is a step without solution, also one that is then halved, and one that took more than the warm guess
-    and the proximal iteration: pivoting, or every mode. `count` is the number of them, one tried twice
-    counting once, and `files` are those written: the first `FIRST`, the last `LAST`, and the problem that the
-    run ended with, if it did for want of a solution. That of an unsupported one is without the inertia that
-    stands for the limit of none; one with numbers that are not finite is only counted.
+    A step is hard if it has no solution, also if it is then halved, or if it took more than the warm guess
+    and the proximal iteration: pivoting, or every mode. `count` is the number of hard steps, a step tried
+    twice counting once, and `files` are the files written: the first `FIRST`, the last `LAST`, and the last
+    problem of a run that ended for want of a solution. The problem of an unsupported step is without the
+    inertia that stands for the limit of none; a problem with numbers that are not finite is only counted.
 
     Raises ValueError for a folder that holds HDF5 files or cannot be written, or if h5py is missing.
     """
@@ -52,7 +52,7 @@ class HardSteps:
             raise ValueError(f"save_hard: {self.folder} holds {held.name} already; name another folder")
 
     def take(self, workspace: Workspace) -> None:
-        """Save what the compiled loop noted since the last time. Raises OSError."""
+        """Save the notes of the compiled loop since the last call. Raises OSError."""
         notes, lost = taken(workspace.scratch.hard)
         for note in notes:
             if self._last is not None and _same(note.problem, self._last):
@@ -72,7 +72,8 @@ class HardSteps:
     def end(
         self, workspace: Workspace, outcome: str = "", problem: ContactProblem | None = None
     ) -> Path | None:
-        """Save the last ones, and the `problem` that the run ended with, if any: its file. Raises OSError."""
+        """Save the last notes, and the `problem` that the run ended with, if any; returns its file. Raises
+        OSError."""
         while self._waiting and len(self.files) < FIRST + LAST:
             note = self._waiting[0]
             self._write(self.count - len(self._waiting), note, _outcome(note))
@@ -107,7 +108,7 @@ def _same(one: ContactProblem, other: ContactProblem) -> bool:
 
 
 def _outcome(note: Note) -> str:
-    """no_solution, or the stage of the chain that found one."""
+    """no_solution, or the stage of the chain that found a solution."""
     if note.status != SOLVED:
         return "no_solution"
     return "enumeration" if note.stage == ENUMERATION else "pivoting"

@@ -16,7 +16,7 @@ from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.terms import target
 
 HALVINGS = 60
-"""Halvings of a span of time that leave nothing of it but rounding."""
+"""Halvings that reduce a span of time to rounding."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class Leap:
 
 
 def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -> Leap | None:
-    """The leap beyond `least`, a length, in the step in which a servo moved something farthest, if it is one.
+    """The leap beyond `least`, a length, in the step in which a servo moved something farthest, if there is
+    one.
 
     Angles count by the levers of their coordinates.
     """

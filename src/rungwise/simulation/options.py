@@ -1,4 +1,4 @@
-"""Options of a run: what is accepted, and how what is not is named."""
+"""Options of a run: accepted values, and the errors that name the others."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ModelError(InputError):
 
 
 def moving_rung(model: Rung | str) -> Rung:
-    """The rung of that name. Raises ModelError, also for the one that does not move."""
+    """The rung of that name. Raises ModelError, also for the rung that does not move."""
     try:
         chosen = rung(model)
     except ValueError as error:
@@ -39,7 +39,7 @@ def moving_rung(model: Rung | str) -> Rung:
 def check_options(
     step: object, tol: object, duration: object, theta: object
 ) -> tuple[float | None, float | None, float | None, float]:
-    """The options as numbers. Raises ModelError that names the one out of its range."""
+    """The options as numbers. Raises ModelError that names the option out of its range."""
     if not 0.5 <= _real(theta) <= 1.0:
         raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
     return (

@@ -1,4 +1,4 @@
-"""Remarks on a run: what was changed, left out or is unusual, one line each, for `Run.notes`."""
+"""Remarks on changes, omissions and oddities of a run, one line each, for `Run.notes`."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 
 SHORTENED = 2.0
-"""How many times as many steps as asked for are worth a remark."""
+"""Number of steps over the number asked for from which on a remark is made."""
 FINE, COARSE = 1e-9, 1e-2
-"""The goal's tolerance in reaches of the smallest shape: below the first lies what counts as rounding where
-bodies touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second
-bodies would count as touching that are apart to the eye."""
+"""The goal's tolerance in reaches of the smallest shape: gaps below the first count as rounding where bodies
+touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second, bodies
+would count as touching that are apart to the eye."""
 
 
 def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) -> tuple[str, ...]:
-    """All that is to be said about a run so far, beside its verdict; add a line here for a new kind.
+    """All remarks on a run so far, beside its verdict; add a line here for a new kind.
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
     """
@@ -55,7 +55,7 @@ def _step(control: RecordArray, clock: RecordArray) -> str:
 
 
 def _tolerance(control: RecordArray, clock: RecordArray) -> str:
-    """A tolerance that is out of proportion to the shapes: most often one left at its default."""
+    """A tolerance that is out of proportion to the shapes: most often it was left at its default."""
     tolerance, smallest = float(control[0]["tolerance"]), float(clock[0]["smallest"])
     if not math.isfinite(smallest) or FINE * smallest <= tolerance <= COARSE * smallest:
         return ""

@@ -1,4 +1,4 @@
-"""How a run ended and what it recorded."""
+"""The end of a run and its record."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """How a run ended and what it recorded.
+    """The end of a run and its record.
 
-    `motion` is what was preferred (see `Simulation`); `final` maps body -> coordinate -> value;
-    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is that of the
-    last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard` is what
-    was saved of hard steps, if that was asked for; `wall_s` is the time that steps took, without that to
-    compile them; `workspace` holds the arrays as the run left them; `notes` says, a line each, what was
-    changed, left out or is unusual (see `simulation.remarks`).
+    `motion` holds the preferred velocities (see `Simulation`); `final` maps body -> coordinate -> value;
+    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is the problem
+    of the last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard`
+    holds the saved hard steps, if asked for; `wall_s` is the time that steps took, without compilation;
+    `workspace` holds the arrays as the run left them; `notes` are remarks on changes, omissions and oddities,
+    a line each (see `simulation.remarks`).
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""Running a scene on a rung: the compiled loop in turns, and what comes out of it."""
+"""Running a scene on a rung: the compiled loop in turns, and its result."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ class Simulation:
     """A run that is taken in turns. Raises SceneError or ModelError for wrong input.
 
     Args:
-        scene: a scene, or what `load` takes.
-        model: a rung or its name; the geometric one does not move.
+        scene: a scene, or a source that `load` takes.
+        model: a rung or its name; the geometric rung does not move.
         parameters: values by name; the others keep their defaults.
         step: length of a step; the scene's own if not given.
         tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
@@ -51,7 +51,7 @@ class Simulation:
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
             where contacts do not change their mode.
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
-            the slowest motion; what turns counts by its radius of gyration. On the kinematic and quasistatic
+            the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
             not given, nearest to zero: the slowest. See `simulation.planar.choice`.
         frames: how many states are kept at most (the stride doubles when they are full).
@@ -239,7 +239,8 @@ class Simulation:
         return f"{path}: must be finite, not {value:g}, at t = {now:g}"
 
     def _explain(self) -> None:
-        """Reason of the outcome; a jam or a missing support must be proved, or it is only not converged."""
+        """Set the reason of the outcome; a jam or a missing support must be proved, else the run is not
+        converged."""
         assert self.workspace is not None
         outcome = OUTCOMES[self.outcome]
         clock = self.workspace.state.clock[0]
@@ -280,7 +281,7 @@ class Simulation:
         self.reason = str(leap or f"{outcome.meaning} ({why}). {outcome.advice}")
 
     def _far(self) -> float:
-        """How far a target that jumps has to jump to be told."""
+        """Least jump of a target that is reported."""
         return float(self._control[0]["tolerance"])
 
     def _notes(self) -> tuple[str, ...]:
@@ -292,9 +293,10 @@ class Simulation:
         return found if leap is None else (*found, str(leap))
 
     def _looks_closer(self) -> bool:
-        """Whether the run goes on, with shorter steps, from what looked like a jam but has no certificate.
+        """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
+        certificate.
 
-        Where a contact is about to close in just this step, neither is quite true.
+        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
         """
         assert self.workspace is not None
         state, frames = self.workspace.state, self.workspace.frames
@@ -303,7 +305,7 @@ class Simulation:
             return False
         self._control["jam"] *= CLOSER
         state.clock["outcome"] = Code.RUNNING
-        # The frame recorded as the last one is not.
+        # The frame recorded as the last frame is not the last.
         state.clock["frames"] -= 1
         state.impulse[:] += frames.impulse[int(clock["frames"])]
         return True

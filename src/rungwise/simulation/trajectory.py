@@ -1,4 +1,4 @@
-"""What a run recorded, as an xarray Dataset; saving and loading."""
+"""The frames of a run as an xarray Dataset; saving and loading."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
 
     Variables over `time`: position and velocity per coordinate, gap per contact, mode per contact point (two
     for each pair of shapes, then two travel limits per coordinate), drive_force, residual, energies and work.
-    Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds what each point gave
-    since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
-    neither. A scene with joints has, for each of their three measures (along and across the axis of the
-    first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
+    Where impacts make forces meaningless (rigid dynamic rung), contact_impulse holds the impulse of each
+    point since the frame before; otherwise contact_force holds the force at the frame. The kinematic rung has
+    neither variable. A scene with joints has, for each of their three measures (along and across the axis of
+    the first body, angle), joint_position and the joint_force, or torque, on the second body. Attribute
     `scene_file` is the scene as JSON, as `load` takes it once decoded.
     """
     import xarray as xr

@@ -1,1 +1,1 @@
-"""Systems: what supplies inertia, loads, gaps and Jacobians at a state, for models to assemble."""
+"""Systems: sources of inertia, loads, gaps and Jacobians at a state, for models to assemble."""

@@ -1,9 +1,9 @@
-"""The contract between a system and the models: everything that a step needs to know, as arrays.
+"""The contract between a system and the models: all data of a step, as arrays.
 
 A system fills `Terms` at (t, q, v); models assemble from `Terms` only. Shapes: n coordinates, c contacts of d
 directions each (normal first; d = 2 in the plane, 3 in space), b force-limited rows. Arrays may be longer
 than the `contacts` in use. In the plane v is the rate of q (G = 1), M is constant and k vanishes, because
-coordinates are those of centres of mass.
+coordinates belong to centres of mass.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ APART = -1
 
 
 class Terms(Block):
-    """What a system says about one state. Units: force F, length L, time T of the scene.
+    """The data of a system at one state. Units: force F, length L, time T of the scene.
 
     inertia    (n, n)    M, at q
     metric     (n, n)    M per unit of each body's mass (kinematic rung)
@@ -39,15 +39,15 @@ class Terms(Block):
     restitution (c,)     e
     contact_stiffness, contact_damping (c, d, d)  K, C
     deformation (c d,)   delta at the start of the step
-    limited    (b, n)    rows S^T of force-limited drives and dry friction: lengths, as those of contacts
+    limited    (b, n)    rows S^T of force-limited drives and dry friction: lengths, as for contacts
     limit      (b,)      F
     gains      (b, 2)    K_p, K_d of the row (0, 0 for dry friction; infinite K_p: rigid)
     error      (b, 2)    q_d - q at the end of the step with v = 0, and v_d
-    account    (b,)      whose work that of the row is: DRIVE, SUPPORT or JOINT
+    account    (b,)      the account of its work: DRIVE, SUPPORT or JOINT
     surface    (b,)      rows of the same number share a limit surface, sum (tau / F)^2 <= 1; APART: none
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
-    low        (1,)      height: nor is one after which loads let nothing bounce higher
+    low        (1,)      height: an approach after which loads let nothing bounce higher is rest
     """
 
     inertia: NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""What a run looked like: outlines, poses and contact points of each frame, derived from its trajectory.
+"""The picture of a run: outlines, poses and contact points of each frame, derived from its trajectory.
 
 A trajectory holds coordinates, modes and forces, but no places: bodies and contact points are placed again
 here, by the kernels that placed them in the run.
@@ -40,10 +40,11 @@ if TYPE_CHECKING:
 NEAR = 0.02
 """Open contact points are shown up to this fraction of the largest shape's reach."""
 EXACT = 500
-"""Up to so many pairs of shapes every gap is exact; beyond, far ones are lower bounds, as in the run."""
+"""Up to so many pairs of shapes every gap is exact; with more pairs, far gaps are lower bounds, as in the
+run."""
 
 SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP = 0, 1, 2
-"""Modes as they are drawn; those that slip differ in the direction."""
+"""Modes as they are drawn; the two slipping modes look alike."""
 _SHOWN = np.zeros(4, np.int64)
 _SHOWN[[OPEN, STICK, FORWARD, BACKWARD]] = SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP, SHOWN_SLIP
 
@@ -81,8 +82,8 @@ class Clip:
     """A run, ready to be drawn.
 
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
-    (frames, contacts) are the least gap and the normal force of each contact; `push_is` says what they are.
-    A joint is a body and a point of it, in its own frame.
+    (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
+    `push` holds. A joint is a body and a point of this body, in its own frame.
     """
 
     scene: str
@@ -104,7 +105,7 @@ class Clip:
     touches: Touches
 
     def thinned(self, frames: NDArray[np.int64]) -> Clip:
-        """The same with these frames only."""
+        """The clip with these frames only."""
         new = np.full(len(self.time), -1)
         new[frames] = np.arange(len(frames))
         t = self.touches
@@ -121,9 +122,9 @@ class Clip:
 
 
 def clip(source: Run | str | Path) -> Clip:
-    """Clip of a run, or of the folder of a saved one.
+    """Clip of a run, or of the folder of a saved run.
 
-    Raises SceneError when the folder holds no run, or one that does not tell its scene.
+    Raises SceneError when the folder holds no run, or a run that does not name its scene.
     """
     if isinstance(source, Run):
         try:
@@ -140,7 +141,7 @@ def clip(source: Run | str | Path) -> Clip:
 
 
 def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
-    """Clip of what a run recorded (see `trajectory.dataset`)."""
+    """Clip of a run's recorded frames (see `trajectory.dataset`)."""
     bound = scene.bind(parameters)
     template, records = scene.template, bound.records
     time = data["time"].to_numpy()
@@ -169,7 +170,7 @@ def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Da
 
 
 def _forces(data: xarray.Dataset, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
-    """Force (frames, points, 2) in normal and tangent, and what it is."""
+    """Force (frames, points, 2) in normal and tangent, and the name of this quantity."""
     if "contact_force" in data:
         return data["contact_force"].to_numpy(), "normal force"
     shape = (*data["mode"].shape, 2)
@@ -240,7 +241,8 @@ def _replay(
 
 
 def _angles(records: Records, q: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Angles (frames, bodies) with whole turns counted, so that one between two frames lies between."""
+    """Angles (frames, bodies) with whole turns counted, so that an angle between two frames lies between
+    theirs."""
     angles = np.tile(records.bodies["angle"], (len(q), 1))
     for b, body in enumerate(records.bodies):
         first = int(body["coordinate"])

@@ -1,4 +1,4 @@
-"""Frames of runs drawn with matplotlib: one, a strip of them, or a GIF."""
+"""Frames of runs drawn with matplotlib: one frame, a strip of frames, or a GIF."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def pose_at(clip: Clip, time: float) -> NDArray[np.float64]:
 
 
 def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
-    """Bodies, contact points and forces of the clips at one time, over each other."""
+    """Draw bodies, contact points and forces of the clips at one time, over each other."""
     x0, y0, x1, y1 = _seen(clips)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=(), yticks=())
     size, force = max(x1 - x0, y1 - y0), largest_force(clips)
@@ -88,7 +88,8 @@ def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
 def _bodies(
     axes: Axes, clip: Clip, pose: NDArray[np.float64], line: str, extra: int, far: float, over: int
 ) -> None:
-    """Outlines of a body first, at double width, then one fill of all: seams inside it stay hidden."""
+    """Draw outlines of a body first, at double width, then one fill of all: seams inside the body stay
+    hidden."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -147,7 +148,7 @@ def _touches(axes: Axes, clip: Clip, time: float, per_force: float, edge: str) -
 
 
 def legend(figure: Figure, clips: Sequence[Clip]) -> None:
-    """Models (where there are several), contact modes and roles, below the picture."""
+    """Draw models (where there are several), contact modes and roles, below the picture."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -165,7 +166,8 @@ def legend(figure: Figure, clips: Sequence[Clip]) -> None:
 
 
 def strip(clips: Sequence[Clip], count: int = 6, at: float | None = None) -> Figure:
-    """So many frames at equal times, the first and the last among them; or the one frame at time `at`."""
+    """Picture of `count` frames at equal times, the first and the last among them; or of one frame at time
+    `at`."""
     from matplotlib.figure import Figure
 
     end = max(float(clip.time[-1]) for clip in clips)
@@ -192,7 +194,7 @@ def strip(clips: Sequence[Clip], count: int = 6, at: float | None = None) -> Fig
 
 
 def _seen(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
-    """What a picture shows: all that moves and a margin, at most five times as long as wide."""
+    """Extent of a picture: all moving bodies and a margin, at most five times as long as wide."""
     x0, y0, x1, y1 = bounds(clips)
     margin = 0.08 * max(x1 - x0, y1 - y0)
     width, height = x1 - x0 + 2.0 * margin, y1 - y0 + 2.0 * margin
@@ -207,7 +209,7 @@ def save_png(clips: Sequence[Clip], file: File, count: int = 6, at: float | None
 
 
 def save_gif(clips: Sequence[Clip], file: File, count: int = 60, seconds: float = 5.0) -> None:
-    """Write an animation of so many frames that takes so many seconds, and begins again."""
+    """Write an animation of `count` frames that takes `seconds` seconds, and begins again."""
     from PIL import Image
 
     end = max(float(clip.time[-1]) for clip in clips)

@@ -1,4 +1,4 @@
-"""What a picture must hold: the stretch of the world that is seen, and the force that sets the arrows."""
+"""Scales of a picture: the stretch of the world that is seen, and the force that sets the arrows."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ def bounds(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
 
 
 def largest_force(clips: Sequence[Clip]) -> float:
-    """Force of an arrow of nominal length: 95 of 100 recorded ones are no larger; 1 where there is none."""
+    """Force of an arrow of nominal length: 95 of 100 recorded forces are no larger; 1 where there is none."""
     sizes = np.concatenate([np.linalg.norm(clip.touches.force, axis=1) for clip in clips])
     sizes = sizes[sizes > 0.0]
     return float(np.quantile(sizes, 0.95)) if len(sizes) else 1.0
 
 
 def receives_first(clip: Clip) -> NDArray[np.bool_]:
-    """For each contact whether arrows show the force on its first body: the object, where only one is."""
+    """For each contact whether arrows show the force on its first body: on the object, where one body is an
+    object."""
     ends = [[clip.roles[clip.bodies.index(name)] for name in pair.split(" | ")] for pair in clip.contacts]
     return np.array([first == "object" or second != "object" for first, second in ends], bool)

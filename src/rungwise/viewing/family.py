@@ -39,7 +39,8 @@ def draw_families(
     bands: Mapping[str, tuple[float, float]],
     ratio_range: tuple[float, float],
 ) -> None:
-    """Write a PNG: for each family its runs in C_free, and below the ratios caught beside the `bands`."""
+    """Write a PNG: for each family its runs in C_free, and below them the ratios caught beside the
+    `bands`."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -86,7 +87,7 @@ def _bar(
     bands: Mapping[str, tuple[float, float]],
     ratio_range: tuple[float, float],
 ) -> None:
-    """Ratios on a logarithmic scale: what is caught on top, the bands to compare with below."""
+    """Draw ratios on a logarithmic scale: caught ratios on top, the bands to compare with below."""
     axes.barh(len(bands), [0.0])
     rows = [("caught", list(caught), CAUGHT), *((name, [band], "0.65") for name, band in bands.items())]
     for k, (_, intervals, colour) in enumerate(rows):

@@ -18,9 +18,9 @@ from rungwise.viewing.extent import bounds, largest_force, receives_first
 PAGE = files("rungwise.viewing") / "page"
 SCRIPTS = ("unpack.js", "data.js", "stage.js", "charts.js", "player.js")
 LARGEST = 4_500_000
-"""Bytes of a file: frames are left out, evenly, until it is no larger."""
+"""Bytes of a file: frames are left out, evenly, until the file is no larger."""
 CURVES = 8
-"""So many contacts at most are drawn as curves: those with the largest forces, then the nearest."""
+"""Most contacts that are drawn as curves: the contacts with the largest forces, then the nearest."""
 
 
 def page(clips: Sequence[Clip], largest: int = LARGEST) -> str:
@@ -44,7 +44,7 @@ def _fill(clips: Sequence[Clip]) -> str:
 
 
 def fill(frame: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: object) -> str:
-    """A page of its frame, styles, scripts and data."""
+    """A page from its frame, styles, scripts and data."""
     parts = {
         "title": html.escape(title),
         "style": "\n".join((PAGE / name).read_text("utf-8") for name in styles),
@@ -59,13 +59,13 @@ def fill(frame: str, title: str, styles: Sequence[str], scripts: Sequence[str], 
 
 
 def title(clips: Sequence[Clip]) -> str:
-    """Scene and, where there is only one, its model."""
+    """Scene and, where there is only one clip, its model."""
     scenes = " and ".join(dict.fromkeys(clip.scene for clip in clips))
     return f"{scenes} on {clips[0].model}" if len(clips) == 1 else scenes
 
 
 def labels(clips: Sequence[Clip]) -> list[str]:
-    """What tells each clip from the others: its model, numbered where a model occurs twice."""
+    """Labels that tell the clips apart: the models, numbered where a model occurs twice."""
     models = [clip.model for clip in clips]
     return [
         f"{model} ({models[: k + 1].count(model)})" if models.count(model) > 1 else model

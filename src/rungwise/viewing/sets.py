@@ -24,7 +24,7 @@ SCRIPTS = ("unpack.js", "setdata.js", "stage.js", "slice.js", "space.js", "sets.
 CELLS, SIDE = 1_000_000, 400
 """Cells in which labels are shown, at most, and along one parameter."""
 TRIANGLES = 20_000
-"""Of a surface that has more, vertices are joined until it has not."""
+"""Most triangles of a surface: where there are more, vertices are joined."""
 RUNS, FRAMES, CANDIDATES = 48, 60, 4096
 """Points at which every model is run, and frames of each run; they are chosen from so many random points."""
 VOLUME_SAMPLES = 100_000
@@ -44,7 +44,7 @@ def page(found: Sequence[FeasibleSet], largest: int = LARGEST) -> str:
 
 def run_points(found: Sequence[FeasibleSet], count: int) -> Reals:
     """Points (count, d) of the box at which to show runs: for each way in which the models' labels differ in
-    turn, the one of its points that is farthest from those taken. None is invalid."""
+    turn, the point of this kind that is farthest from the points taken. None is invalid."""
     low, high = found[0].box.T
     points = found[0].random(CANDIDATES, 5)
     here = np.stack([each.labels(points) for each in found], axis=1)
@@ -55,7 +55,7 @@ def run_points(found: Sequence[FeasibleSet], count: int) -> Reals:
     _, kinds = np.unique(here, axis=0, return_inverse=True)
     places = (points - low) / (high - low)
     away = np.linalg.norm(places - 0.5, axis=1)
-    away = away.max() - away + 1.0  # the first is the one nearest the middle
+    away = away.max() - away + 1.0  # the first point is the nearest to the middle
     taken: list[int] = []
     while len(taken) < min(count, len(points)):
         for kind in range(kinds.max() + 1):
@@ -153,7 +153,7 @@ def _grid(found: FeasibleSet, cells: int) -> Ints:
 
 
 def _packed(grid: Ints) -> dict[str, str]:
-    """Runs of equal labels, none longer than 16 bits tell."""
+    """Runs of equal labels, none longer than 16 bits can count."""
     change = np.diff(grid, prepend=-1) != 0
     change[::65535] = True
     starts = np.flatnonzero(change)
@@ -177,7 +177,7 @@ def _light(mesh: Mesh, box: Reals) -> Mesh:
 
 
 def _command(found: FeasibleSet) -> dict[str, str]:
-    """What stands in a command that repeats a run: the scene, what is set beside the point, and accuracy."""
+    """Parts of a command that repeats a run: the scene, settings beside the point, and accuracy."""
     name = found.scene.name
     defaults = found.scene.parameters()
     fixed = [f"--set {key}={x!r} " for key, x in found.parameters.items() if x != defaults[key]]

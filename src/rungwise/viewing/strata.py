@@ -1,7 +1,7 @@
 """Free configuration space of a scene with three coordinates: its contact strata, and runs in it.
 
-A stratum of codimension one is where one contact is closed and no other overlaps; where two are closed, two
-of them meet in an edge. The goal edge is the part of these edges on which the scene's goal holds.
+A stratum of codimension one is where one contact is closed and no other overlaps; where two contacts are
+closed, two strata meet in an edge. The goal edge is the part of these edges on which the scene's goal holds.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Space:
 @dataclass(frozen=True)
 class Strata:
     """Facets: quadrilaterals (4, 3) of the contact strata, of contact `contact[k]`. Edges: segments (2, 3)
-    where two contacts are closed; goal: those of them on which the goal holds."""
+    where two contacts are closed; goal: the edges on which the goal holds."""
 
     facets: list[Points]
     contact: list[int]
@@ -166,8 +166,8 @@ def draw_strata(
     high: Sequence[float],
     order: Sequence[int],
 ) -> None:
-    """Facets, the edges of the box that are free, and the goal edge; `order` says which coordinate is drawn
-    along x, y and z."""
+    """Draw facets, the edges of the box that are free, and the goal edge; `order` says which coordinate is
+    drawn along x, y and z."""
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     turned = list(order)

@@ -1,4 +1,4 @@
-"""Runs to files: which pictures, of which runs, where to."""
+"""Runs to files: the choice of pictures, of runs and of places."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def view(
     frames: int = 6,
     at: float | None = None,
 ) -> list[Path]:
-    """Write pictures of a run, or of several over each other, or of sets; returns the files written.
+    """Write pictures of a run, or of several runs over each other, or of sets; returns the files written.
 
     Args:
         runs: runs, or folders that `Run.save` wrote; or, for html only, sets of one scene over the
@@ -76,7 +76,7 @@ def view(
 
 
 def _source(source: Source) -> Source:
-    """What a folder of a set holds; anything else as it is."""
+    """The set in a folder of a set; any other source as it is."""
     if isinstance(source, str | Path) and (Path(source) / STORE).is_dir():
         try:
             return load_set(source)

@@ -1,14 +1,14 @@
-"""The active pieces of a solution: what each contact and limited row can still do to first order.
+"""The active pieces of a solution: first-order changes still open to each contact and limited row.
 
 Near a solution the change of the forces is df = B x + limits dlimit, with unknowns x of which each obeys
 
-    C^T du + D x = 0                    what holds, or slides on
+    C^T du + D x = 0                    a contact that holds, or slides on
     0 <= x  _|_  C^T du + D x >= 0      one-sided: where the mode may change
     the whole law of a contact          where force, gap and slip are all zero
 
-and limit = (mu, F). Sliding along s = u_t / |u_t| with force -mu lambda_n s: what slides also turns, and
-across s the force changes by -(mu lambda_n / |u_t|) du_t. On the edge of the cone without slip, the force
-mu lambda_n e may leave the edge by x >= 0, or the contact begin to slip against e.
+and limit = (mu, F). A contact that slides along s = u_t / |u_t| with force -mu lambda_n s may also turn:
+across s its force changes by -(mu lambda_n / |u_t|) du_t. On the edge of the cone without slip, the force mu
+lambda_n e may leave the edge by x >= 0, or the contact begin to slip against e.
 """
 
 from __future__ import annotations
@@ -23,12 +23,14 @@ from rungwise.contact.problem import Array
 from rungwise.contact.step.problem import ContactProblem
 
 _FLOOR, _ROUNDING, _REST = 1e-6, 1e-14, 1e-3
-"""As in `residual`: least force that counts beside a rate, and rates that are rounding beside a force."""
+"""As in `residual`: the least force that counts beside a rate, and the rates that are rounding beside a
+force."""
 
 
 class Part(NamedTuple):
-    """Of one contact or row: B, C (d, m), D (m,), limits (d,); `free` (m,) False where x is one-sided; `cone`
-    where x obeys the whole law; `undefined` where there is no derivative with respect to a limit of zero."""
+    """The pieces of one contact or row: B, C (d, m), D (m,), limits (d,); `free` (m,) False where x is
+    one-sided; `cone` where x obeys the whole law; `undefined` where there is no derivative with respect to a
+    limit of zero."""
 
     B: Array
     C: Array
@@ -57,7 +59,7 @@ class Pieces:
 
 
 def pieces(problem: ContactProblem, v: Array, force: Array, tau: Array, tol: float) -> Pieces:
-    """The pieces at a solution; what is below `tol` of its scale counts as zero, forces first."""
+    """The pieces at a solution; values below `tol` of their scale count as zero, forces first."""
     p, d, k = problem, problem.R.shape[1], len(problem.mu)
     rates, scale, unit = scales(p, v, force, tau)
     parts = []
@@ -92,7 +94,7 @@ def pieces(problem: ContactProblem, v: Array, force: Array, tau: Array, tol: flo
 
 
 def scales(p: ContactProblem, v: Array, force: Array, tau: Array) -> tuple[Array, Array, float]:
-    """Rates of all rows, the size of the terms of each, and the unit of force."""
+    """Rates of all rows, the size of the terms of each row, and the unit of force."""
     d = p.R.shape[1]
     rows, offset = np.vstack([p.W, p.S]), np.concatenate([p.w, p.w_s])
     yielded = np.concatenate([np.einsum("kij,kj->ki", p.R, force.reshape(-1, d)).ravel(), p.R_s * tau])
@@ -149,13 +151,13 @@ def _row(limit: float, tau: float, rate: float, no_force: float, no_rate: float)
 
 
 def _part(B: Array, C: Array, limits: Array | None = None, one_sided: int = 0) -> Part:
-    """A part without D whose last `one_sided` unknowns are so."""
+    """A part without D whose last `one_sided` unknowns are one-sided."""
     d, m = B.shape
     return Part(B, C, np.zeros(m), np.zeros(d) if limits is None else limits, np.arange(m) < m - one_sided)
 
 
 def _across(along: Array) -> Array:
-    """Tangents across a unit one as columns (d, d - 2), below a row for the normal."""
+    """Tangents across a unit tangent as columns (d, d - 2), below a row for the normal."""
     if len(along) < 2:
         return np.zeros((len(along) + 1, 0))
     return np.array([[0.0], [-along[1]], [along[0]]])

@@ -1,8 +1,8 @@
-"""All solutions of a problem with few contacts, and what motions they allow.
+"""All solutions of a problem with few contacts, and the motions they allow.
 
 Branch and bound over contact modes, as in `solvers.branching`, to the end: a mode is held by a piece known
-before, excluded by a Farkas vector or divided, and one that divides no further is measured. All linear
-programs are solved by HiGHS, through scipy; what they say counts only if `pieces`, `farkas` and `monotone`,
+before, excluded by a Farkas vector or divided, and a mode that divides no further is measured. All linear
+programs are solved by HiGHS, through scipy; their results count only if `pieces`, `farkas` and `monotone`,
 which know no solver, agree.
 """
 
@@ -44,12 +44,12 @@ _INFEASIBLE, _UNBOUNDED = 2, 3
 
 
 def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solutions:
-    """All solutions, one piece for each contact mode that has any, and what they amount to (`Kind`).
+    """All solutions, one piece for each contact mode that has any, and their `Kind`.
 
     For problems whose laws are polyhedral: frictionless, or planar (LCPs and boxes too). Work grows with the
     modes, 4 for each contact, of which most are excluded early, or held at once by the piece of a solution
-    known before (`monotone`): a stack under its weight takes one mode, one that is pulled a few hundred.
-    After `nodes` modes the rest is undecided. `pieces.check` verifies the answer, without solver.
+    known before (`monotone`): a stack under its weight takes one mode, a stack that is pulled a few hundred.
+    After `nodes` modes the rest is undecided. `pieces.check` verifies the answer without a solver.
 
     Raises ValueError for friction in space.
     """
@@ -72,7 +72,7 @@ def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solut
 
 
 def _moves(problem: Problem, system: System, piece: Piece) -> bool:
-    """Whether rates are seen beside those without forces."""
+    """Whether the rates of the piece are seen beside the rates without forces."""
     return bool((rate_terms(problem, piece.x)[system.kept] >= SMALL * system.rate).any())
 
 
@@ -114,7 +114,8 @@ def _all(assembled: Problem | ContactProblem, problem: Problem, system: System, 
 
 
 def _known(given: Problem | ContactProblem, problem: Problem, system: System, motion: Array) -> Piece | None:
-    """The piece of one solution, in its widest mode, if it has one motion and the system is monotone."""
+    """The piece of one solution, in its widest mode, if the piece has one motion and the system is
+    monotone."""
     if not is_monotone(system, motion):
         return None
     solved = solve(given)
@@ -126,14 +127,15 @@ def _known(given: Problem | ContactProblem, problem: Problem, system: System, mo
 
 
 class _Holding:
-    """Points of a piece that prove that it holds all solutions of a mode."""
+    """Points of a piece that prove that the piece holds all solutions of a mode."""
 
     def __init__(self, system: System, piece: Piece) -> None:
         self.system, self.piece, self.shape = system, piece, polyhedron(system, piece.mode)
         self._seen: dict[Demands, tuple[Array | None, int | None]] = {}
 
     def point(self, mode: Mode) -> tuple[Array | None, int | None]:
-        """Such a point; else the contact that stands most in its way, if it is a matter of forces."""
+        """A point that proves the mode held; else the contact that prevents this most, if forces prevent
+        it."""
         needed = demands(self.system, self.piece.point, self.piece.mode, mode)
         if needed is None:
             return None, None
@@ -142,8 +144,8 @@ class _Holding:
         return self._seen[needed]
 
     def _nearest(self, needed: Demands) -> tuple[Array | None, int | None]:
-        """The point of the piece that misses the demands by the least sum, if it does not; else where it
-        misses them most."""
+        """The point of the piece whose misses of the demands have the least sum, if they are zero; else where
+        they are largest."""
         size, shape = self.system.size, self.shape
         over, under = (*needed.zero, *needed.negative), (*needed.zero, *needed.positive)
         # x_i - a <= 0 and x_i + a >= 0 with a >= 0 of least sum.
@@ -171,7 +173,7 @@ def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> 
     In the plane, and in space without friction.
 
     `objects` names the velocities of each object. One for which rest is admissible rests: of the solutions
-    only those count in which no further object could rest. Infinite where nothing bounds the motion.
+    only solutions count in which no further object could rest. Infinite where nothing bounds the motion.
 
     Raises ValueError where modes are undecided, there is no solution, or an object names no velocity.
     """
@@ -222,7 +224,7 @@ def _with(shape: Polyhedron, rows: Array, right: Array) -> Polyhedron:
 
 
 def _least(shape: Polyhedron, cost: Array) -> float:
-    """The least of cost . x: infinite if there is no x, minus infinity where nothing bounds it."""
+    """The least value of cost . x: infinite if there is no x, minus infinity if nothing bounds the value."""
     if len(cost) == 0:
         return 0.0
     found = _program(cost, shape.E, shape.e, shape.G, shape.g, [(None, None)] * len(cost))
@@ -252,7 +254,7 @@ def _program(
 
 
 def _measure(problem: Problem, system: System, motion: Array, mode: Mode) -> Piece | None:
-    """The piece of a mode that divides no further, if there is one and its evidence holds."""
+    """The piece of a mode that divides no further, if the mode has a piece and its evidence holds."""
     shape = polyhedron(system, mode)
     found = _inside(shape)
     if found is None:
@@ -272,10 +274,11 @@ def _measure(problem: Problem, system: System, motion: Array, mode: Mode) -> Pie
 
 
 def _inside(shape: Polyhedron) -> tuple[Array, Array] | None:
-    """A point where every inequality that can be strict is, and multipliers, at least 1, of the others.
+    """A point where every inequality that can be strict is strict, and multipliers, at least 1, of the
+    others.
 
-    Each program makes the slacks of those that are still tight greatest, up to 1 and in sum. The last one
-    finds none, and its dual is the proof; the mean of all points is inside.
+    Each program maximises the sum of the slacks, up to 1, of the inequalities that are still tight. The last
+    program finds no slack, and its dual is the proof; the mean of all points is inside.
     """
     size, slacks, equal = shape.E.shape[1], len(shape.g), len(shape.e)
     tight = np.ones(slacks, bool)
@@ -300,7 +303,7 @@ def _inside(shape: Polyhedron) -> tuple[Array, Array] | None:
 
 
 def _merge(system: System, leaves: list[Piece]) -> tuple[tuple[Piece, ...], tuple[Piece, ...]]:
-    """Pieces that are not within another, and the others."""
+    """Pieces that are not within another piece, and the other pieces."""
     kept: list[tuple[Piece, Polyhedron]] = []
     covered: list[Piece] = []
     for piece in sorted(leaves, key=lambda piece: -(piece.motions + piece.forces)):

@@ -3,8 +3,8 @@
 Closure holds iff the contacts' wrenches positively span all wrenches (Reuleaux 1876; Nguyen, Int. J. Robotics
 Research 7(3), 1988): their matrix has full rank, and some strictly positive combination of them vanishes.
 Otherwise some twist lets no contact object: the body can move (form closure), or a load along it cannot be
-balanced by contact forces inside their cones (force closure). Both are linear programs, and both answers are
-checked by `check`, which knows of no program.
+balanced by contact forces inside their cones (force closure). Both questions are linear programs, and
+`check`, which solves none, checks both answers.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Closure:
 
     `wrenches` (3, m): force and moment over `length` about `centre`, of unit forces, one column for each
     contact (form closure) or two, the edges of its friction cone (force closure). If it holds, `certificate`
-    (m,) are strictly positive forces whose wrenches cancel, and `margin` the least of them over the largest;
-    otherwise it is a twist (3,) (velocity, and angular velocity times `length`) with non-negative power on
-    every wrench.
+    (m,) are strictly positive forces whose wrenches cancel, and `margin` the least of these forces over the
+    largest; otherwise `certificate` is a twist (3,) (velocity, and angular velocity times `length`) with
+    non-negative power on every wrench.
     """
 
     holds: bool
@@ -125,7 +125,7 @@ def _closure(points: NDArray[np.float64], forces: NDArray[np.float64], of: NDArr
 
 
 def _cancelling(wrenches: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Forces of at most 1 that cancel and whose least is greatest, and that least one."""
+    """Forces of at most 1 that cancel and whose least is greatest, and the least force."""
     from scipy.optimize import linprog
 
     m = wrenches.shape[1]

@@ -1,17 +1,17 @@
-"""Modes whose solutions all have the motion of a known one, and the independent check of that.
+"""Modes whose solutions all have the motion of a known solution, and the independent check of this.
 
 For two solutions x and x*, with the symmetric part of A positive, the sum over all laws of (x - x*)(y - y*)
 is (x - x*) A (x - x*) >= 0. A law that is monotone adds no more than 0 to it: without friction, or within
-limits. With friction it does so
+limits. A law with friction adds no more than 0
 
     at rest in x*:      where r*_t = 0, or x sticks too, or x slips along r*_t;
     open in x*:         where y*_n >= mu |y*_t| against every slip that x may have, or x is open too;
     slipping in x*:     where r* = 0, and x is open or slips the other way.
 
 Where this holds for all laws the sum vanishes, and with it (x - x*) A (x - x*); if that leaves no freedom to
-the motion, all solutions of the mode have that of x*, and lie in the piece of its own, widest mode. Source:
-uniqueness by monotonicity, as in Rockafellar, Convex Analysis (1970), section 24; with friction that carries
-no load, as in Moreau, in Nonsmooth Mechanics and Applications (1988), 1-82.
+the motion, all solutions of the mode have the motion of x*, and lie in the piece of the widest mode of x*.
+Source: uniqueness by monotonicity, as in Rockafellar, Convex Analysis (1970), section 24; with friction that
+carries no load, as in Moreau, in Nonsmooth Mechanics and Applications (1988), 1-82.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
 
 
 class Demands(NamedTuple):
-    """What a solution must have so that all those of a mode have its motion: unknowns that are zero, those
-    that are not negative, and those that are not positive."""
+    """Conditions on a solution under which all solutions of a mode have its motion: unknowns that are zero,
+    unknowns that are not negative, and unknowns that are not positive."""
 
     zero: tuple[int, ...]
     positive: tuple[int, ...]
     negative: tuple[int, ...]
 
     def met(self, point: Array) -> bool:
-        """Whether the scaled point has it, to rounding."""
+        """Whether the scaled point meets the demands, to rounding."""
         room = _TIGHT * (1.0 + float(np.abs(point).max(initial=0.0)))
         return bool(
             (np.abs(point[list(self.zero)]) <= room).all()
@@ -56,7 +56,7 @@ class Demands(NamedTuple):
 
 
 def is_monotone(system: System, motion: Array) -> bool:
-    """Whether the symmetric part of A is positive, and a change for which it vanishes moves nothing."""
+    """Whether the symmetric part of A is positive, and changes on which it vanishes move nothing."""
     if system.size == 0:
         return False
     A = system.matrix().toarray()
@@ -96,8 +96,8 @@ def widest(system: System, point: Array) -> Mode:
 
 
 def demands(system: System, point: Array, own: Mode, mode: Mode) -> Demands | None:
-    """What a point of the piece `own`, whose rates are those of `point`, must have so that all solutions in
-    `mode` have its motion; None if no point will do. In space, with friction, there is none."""
+    """What a point of the piece `own`, with the rates of `point`, must have so that all solutions in `mode`
+    have its motion; None if no point will do. In space, with friction, no point will do."""
     s, d = system, system.directions
     if d > 2 and (s.mu > 0.0).any():
         return None

@@ -2,9 +2,10 @@
 
 The modes of `farkas` that divide no further are polyhedra {x: E x = e, G x >= g}. Some are excluded by a
 Farkas vector; each other holds a `Piece` with evidence of its dimension: a point at which all but some of the
-inequalities are strict, and multipliers p >= 0 of those, with p_E E + p_G G = 0 and p_E e + p_G g = 0, which
-prove that they hold as equations all over the piece. So the dimension is that of the null space of these
-rows. Source: Freund, Roundy and Todd, Identifying the set of always-active constraints (MIT, 1985).
+inequalities are strict, and multipliers p >= 0 of the exceptions, with p_E E + p_G G = 0 and p_E e + p_G g =
+0, which prove that they hold as equations all over the piece. So the dimension of the piece is the dimension
+of the null space of these rows. Source: Freund, Roundy and Todd, Identifying the set of always-active
+constraints (MIT, 1985).
 
 Everything is meant up to rounding: `_TIGHT` in the scaled system, whose rates without forces have norm 1, and
 relative to a point's own size; points closer than `_SAME` count as one; and solutions are excluded up to the
@@ -62,9 +63,9 @@ class Kind(StrEnum):
 class Piece:
     """The solutions in one mode.
 
-    x (N,) is one in the problem's units, inside the piece; `motions` is the dimension of the piece's
-    motions (velocities; rates where the problem has none), `forces` that of the forces of one motion.
-    `point` is x in the scaled system, `multipliers` are those of E x = e, then of G x >= g.
+    x (N,) is a solution in the problem's units, inside the piece; `motions` is the dimension of the piece's
+    motions (velocities; rates where the problem has none), `forces` the dimension of the forces of one
+    motion. `point` is x in the scaled system, `multipliers` belong to E x = e, then to G x >= g.
     """
 
     mode: Mode
@@ -77,12 +78,12 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
-    """All solutions: `pieces`, none within another; `covered` are those in other modes, part of a piece.
+    """All solutions: `pieces`, none within another; `covered`: pieces of other modes within one of `pieces`.
 
-    `excluded` are the modes that hold none, each with multipliers that prove it; with no pieces they are the
-    `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with one of them, in
-    the scaled system, that proves it (see `monotone`). `undecided` modes are those without proof. `nodes` is
-    the number of modes looked at. `massless` says that the scaled system is that beside demanded rates.
+    `excluded` are the modes without solutions, each with multipliers that prove it; with no pieces they are
+    the `certificate`. `held` are modes whose solutions all lie in one of the pieces, each with a solution, in
+    the scaled system, that proves it (see `monotone`). `undecided` modes have no proof. `nodes` is the number
+    of modes looked at. `massless` says that the scaled system is the system beside demanded rates.
     """
 
     problem: Problem
@@ -115,7 +116,7 @@ class Polyhedron:
     g: Array
 
     def contains(self, x: Array) -> bool:
-        """Whether x is in it, to rounding."""
+        """Whether x is in the polyhedron, to rounding."""
         room = _TIGHT * (1.0 + float(np.abs(x).max(initial=0.0)))
         equal = np.abs(self.E @ x - self.e).max(initial=0.0) <= room
         return bool(equal and (self.G @ x - self.g).min(initial=0.0) >= -room)
@@ -199,7 +200,7 @@ def motion_map(problem: Problem, system: System) -> tuple[Array, Array]:
         return rates[:, 1:] - rates[:, :1], rates[:, 0]
     own = slice(problem.rows, problem.rows + problem.velocities)
     motion, offset = x[own, 1:] - x[own, :1], x[own, 0]
-    # What joints hold moves, by rounding: nothing beside what it is, or what would count as a rate.
+    # Coordinates that joints hold move by rounding: nothing beside their terms, or beside a rate that counts.
     seen = abs(sp.csr_array(problem.A)[system.kept][:, own]).toarray() / system.rate[:, None]
     largest = seen.max(axis=0, initial=0.0)
     unit = np.where(largest > 0.0, 1.0 / np.where(largest > 0.0, largest, 1.0), 0.0)
@@ -213,14 +214,15 @@ def _in_own_units(motion: Array) -> Array:
 
 
 def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
-    """Dimension of the motions L x along the directions, and of what is left when the motion is held."""
+    """Dimension of the motions L x along the directions, and of the directions left when the motion is
+    held."""
     total = directions.shape[1]
     moved = int(np.linalg.matrix_rank(_in_own_units(motion) @ directions, _RANK)) if total else 0
     return moved, total - moved
 
 
 def holds_in_own_terms(problem: Problem, system: System, x: Array) -> bool:
-    """Whether x (N,) is a solution also where some rows are nothing beside others (see `judge`)."""
+    """Whether x (N,) is a solution also in rows that are tiny beside others (see `judge`)."""
     return bool(problem.free.any()) or in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
 
 
@@ -231,7 +233,7 @@ def same(a: Array, b: Array, motion: Array | None = None) -> bool:
 
 
 def classify(motion: Array, leaves: Sequence[Piece], undecided: int) -> Kind:
-    """What the pieces of all modes amount to. Two motions are two whatever is undecided."""
+    """The kind that the pieces of all modes make. Two motions are two, whichever modes are undecided."""
     if any(piece.motions for piece in leaves) or any(
         not same(leaves[0].point, piece.point, motion) for piece in leaves
     ):
@@ -273,8 +275,8 @@ def check(found: Solutions) -> bool:
 
 
 def holds(system: System, piece: Piece, mode: Mode, point: Array) -> bool:
-    """Whether a scaled point of the piece proves, in a monotone system, that it holds all solutions of a
-    mode."""
+    """Whether a scaled point of the piece proves, in a monotone system, that the piece holds all solutions of
+    a mode."""
     if piece.motions or piece.mode != widest(system, piece.point) or point.shape != piece.point.shape:
         return False
     needed = demands(system, piece.point, piece.mode, mode)

@@ -5,9 +5,9 @@ With the active `pieces` the change of a solution solves, for a change of the da
     H dv - P^T df = dc - dH v + dP^T f                  P = (W, S),  f = (lambda, tau)
     df = B x + limits dlimit,   du = P dv + R df + dP v + dR f + dw,   laws of x in C^T du + D x
 
-which is linear where no contact is weakly active, and one small contact problem per direction where one is:
-then the derivative is one-sided. Sources: Robinson, Math. Oper. Res. 5 (1980) 43-62; Pang, Math. Oper. Res.
-15 (1990) 311-341 (B-derivatives of complementarity problems).
+which is linear where no contact is weakly active, and one small contact problem per direction where some
+contact is: then the derivative is one-sided. Sources: Robinson, Math. Oper. Res. 5 (1980) 43-62; Pang, Math.
+Oper. Res. 15 (1990) 311-341 (B-derivatives of complementarity problems).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rungwise.contact.step.problem import ContactProblem
 
 DATA = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F")
 ACTIVE = 1e-7
-"""Beside the scale of its kind, what is less counts as zero."""
+"""Values below this part of the scale of their kind count as zero."""
 _SINGULAR, _SHARE, _AGREES, _NOISE = 1e-11, 1e-7, 1e-6, 1e-8
 _ROUNDS, _ROUNDING = 30, 1e-12
 
@@ -43,17 +43,17 @@ class Sensitivity:
     """The linearised step.
 
     `weak` and `weak_rows` index the contacts and limited rows that are weakly active: at rest without force,
-    or at the limit of friction without slip. Where there are some, derivatives are one-sided: that along -d
-    is not the negative of that along d. `forces_determined` is False where redundant contacts share the load
-    in more than one way, `velocities_determined` where even the motion is not determined.
+    or at the limit of friction without slip. Where there are some, derivatives are one-sided: the derivative
+    along -d is not the negative of the one along d. `forces_determined` is False where redundant contacts
+    share the load in more than one way, `velocities_determined` where even the motion is not determined.
 
     Args:
         problem: the step.
         v, force, tau: its solution (n,), (k d,), (b,).
-        active: what counts as zero, relative to the scale of forces, or of the rates of a row.
+        active: size below which a value counts as zero, relative to the scale of forces, or of a row's rates.
 
     Raises:
-        ValueError: naming what has the wrong size or is not finite.
+        ValueError: naming the array that has the wrong size or is not finite.
     """
 
     def __init__(
@@ -93,8 +93,8 @@ class Sensitivity:
         """Derivatives along changes of `data` (names of the problem's fields), of a field's shape or with one
         more axis, last, for many directions at once.
 
-        `sizes`, of the same shapes, are those of the terms that the changes are sums of, where they come from
-        differences: disagreement of redundant contacts that is nothing beside that counts as none.
+        `sizes`, of the same shapes, are the sizes of the terms that the changes are sums of, where the
+        changes come from differences: redundant contacts agree where they differ by rounding of these sizes.
 
         Raises ValueError for an unknown name or a wrong shape, and for a change of a friction or limit of
         zero where nothing slips, which has no derivative.
@@ -138,7 +138,7 @@ class Sensitivity:
         return np.vstack([balance + rows.T @ direct, side * (C.T @ (own @ direct + rate))])
 
     def _agreeing(self, right: Array, noise: Array) -> Array:
-        """`right` less what redundant equations disagree by, where that is no more than noise."""
+        """`right` less the disagreement of redundant equations, where that is no more than noise."""
         keep = np.concatenate([np.ones(len(self.v), bool), self._pieces.free])
         unit = self._unit[keep, None]
         left, size, _ = np.linalg.svd(self._matrix[keep] * unit * self._unit)
@@ -160,10 +160,10 @@ class Sensitivity:
         """Gradient of a scalar with respect to all data, from its gradient with respect to the solution.
 
         The entries of H are taken as independent. NaN at a friction or limit of zero where nothing slips.
-        With weakly active contacts there is no gradient; `released` asks for that of one piece, on which
-        those at rest without force stay without, and those at the limit of friction slip.
+        With weakly active contacts there is no gradient; `released` asks for the gradient of one piece, on
+        which contacts at rest without force stay without force, and contacts at the limit of friction slip.
 
-        Raises ValueError where there is none, or the scalar depends on forces that are not determined.
+        Raises ValueError where there is no gradient, or the scalar depends on forces that are not determined.
         """
         p, q, n = self.problem, self._pieces, len(self.problem.c)
         if q.weak.any() and not released:
@@ -205,7 +205,7 @@ class Sensitivity:
         }
 
     def _columns(self, data: dict[str, ArrayLike]) -> dict[str, Array]:
-        """Every field's change with the directions as last axis."""
+        """The change of every field, with the directions as last axis."""
         for name in data:
             if name not in DATA:
                 raise ValueError(f"{name}: is none of {', '.join(DATA)}")
@@ -230,7 +230,7 @@ class Sensitivity:
         return columns
 
     def _inverse(self, keep: NDArray[np.int64]) -> tuple[Array, Array]:
-        """Pseudo-inverse and null space, as columns, of the kept part of the matrix in units of its own."""
+        """Pseudo-inverse and null space, as columns, of the kept part of the matrix in its own units."""
         unit = self._unit[keep]
         left, size, right = np.linalg.svd(self._matrix[np.ix_(keep, keep)] * unit[:, None] * unit)
         rank = int(np.sum(size > _SINGULAR * size.max(initial=0.0)))
@@ -246,7 +246,7 @@ class Sensitivity:
         return z
 
     def _released(self, right: Array, noise: Array) -> Array:
-        """Solutions in which what is one-sided does not act; NaN in columns where it must, noise aside."""
+        """Solutions in which one-sided unknowns do not act; NaN in columns where they must, noise aside."""
         q, n = self._pieces, len(self.problem.c)
         keep = np.concatenate([np.arange(n), n + np.flatnonzero(q.free)])
         rows = n + np.setdiff1d(np.flatnonzero(~q.free), [i for _, own in q.cones for i in own[1:]])
@@ -262,7 +262,7 @@ class Sensitivity:
         return z
 
     def _one_sided(self, right: Array, noise: Array) -> Array:
-        """One contact problem per direction."""
+        """Solutions of one contact problem per direction."""
         q, n = self._pieces, len(self.problem.c)
         cones = [n + columns for _, columns in q.cones]
         first = np.concatenate(cones) if cones else np.zeros(0, np.int64)
@@ -290,7 +290,7 @@ class Sensitivity:
 
 def _units(matrix: Array) -> Array:
     """Units of the unknowns in which the largest entry of every row is about one (Ruiz, RAL-TR-2001-034): a
-    matrix that is singular in these is so whatever the masses and stiffnesses."""
+    matrix that is singular in these units is singular for all masses and stiffnesses."""
     unit, size = np.ones(len(matrix)), np.abs(matrix)
     for _ in range(_ROUNDS):
         largest = (size * unit[:, None] * unit).max(axis=1, initial=0.0)
@@ -299,7 +299,8 @@ def _units(matrix: Array) -> Array:
 
 
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
-    """Sensitivity at what `solve(problem)` found. Raises ValueError unless it is solved, and of `problem`."""
+    """Sensitivity at the answer of `solve(problem)`. Raises ValueError unless it is solved, and of
+    `problem`."""
     if not isinstance(problem, ContactProblem) or not isinstance(solution, ContactSolution):
         raise ValueError("problem, solution: must be a ContactProblem and what `solve` gives for it")
     if solution.status != Status.SOLVED:

@@ -4,7 +4,7 @@ Local form u = W r + q; global form M v = H r + G lambda + f, u = H^T v + w, G^T
 Matrices are triplets (nz >= 0), compressed columns (nz = -1) or rows (nz = -2). Source: Acary, Bremond,
 Dubois, Heyn, Koziara: FCLIB, a collection of discrete 3D frictional contact problems (2014).
 
-The problem of a step is also kept as it is, in a group `rungwise` beside, which is then what is read.
+The problem of a step is also kept as assembled, in a group `rungwise` beside these; reading prefers it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _MOST = 2.0**53
 
 
 def h5py_library(field: str = "file") -> Any:
-    """The optional h5py; ValueError naming `field`, with what to install, when it is missing."""
+    """The optional h5py; ValueError naming `field` and the package to install when h5py is missing."""
     try:
         import h5py
     except ImportError:
@@ -35,7 +35,7 @@ def h5py_library(field: str = "file") -> Any:
 
 
 def read_fclib(path: Path) -> Problem | ContactProblem:
-    """The problem in `path`; ValueError naming what is missing or wrong."""
+    """The problem in `path`; ValueError naming the part that is missing or wrong."""
     try:
         with h5py_library().File(path, "r") as file:
             if _STEP in file:
@@ -158,12 +158,12 @@ def write_fclib(
     description: str = "",
     math_info: str = "",
 ) -> None:
-    """Write `problem`, in local form if it has contacts alone, else in global form; forces r (k d,) of its
-    contacts as a guess.
+    """Write `problem`, in local form if it has contacts alone, else in global form, with forces r (k d,) of
+    its contacts as a guess.
 
-    Compliance and limited forces, for which FCLIB has no words, are written as contacts and velocities that
-    amount to the same (see `equivalent`), after those of the problem; the guess is zero there. The file
-    appears whole or not at all.
+    Compliance and limited forces, for which FCLIB has no words, are written as equivalent contacts and
+    velocities (see `equivalent`), after the problem's own; the guess is zero there. The file appears whole or
+    not at all.
 
     Raises ValueError for one direction, for unknowns with limits to one side, and for an r that is no force
     of the contacts; OSError.
@@ -235,7 +235,7 @@ def _global_parts(problem: Problem) -> _Parts:
 
 
 def _write_matrix(group: Any, matrix: Matrix) -> None:
-    """As triplets."""
+    """Write the matrix as triplets."""
     entries = sp.coo_array(matrix)
     row, column = entries.coords
     for name, value in (

@@ -18,15 +18,15 @@ _DAMAGED = (
     KeyError, ValueError, OSError, EOFError, NotImplementedError, RuntimeError, MemoryError, AttributeError,
     zipfile.BadZipFile, zlib.error, struct.error, SyntaxError,
 )  # fmt: skip
-"""What reading a damaged archive raises."""
+"""Exceptions that reading a damaged archive raises."""
 _HDF5, _ZIP = b"\x89HDF", b"PK"
 
 
 def read_problem(path: str | Path, kind: str | None = None) -> Problem | ContactProblem:
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
-    The problem of a step, which `save_hard` kept, comes back as it was assembled. Raises ValueError with one
-    line that says what is wrong.
+    The problem of a step that `save_hard` kept comes back as assembled. Raises ValueError with one line that
+    names the fault.
     """
     path = Path(path)
     if kind is not None and kind not in KINDS:
@@ -49,7 +49,7 @@ def read_problem(path: str | Path, kind: str | None = None) -> Problem | Contact
 
 
 def _read_contactbench(path: Path) -> Problem:
-    """G, g, mus of Simple-Robotics/ContactBench; there the normal comes last."""
+    """The problem of G, g, mus in a file of Simple-Robotics/ContactBench, where the normal comes last."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             G, g, mu = file["G"], np.ravel(file["g"]), np.ravel(file["mus"])

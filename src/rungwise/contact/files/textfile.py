@@ -1,8 +1,8 @@
 """Reading the plain-text problem files of Siconos' numerics component.
 
 Whitespace-separated numbers: sizes, a matrix, vectors. A matrix is its storage (0 dense by columns, 1 blocks
-by rows of blocks, 2 a listing of entries), its shape, then what that storage needs. Kinds are not written in
-the file; they follow from its name, or are given. Source of the format: siconos/siconos, numerics.
+by rows of blocks, 2 a listing of entries), its shape, then the data of that storage. The kind is not written
+in the file; it follows from the file's name, or is given. Source of the format: siconos/siconos, numerics.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_text(path: Path, kind: str | None = None) -> Problem:
-    """The problem in `path`; ValueError when the text is not one."""
+    """The problem in `path`; ValueError when the text is not a problem."""
     kind = kind_of(path) if kind is None else kind
     words = _Words(path.read_text("utf-8", errors="replace"))
     match kind:
@@ -116,7 +116,7 @@ class _Words:
             raise ValueError("file: words that are not numbers stand where numbers are due") from None
 
     def hold(self, *sizes: int) -> None:
-        """Refuse sizes of vectors that the file is too short for."""
+        """Refuse sizes of vectors for which the file is too short."""
         if max(sizes) > len(self.text):
             raise ValueError(f"file: is too short for a matrix of size {max(sizes)}")
 

@@ -1,22 +1,23 @@
 """Certificates that a problem has no solution, and the checker, which knows no solver.
 
 * kinematic: normal forces lambda >= 0 (and forces of joints) that balance on every coordinate while the rates
-  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. It speaks of speeds alone, of
+  that the contacts demand are impossible: W^T lambda = 0 and w . lambda < 0. This kind concerns speeds alone,
   neither loads nor momentum.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
-* unbalanced: Farkas vectors for every contact mode, as a frictional one has them, of the problem with H_0 in
-  the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count with
-  their rates: so a part slips out of a grip whose force is limited by what drives it.
+* unbalanced: Farkas vectors for every contact mode, as in a frictional certificate, of the problem with H_0
+  in the place of H: no motion, however fast, balances the loads without inertia. Contacts that yield count
+  with their rates: so a part slips out of a grip whose drive limits its force.
 
-Each is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In floating point
-a remainder `left` multiplies the unknowns, and what is proved is that no solution x has |x|_1 <= gain / left.
-A certificate counts when that bound is `REACH` times larger than the motion that the loads alone would cause,
-all in the problem's natural units (a kinematic one: than the motion that changes gaps as fast as they must
-change); rounding in the check itself is charged against it. Near a singular position, where what is pushed
-would have to be far faster than what pushes it, `left` is not rounding, and the bound is what holds.
+Each certificate is a combination of the problem's equations and inequalities that reads 0 >= gain > 0. In
+floating point a remainder `left` multiplies the unknowns, and the proof says that no solution x has |x|_1 <=
+gain / left. A certificate counts when that bound is `REACH` times larger than the motion that the loads alone
+would cause, all in the problem's natural units (a kinematic certificate: than the motion that changes gaps as
+fast as they must change); rounding in the check itself is charged against it. Near a singular position, where
+a pushed body would have to be far faster than the body that pushes it, `left` is not rounding, and only the
+bound holds.
 """
 
 from __future__ import annotations
@@ -50,8 +51,8 @@ def check(
     """Whether the certificate proves that the problem has no solution (unsupported, unbalanced: no balance
     without inertia).
 
-    `resisting` is H_0 (n, n), the part of H that is not inertia, for those two; zero if not given. "Proves"
-    is meant up to the bound that the module states.
+    `resisting` is H_0 (n, n), the part of H that is not inertia, for unsupported and unbalanced; zero if not
+    given. "Proves" means up to the bound that the module states.
     """
     if not certificate.vectors or not all(np.isfinite(vector).all() for vector in certificate.vectors):
         return False
@@ -76,7 +77,8 @@ def without_inertia(problem: ContactProblem, resisting: NDArray[np.float64]) -> 
 
 
 def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np.float64], int]:
-    """Rows and offsets of what cannot yield: rigid contacts' normals, then joints; and how many contacts."""
+    """Rows and offsets of constraints that cannot yield: rigid contacts' normals, then joints; and how many
+    contacts."""
     d = problem.R.shape[1]
     soft, soft_rows = yielding(problem)
     rigid, joints = ~soft, np.isinf(problem.F) & ~soft_rows
@@ -86,7 +88,7 @@ def rigid_rows(problem: ContactProblem) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def demanded(offset: NDArray[np.float64], contacts: int) -> float:
-    """The fastest rate that some row demands: a gap's that would close, or a joint's; 1 when none does."""
+    """The fastest rate that some row demands, of a gap that would close or of a joint; 1 when none does."""
     greatest = max((-offset[:contacts]).max(initial=0.0), np.abs(offset[contacts:]).max(initial=0.0))
     return float(greatest) or 1.0
 
@@ -101,7 +103,7 @@ def _excludes(gain: NDArray[np.float64], left: NDArray[np.float64], least: float
 
 def _free_motion(problem: ContactProblem) -> float:
     """One more than the size of the motion that the loads alone would cause, in natural units, where
-    something resists it."""
+    something resists that motion."""
     try:
         motion = np.linalg.lstsq(problem.H, problem.c, rcond=None)[0]
     except np.linalg.LinAlgError:
@@ -164,8 +166,8 @@ def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: lis
 def _check_unsupported(
     problem: ContactProblem, motion: NDArray[np.float64], resisting: NDArray[np.float64]
 ) -> bool:
-    """The motion's power: loads less drives against what rates, contact forces and joint forces may still
-    do, forces counting beside the greatest load."""
+    """The motion's power: loads less drives, against the power that rates, contact forces and joint forces
+    may still have, with forces counted beside the greatest load."""
     if motion.shape != problem.c.shape:
         return False
     d, units = problem.R.shape[1], natural_units(problem)

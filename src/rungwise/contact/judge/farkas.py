@@ -2,18 +2,19 @@
 
 A mode says of some laws which of their pieces holds, and leaves the others at their convex hull. Modes are
 the leaves of a tree, and together they cover all solutions. For each there is a vector p of multipliers of
-the rates y = A x + b: where the mode says y_i = 0 it is free, where y_i >= 0 or y_i <= 0 it has that sign,
-elsewhere it is 0. So p . y >= 0 for every solution in the mode; and if p . b + p . A x < 0 for all x that the
-mode allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex Analysis, 1970, section 22).
+the rates y = A x + b: where the mode says y_i = 0, p_i is free, where y_i >= 0 or y_i <= 0, p_i has that
+sign, elsewhere p_i is 0. So p . y >= 0 for every solution in the mode; and if p . b + p . A x < 0 for all x
+that the mode allows, there is none. Source: Farkas' lemma for cones (Rockafellar, Convex Analysis, 1970,
+section 22).
 
-In floating point a remainder `left` multiplies x, and what is proved is that no solution has a scaled norm
-below gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1),
-beside the forces that loads may make of contacts: a heavy body on a light one presses with many of its units.
+In floating point a remainder `left` multiplies x, and the proof says that no solution has a scaled norm below
+gain / left; a proof counts when that bound is `REACH` (the scaled rates without forces have norm 1), beside
+the forces that loads may make of contacts: a heavy body on a light one presses with many of its units.
 
-A proof must hold for the problem as it was given too (`proves`): the multipliers of the rows of eliminated
-unknowns follow from those of the others, p_g = -A_gg^-T A_kg^T p_k, and everything is summed again from the
-given numbers. There no unit is needed: no solution has terms |p| |A| |x| below `REACH` times the sum of the
-terms |p| |b| of the gain. As no remainder is known better than to `_KNOWN` of its terms, the gain is more
+A proof must also hold for the problem as it was given (`proves`): the multipliers of the rows of eliminated
+unknowns follow from the multipliers of the others, p_g = -A_gg^-T A_kg^T p_k, and everything is summed again
+from the given numbers. This needs no unit: no solution has terms |p| |A| |x| below `REACH` times the sum of
+the terms |p| |b| of the gain. As no remainder is known better than to `_KNOWN` of its terms, the gain is more
 than 1e-9 of its own.
 """
 
@@ -49,7 +50,7 @@ SLIPS: dict[int, dict[int, tuple[float, ...]]] = {
 }
 """A contact's pieces: no force; y_n = 0, which divides into no slip, and slip in each quadrant of signs."""
 LOWER, INSIDE, UPPER = 1, 2, 3
-"""Another unknown's: at a limit, or between, where its rate is zero."""
+"""Pieces of another unknown: at a limit, or between limits, where its rate is zero."""
 
 Mode = tuple[int, ...]
 
@@ -69,7 +70,7 @@ def hull(system: System) -> Mode:
 
 
 def pieces(system: System, law: int, piece: int) -> tuple[int, ...]:
-    """What `piece` of a law (contacts first) divides into; empty when it does not."""
+    """The parts into which `piece` of a law (contacts first) divides; empty when it does not divide."""
     contacts = len(system.mu)
     if law < contacts:
         if piece == HULL:
@@ -147,7 +148,7 @@ def check(system: System, proof: Infeasible) -> bool:
 
 
 def covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
-    """Whether the leaves are what `mode` divides into, one law at a time."""
+    """Whether `mode` divides into these leaves, one law at a time."""
     if mode in leaves:
         return True
     for law, piece in enumerate(mode):
@@ -202,13 +203,13 @@ def proves(problem: Problem, system: System, proof: Infeasible) -> bool:
 
 
 def excludes_given(problem: Problem, system: System, mode: Mode, p: Array) -> bool:
-    """Whether the multipliers p (N,) of the system's rows, and those of the others that follow, prove from
-    the numbers of the problem as it was given that no solution is in the mode."""
+    """Whether the multipliers p (N,) of the system's rows, with the multipliers of other rows that follow
+    from p, prove from the numbers of the problem as it was given that no solution is in the mode."""
     return any(_excludes(problem, system, mode, q) for q in _lift(problem, system)(p / system.rate))
 
 
 def _excludes(problem: Problem, system: System, mode: Mode, q: Array) -> bool:
-    """Whether multipliers q (N,) of all rows of the problem prove it."""
+    """Whether multipliers q (N,) of all rows of the problem prove that no solution is in the mode."""
     s, d = system, system.directions
     A, b, size = sp.csr_array(problem.A), problem.b, np.abs(q)
     pull, terms = A.T @ q, abs(A).T @ size
@@ -235,8 +236,8 @@ _lifts: WeakKeyDictionary[System, Lift] = WeakKeyDictionary()
 
 
 def _lift(problem: Problem, system: System) -> Lift:
-    """What makes multipliers (N,) of all rows of those kept, so that no free unknown is pulled: as they are,
-    and without those that are rounding beside others that pull the same unknown."""
+    """A function from multipliers of the kept rows to multipliers (N,) of all rows that pull no free unknown:
+    with all of them, and without multipliers that are rounding beside others that pull the same unknown."""
     found = _lifts.get(system)
     if found is None:
         found = _lifts[system] = _lifting(problem, system)
@@ -266,7 +267,7 @@ def _lifting(problem: Problem, system: System) -> Lift:
 
 
 def _least(share: sp.csr_array) -> Array:
-    """The least entry of each row, of those that are there."""
+    """The least stored entry of each row."""
     least = np.full(share.shape[0], np.inf)
     entries = share.tocoo()
     some = entries.data > 0.0

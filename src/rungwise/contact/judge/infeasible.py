@@ -20,7 +20,7 @@ from rungwise.contact.step.problem import ContactProblem
 MAX_NODES = 2000
 """Partial modes that are looked at before a frictional certificate is given up."""
 HEADINGS = 32
-"""Sides of the polygon about the disc of slips in space: a motion is looked for where friction were larger by
+"""Sides of the polygon about the disc of slips in space: a motion is looked for as if friction were larger by
 half a percent."""
 _SOLVES = 1e-9
 
@@ -28,9 +28,9 @@ _SOLVES = 1e-9
 def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
-    Without `frictional`, only a kinematic one is looked for: for a problem that is one linear piece of a law.
-    The search for a frictional one ends after `MAX_NODES` partial modes. There is none for a problem whose
-    numbers, in its natural units, are beyond what floating point holds.
+    Without `frictional`, only a kinematic certificate is looked for: for a problem that is one linear piece
+    of a law. The search for a frictional certificate ends after `MAX_NODES` partial modes. There is none for
+    a problem whose numbers, in its natural units, are beyond the range of floating point.
     """
     with np.errstate(all="ignore"):
         for certificate in (_kinematic(problem), _frictional(problem) if frictional else None):
@@ -54,8 +54,8 @@ def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64])
 
 
 def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
-    """Coordinates (n,) of each part that no row joins to another: what one carries says nothing of what
-    another must."""
+    """Coordinates (n,) of each part that no row joins to another: the loads of one part do not bear on
+    another."""
     from scipy.sparse.csgraph import connected_components
 
     rows = np.vstack([problem.W, problem.S, resisting]) != 0.0
@@ -153,7 +153,7 @@ def _least_left(
     if not (np.isfinite(cost).all() and np.isfinite(balance).all()):
         return None
     near = cost < REACH
-    # What is minimised counts in 1 / REACH^2: the solver's own tolerance would hide it otherwise.
+    # The objective counts in 1 / REACH^2: the solver's own tolerance would hide it otherwise.
     A, most = balance[:, near], np.full((len(balance), 1), -1.0 / REACH**2)
     found = linprog(
         np.append(np.zeros(A.shape[1]), 1.0),
@@ -170,7 +170,8 @@ def _least_left(
 
 
 def _frictional(problem: ContactProblem, held: bool = True) -> Certificate | None:
-    """Branch and bound over partial modes: one that no solution is in is not split any further."""
+    """The certificate by branch and bound over partial modes: a mode without solutions is not split
+    further."""
     if problem.R.shape[1] != 2:
         return None
     options = choices(problem, held)
@@ -198,7 +199,7 @@ def _frictional(problem: ContactProblem, held: bool = True) -> Certificate | Non
 
 def _is_resisted(problem: ContactProblem) -> NDArray[np.bool_]:
     """Which contacts and limited rows feel a coordinate that something resists: their forces are bounded, and
-    their modes say more than those of others."""
+    their modes say more than the modes of others."""
     own = np.diag(problem.H) > 0.0
     feels = (np.vstack([problem.W, problem.S])[:, own] != 0.0).any(axis=1)
     contacts, d = len(problem.mu), problem.R.shape[1]
@@ -238,5 +239,5 @@ def _contradictions(
 def _dissipates(
     slip: NDArray[np.float64], force: NDArray[np.float64], limit: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """0 where there is no slip, or the force is at its limit against it."""
+    """0 where there is no slip, or the force is at its limit against the slip."""
     return np.minimum(np.abs(slip), limit + np.sign(slip) * force)

@@ -2,10 +2,10 @@
 
 For contacts it is x - P(x - yhat), P the Euclidean projection on the friction cone |x_t| <= mu x_n and yhat
 the rate with mu |y_t| added to its normal part, which turns maximum dissipation and Signorini's law into one
-complementarity of a cone and its dual. It may be 1 / mu of a penetration, which is nothing where mu is large,
-and so its normal part is made no less than that. For the others it is x - clip(x - y, lower, upper), computed
-without the difference where that is y. Source: De Saxce and
-Feng, Math. Comput. Modelling 28 (1998) 225-245.
+complementarity of a cone and its dual. The map may be 1 / mu of a penetration, which is tiny where mu is
+large, and so its normal part is made no less than the penetration. For other unknowns the map is x - clip(x -
+y, lower, upper), computed without the difference where the result is y. Source: De Saxce and Feng, Math.
+Comput. Modelling 28 (1998) 225-245.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def natural_map(x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Real
 @inner_kernel
 def contact_map(x: Reals, y: Reals, mu: float, d: int, first: int, out: Reals) -> None:
     """The map of one contact whose normal row is `first`."""
-    # In the plane b is a, and without friction both are n: what is written last there is what counts.
+    # In the plane b is a, and without friction both are n: there the value written last counts.
     n, a, b = first, first + min(1, d - 1), first + d - 1
     y_a, y_b = y[a] if d > 1 else 0.0, y[b] if d == 3 else 0.0
     s, t = x[a] - y[a] if d > 1 else 0.0, x[b] - y[b] if d == 3 else 0.0

@@ -1,4 +1,4 @@
-"""What a candidate is worth, from the problem alone: no solver has a say in it."""
+"""The worth of a candidate, from the problem alone: no solver has a say in the verdict."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from rungwise.contact.problem import Array, Matrix, Problem
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 OWN = 0.03
-"""Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of them. With
-more, answers that are as good as rounding of the norm of all rows allows would count as none."""
+"""Weight of a violation in a row's own terms: at a tolerance of 1e-9 none may be more than 3e-8 of these
+terms. With a larger weight, answers that are as good as rounding of the norm of all rows allows would not
+count as solutions."""
 _FINE = 1e-9
-"""What violates a row by no more of its own terms does not: the rounding of larger rows may do so, and finer
-tolerances than 1e-9 speak of the norm of all."""
+"""A violation of a row by no more than this share of its own terms does not count: the rounding of larger
+rows may cause it, and tolerances finer than 1e-9 concern the norm of all rows."""
 _ROUNDING, _FLOOR = 2.0**-54, 1e-6
 _AT_REST, _FAINT = 2.0**-44, 1e-5
-"""A row whose terms are no more than the first share of those of all is at rest: what there is in it is
-rounding of others, and counts beside the second share, of which 1e-11 / `OWN` is 30 roundings."""
+"""A row whose terms are no more than the first share of the terms of all rows is at rest: its terms are
+rounding of other rows, and count beside the second share, of which 1e-11 / `OWN` is 30 roundings."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ class Residuals:
 
     @property
     def worst(self) -> float:
-        """The one to hold against a tolerance."""
+        """The residual to hold against a tolerance."""
         return max(self.natural, self.balance)
 
 
@@ -98,7 +99,7 @@ def violations(
 ) -> None:
     """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|."""
     own, slope, out = scratch[0], scratch[1], scratch[2]
-    # What rounding leaves in the rates: no residual is known better than that.
+    # Rounding in the rates: no residual is known better than this.
     doubt = 0.0
     for i in range(len(kept)):
         own[i], slope[i] = x[kept[i]] / force[i], y[kept[i]] / rate[i]
@@ -144,8 +145,8 @@ def judge_rows(
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """As `judged`, but for what free rows lack in balance, A in rows; free (g,) with units (g,) among
-    themselves; scratch (6, N), the first its terms."""
+    """Fill y and `found` as `judged` does, without the balance of free rows. A is given in rows; free (g,),
+    unit (g,) among the free unknowns; scratch (6, N), whose first row becomes the terms."""
     terms, total = scratch[0], 0.0
     for i in range(len(x)):
         y[i], terms[i] = b[i], 0.0
@@ -166,8 +167,8 @@ def judge_rows(
 
 
 class _Scales(NamedTuple):
-    """What the judge keeps of a problem: |A|, its rows, the free rows, and units of free unknowns among
-    themselves."""
+    """Numbers that the judge keeps for a problem: |A|, its rows, the free rows, and units of free unknowns
+    among themselves."""
 
     absolute: Matrix
     rows: tuple[Ints, Ints, Array]
@@ -196,12 +197,12 @@ def absolute(problem: Problem) -> Matrix:
 
 def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
     """The largest violation by x of a law of the problem as it was given, whatever the units of its rows and
-    of its unknowns: rates count by the size of their terms, forces by what they do to the rows, over theirs;
-    each contact in a unit of its own.
+    of its unknowns: rates count by the size of their terms, forces by their terms in the rows, over the terms
+    of the rows; each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all. Only a row whose own terms are rounding beside that (`_AT_REST`) counts beside a
-    share of it; and a free one beside a share of the terms of the other free ones.
+    beside the norm of all. Only a row whose own terms are rounding beside that norm (`_AT_REST`) counts
+    beside a share of the norm; and a free row beside a share of the terms of the other free rows.
     """
     return _in_own_terms(problem, system, x, y, _scales(problem).absolute @ np.abs(x))
 
@@ -212,7 +213,8 @@ def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: A
 
 
 def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
-    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one for nothing."""
+    """The units in which `in_own_terms` counts rates (N,) and forces (N,); one where there is nothing to
+    count by."""
     scales = _scales(problem)
     scratch = _own_terms(problem, system, scales.absolute @ np.abs(x))
     own_size(*scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
@@ -221,7 +223,7 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
 
 
 def _own_terms(problem: Problem, system: System, terms: Array) -> Array:
-    """What `own_terms` fills (4, N), where `terms` (N,) are the sums of each row's terms."""
+    """The scratch (4, N) as `own_terms` fills it, where `terms` (N,) are the sums of each row's terms."""
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(terms)))
     own_terms(
         *scales.rows, terms, p.b, system.kept, system.rate, p.rows, p.directions, scales.free, scales.unit,
@@ -245,7 +247,7 @@ def own_terms(
     unit: Reals,
     scratch: Reals,
 ) -> None:
-    """Fill the first row of scratch (3, N) with the size of each row's terms, |A| |x| being `terms`.
+    """Fill the first row of scratch (3, N) with the size of each row's terms, where `terms` is |A| |x|.
 
     Where the terms of a row are rounding beside the norm of all rates, its size is raised to that norm, but
     to no more than the row's share of the unknowns that the terms of the free rows allow.
@@ -287,7 +289,8 @@ def own_violation(
     upper: Reals,
     scratch: Reals,
 ) -> float:
-    """As `in_own_terms`, with A in rows; scratch (4, N), the first of which are the terms of the rows."""
+    """The violation that `in_own_terms` returns, with A in rows; the first row of scratch (4, N) holds the
+    rows' terms."""
     rate, each, own, out = scratch[0], scratch[1], scratch[2], scratch[3]
     worst, rows = 0.0, d * len(mu)
     own_size(row_start, column, value, rows, d, rate, each)
@@ -310,7 +313,8 @@ def own_violation(
 def own_size(
     row_start: Ints, column: Ints, value: Reals, rows: int, d: int, rate: Reals, each: Reals
 ) -> None:
-    """Fill `each` (N,) with the most that a unit of the unknown does to a row, beside its terms, `rate`."""
+    """Fill `each` (N,) with the most that a unit of each unknown does to a row, beside the row's terms
+    `rate`."""
     for i in range(len(each)):
         each[i] = 0.0
     for i in range(len(rate)):
@@ -332,10 +336,10 @@ def _largest_of_each(values: Reals, rows: int, d: int) -> None:
 
 
 def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:
-    """The largest |y| of a free row, over the sum of the row's terms and of what unit forces do in it.
+    """The largest |y| of a free row, over the sum of the row's terms and of the terms of unit forces in it.
 
-    A row whose terms are nothing beside those of others, in units of its unknown, is not held to them. No
-    unit force is beyond its limits.
+    A row whose terms are nothing beside the terms of other rows, in units of its unknown, is not held to its
+    own terms. No unit force is beyond its limits.
     """
     free, unit = scales.free, scales.unit
     if len(free) == 0:
@@ -349,7 +353,8 @@ def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: A
 
 @kernel
 def imbalance(y: Reals, terms: Reals, unit: Reals) -> float:
-    """The largest |y| (g,) over the row's terms, which count as no less than a share of those of others."""
+    """The largest |y| (g,) over the row's terms, which count as no less than a share of the terms of other
+    rows."""
     most, worst = 0.0, 0.0
     for i in range(len(y)):
         most = max(most, unit[i] * terms[i])

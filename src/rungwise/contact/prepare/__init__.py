@@ -1,1 +1,1 @@
-"""What a problem becomes before it is solved: eliminated, scaled, ranked, taken apart into islands."""
+"""Preparation of a problem for solvers: elimination, scaling, rank, division into islands."""

@@ -1,4 +1,4 @@
-"""Connected parts of what the entries of a matrix join."""
+"""Connected parts of the unknowns that the entries of a matrix join."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from rungwise.kernel import Ints, Reals, kernel
 
 @kernel
 def join(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, offset: int, label: Ints) -> None:
-    """Let all that a row has entries for be one part: labels, first each its own place, then lead from each
-    contact (d of so many first rows) and each other unknown to one before it, or to itself.
+    """Let all unknowns for which a row has entries be one part: labels, at first each its own place, then
+    lead from each contact (d of the first `rows` rows) and each other unknown to one before it, or to itself.
 
     Columns are counted from `offset`.
     """

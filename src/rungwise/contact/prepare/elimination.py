@@ -1,4 +1,4 @@
-"""Free unknowns eliminated where they can be: what is left is the Delassus form.
+"""Free unknowns eliminated where they can be, which leaves the Delassus form.
 
 With A_ff regular the free unknowns (velocities, joint forces) follow from the others.
 """
@@ -29,9 +29,9 @@ _LARGEST = 30_000_000
 
 
 class Left(NamedTuple):
-    """What is left of a problem: places kept (N,), what makes the matrix A, offset b, `recover` from x (N,)
-    to all unknowns, and the parts of A. `demanded`: the largest rate demanded over that without forces,
-    infinite if there is none."""
+    """The rest of a problem: kept places (N,), a function that makes the matrix A, offset b, `recover` from x
+    (N,) to all unknowns, and the parts of A. `demanded`: the largest demanded rate over the largest rate
+    without forces, infinite if there is none."""
 
     kept: Ints
     matrix: Callable[[], Matrix]
@@ -55,9 +55,9 @@ def _whole(problem: Problem) -> Matrix:
 
 
 def eliminated(problem: Problem) -> Left:
-    """What is left: kept places, matrix, offset, the way back to all unknowns, and the matrix's parts.
+    """The rest of the problem: kept places, matrix, offset, the way back to all unknowns, the matrix's parts.
 
-    The free ones are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
+    The free unknowns are x_g = -(A_gg)^-1 (A_gk x_k + b_g), unless A_gg is singular or nearly so.
     """
     if not problem.free.any():
         return everything(problem)
@@ -92,7 +92,7 @@ def eliminated(problem: Problem) -> Left:
 
     still = velocities(np.zeros(len(kept)))
     offset = b[kept] + back @ still
-    # What should cancel, and does but for rounding, is no demand.
+    # Terms that should cancel, and do but for rounding, are no demand.
     errors = np.abs(own @ still + b[gone]) + NOTHING * (abs(own) @ np.abs(still) + np.abs(b[gone]))
     terms = np.abs(b[kept]) + abs(back) @ np.abs(still)
     offset[np.abs(offset) <= NOTHING * terms + rounding(back, errors)] = 0.0
@@ -174,7 +174,7 @@ def _factors(own: sp.csr_array) -> SuperLU | None:
 
 
 def _without_rounding(left: Matrix, least: Matrix) -> Matrix:
-    """The entries of `left` that are more than what errors make of nothing."""
+    """The entries of `left` that are larger than `least`, the errors of entries that may be zero."""
     if not sp.issparse(left):
         return np.where(np.abs(left) > least, left, 0.0)
     made = sp.csr_array(left.multiply(abs(left) > least))

@@ -1,4 +1,5 @@
-"""A problem in contacts, velocities and joints alone: what exchange formats and other solvers have words for.
+"""A problem in contacts, velocities and joints alone: the unknowns that exchange formats and other solvers
+know.
 
 Compliance R = B B^T / h becomes velocities y of its own, h y = B^T r, u = W v + B y + w: eliminated, they
 give R back. A limited unknown, |tau| <= F, becomes the tangential force of one more contact, of friction 1
@@ -19,7 +20,7 @@ _SKEW = 1e-9
 
 def in_contacts(problem: Problem) -> Problem:
     """An equivalent of a problem made by `Problem.balance`: its contacts, then one for each limited unknown
-    in their order; its velocities, then those described above; its joints.
+    in their order; its velocities, then the velocities y and r_n - F above; its joints.
 
     Raises ValueError, naming the field, where A has another form, R is not symmetric and positive, or limits
     are not symmetric.
@@ -40,7 +41,7 @@ def in_contacts(problem: Problem) -> Problem:
     give = _root(A[other, other] * h, 1, "R_s")
     bound, joint = np.flatnonzero(np.isfinite(limit)), np.flatnonzero(np.isinf(limit))
     count = len(bound)
-    # Velocities: those of H, of soft contacts, of yielding others, of normals and second tangents of limits.
+    # Velocities: of H, of soft contacts, of yielding others, of normals and second tangents of limits.
     sizes = (n, soft.shape[1], give.shape[1], count, count if d == 3 else 0)
     one = sp.eye_array(count)
     lines = [
@@ -65,7 +66,7 @@ def in_contacts(problem: Problem) -> Problem:
 
 
 def _line(sizes: tuple[int, ...], rows: int, blocks: dict[int, Matrix]) -> Matrix:
-    """A block row of so many rows; blocks that are not named are zero."""
+    """A block row of `rows` rows; blocks that are not named are zero."""
     return sp.hstack(
         [blocks.get(k, sp.csr_array((rows, size))) for k, size in enumerate(sizes)], format="csr"
     )

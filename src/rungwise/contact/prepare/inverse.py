@@ -1,4 +1,4 @@
-"""The inverse of a matrix that falls apart into small blocks, and what it makes of sparse columns.
+"""The inverse of a matrix that falls apart into small blocks, and its products with sparse columns.
 
 The inertia of bodies is such a matrix: each body has a block of its own.
 """
@@ -18,7 +18,7 @@ Sparse = tuple[Ints, Ints, Array]
 
 
 def inverse(rows: Sparse) -> Sparse | None:
-    """The rows of the inverse of a matrix (n, n); None if that has a large block, or is singular."""
+    """The rows of the inverse of a matrix (n, n); None if the matrix has a large block, or is singular."""
     row_start, column, value = rows
     n = len(row_start) - 1
     label = np.arange(n)
@@ -47,7 +47,7 @@ def inverse(rows: Sparse) -> Sparse | None:
 
 
 def responses(rows: Sparse, inverted: Sparse, columns: Sparse) -> tuple[Sparse, Array]:
-    """Columns of the inverse times those given, and how much a second solution changed their values."""
+    """Columns of the inverse times the given columns, and how much a second solution changed their values."""
     n = len(rows[0]) - 1
     most = int(np.diff(inverted[0])[columns[1]].sum())
     start, row = np.empty(len(columns[0]), np.int64), np.empty(most, np.int64)

@@ -1,4 +1,4 @@
-"""Parts of a system that have nothing to do with each other, each in a size of its own."""
+"""Parts of a system that nothing couples, each in a size of its own."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class Islands:
     """The system's rows, gathered island by island, with columns counted within the island.
 
     place (N,): the rows as the system has them; first (k + 1,), contacts (k + 1,): where islands begin; size
-    (k,): what forces, limits and rates of each are divided by, so that its rates without forces have norm 1.
+    (k,): divisor of the forces, limits and rates of each island, so that its rates without forces have norm
+    1.
     """
 
     place: Ints
@@ -128,7 +129,7 @@ def _starts(label: Ints, count: int) -> Ints:
 
 
 def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
-    """The parts of these rows; None where their velocities are coupled with others."""
+    """The condensed parts of these rows; None where their velocities are coupled with others."""
     if whole is None:
         return None
     back_start, back_column, back = _rows(whole.back_start, whole.back_column, whole.back_value, place)

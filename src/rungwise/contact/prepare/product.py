@@ -1,4 +1,4 @@
-"""The matrix of a problem as it was before velocities were eliminated: as a product it has far fewer numbers.
+"""The matrix of a problem before velocities were eliminated, as a product: it has far fewer numbers.
 
 Where bodies touch at many points there are far more forces than velocities, and each force acts on few.
 """
@@ -17,9 +17,9 @@ from rungwise.kernel import Ints, Reals, kernel
 
 ROUNDING = 2.0**-51
 FEW, MOST = 2, 1000
-"""Eliminated unknowns that are kept dense: one for so many others, and no more than these."""
+"""Eliminated unknowns that are kept dense: one for `FEW` others, and no more than `MOST`."""
 _MANY = 700
-"""Others from which on sparse ones are, too, where there are no more of them."""
+"""Number of other unknowns from which on sparse eliminated ones are kept, too, if they are no more."""
 
 
 class Condensed(NamedTuple):
@@ -52,7 +52,7 @@ class Product(NamedTuple):
     """A = F - B R, R = own^-1 C: far fewer numbers than A has, where bodies touch at many points.
 
     front (N, 3): the rows of F's blocks; back_start (N + 1,), back_column, back_value: the rows of B;
-    response_start (N + 1,), response_row, response_value: the columns of R; diagonal (N,): that of A;
+    response_start (N + 1,), response_row, response_value: the columns of R; diagonal (N,): the diagonal of A;
     velocities: R's rows.
     """
 
@@ -84,7 +84,7 @@ def _scaled_blocks(blocks: Array, s: Array, rows: int, d: int) -> Array:
 
 
 def condensed(problem: Problem, own: Matrix, across: Matrix, back: Matrix, front: Matrix) -> Condensed | None:
-    """The parts, where they are few, or many but sparse, and `front` has only the blocks of contacts."""
+    """The parts of A, where they are few, or many but sparse, and `front` has only the blocks of contacts."""
     few = own.shape[0] <= min(MOST, front.shape[0] // FEW)
     if not few and not (sp.issparse(own) and front.shape[0] >= max(_MANY, own.shape[0])):
         return None
@@ -98,7 +98,7 @@ def condensed(problem: Problem, own: Matrix, across: Matrix, back: Matrix, front
 
 @kernel
 def gather_blocks(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, blocks: Reals) -> bool:
-    """Fill the rows of contacts' blocks; False if there is anything beside these and the others' diagonal."""
+    """Fill the rows of contacts' blocks; False if there are entries beside these and the others' diagonal."""
     for i in range(len(blocks)):
         for k in range(row_start[i], row_start[i + 1]):
             first = column[k] // d * d if column[k] < rows else column[k]
@@ -109,7 +109,7 @@ def gather_blocks(row_start: Ints, column: Ints, value: Reals, rows: int, d: int
 
 
 def columns(A: Matrix) -> Sparse:
-    """Starts of the columns, rows in order and values of what is not zero in A."""
+    """Starts of the columns, rows in order and values of the entries of A that are not zero."""
     if not sp.issparse(A):
         return compressed(A.T)
     A = A.tocsc()
@@ -117,8 +117,8 @@ def columns(A: Matrix) -> Sparse:
 
 
 def product(problem: Problem, parts: Condensed, response: Sparse, change: Array) -> Product | None:
-    """A as a product, the response given in columns, and how well it is known; None where units do not follow
-    from A's diagonal."""
+    """A as a product, from the response in columns and its known error; None where units do not follow from
+    A's diagonal."""
     size = len(parts.front)
     diagonal, terms, scratch = np.zeros(size), np.zeros(size), np.zeros(parts.own.shape[0])
     back, (start, row, value) = (parts.back_start, parts.back_column, parts.back_value), response
@@ -145,7 +145,7 @@ def accumulate(
     scratch: Reals,
     out: Reals,
 ) -> None:
-    """Add the diagonal of a product, or of that of absolute values; scratch is zero."""
+    """Add the diagonal of a product, or of the product of absolute values; scratch is zero."""
     for i in range(len(out)):
         for k in range(row_start[i], row_start[i + 1]):
             scratch[column[k]] = value[k]

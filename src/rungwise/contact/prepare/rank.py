@@ -1,7 +1,7 @@
 """The velocities that a large system hides: A of low rank as a product, in which linear systems are smaller.
 
-Algorithm: elimination with the largest diagonal entry as pivot, until nothing is left but rounding: then
-A = A[:, I] A[I, I]^-1 A[I, :], I the pivots. So it is where bodies touch at more points than they need and
+Algorithm: elimination with the largest diagonal entry as pivot, until only rounding is left: then A = A[:, I]
+A[I, I]^-1 A[I, :], I the pivots. A has such a low rank where bodies touch at more points than they need and
 only forces are given. Sources: Golub and Van Loan, Matrix Computations (2013), section 4.2.8; Goreinov,
 Tyrtyshnikov, Zamarashkin, Linear Algebra Appl. 261 (1997) 1-21. Promises: parts whose product is A, or none.
 """
@@ -19,15 +19,16 @@ from rungwise.kernel import Ints, Reals, kernel
 
 _SMALL, _LARGE, _MOST = 200, 5000, 1500
 _NOTHING, _SOMETHING = 1e-11, 1e-6
-"""Pivots below one are rounding, and none may lie between the two: the rank would be a matter of taste."""
+"""Pivots below the first are rounding, and none may lie between the two: the rank would be a matter of
+taste."""
 _TINY = 1e-14
 
 _known: WeakKeyDictionary[System, Condensed | None] = WeakKeyDictionary()
 
 
 def parts(system: System) -> Condensed | None:
-    """A's parts: those of elimination, or those found here, once; None where there are none, or where free
-    unknowns are left, whose laws have no blocks of their own."""
+    """A's parts, from elimination or found here, once; None where there are none, or where free unknowns are
+    left, whose laws have no blocks of their own."""
     if system.condensed is not None or not _SMALL < system.size <= _LARGE or system.has_free:
         return system.condensed
     if system not in _known:
@@ -49,7 +50,8 @@ def _found(system: System) -> Condensed | None:
 
 @kernel
 def eliminate(A: Reals, pivots: Ints, nothing: float, something: float, scratch: Ints) -> int:
-    """Eliminate in A (N, N) while there is room for pivots; returns their number, 0 if that is unclear."""
+    """Eliminate in A (N, N) while there is room for pivots; returns their number, 0 if the rank is
+    unclear."""
     n, left, used = len(A), scratch[0], scratch[1]
     for i in range(n):
         left[i] = i

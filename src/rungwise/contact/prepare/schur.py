@@ -1,8 +1,8 @@
 """Free unknowns of a small dense problem eliminated, compiled as a whole.
 
 Algorithm: with A_gg regular the free unknowns are x_g = -A_gg^-1 (A_gk x_k + b_g). A_gg is factorised in
-units in which its largest entries are about one, and each solution is refined once; what the refinement
-changed tells how well it is known, and what is left beside such doubt is zero. Source: Higham, Accuracy and
+units in which its largest entries are about one, and each solution is refined once; the change by refinement
+tells how well a solution is known, and remainders within this doubt are zero. Source: Higham, Accuracy and
 Stability of Numerical Algorithms (2002), chapters 7 and 12. Accepts: any dense A. Promises: nothing where
 A_gg is singular or nearly so.
 """
@@ -37,9 +37,9 @@ def eliminate(
     order: Ints,
     scale: Reals,
 ) -> bool:
-    """Fill what is left, A_kk - A_kg A_gg^-1 A_gk in left (k, k) and b_k + A_kg x_g(0) in offset (k,); factor
-    (g, g), unit (g,), order (g,), with which `respond` solves; and scale (g,), the units of the free unknowns
-    among themselves. False where that cannot be."""
+    """Fill the rest of the problem, A_kk - A_kg A_gg^-1 A_gk in left (k, k) and b_k + A_kg x_g(0) in offset
+    (k,); factor (g, g), unit (g,), order (g,), with which `respond` solves; and scale (g,), the units of the
+    free unknowns among themselves. False where A_gg cannot be solved."""
     k, g = len(kept), len(gone)
     own, response, change = np.empty((g, g)), np.empty((k, g)), np.empty((k, g))
     for i in range(g):
@@ -125,7 +125,8 @@ def _refined(own: Reals, factor: Reals, unit: Reals, order: Ints, x: Reals, chan
 
 @kernel
 def _weigh(A: Reals, row: int, gone: Ints, factor: Reals, unit: Reals, order: Ints, weight: Reals) -> None:
-    """weight (g,) becomes |A_gg^-T A_row,g|: what errors in the free unknowns' equations do to a row."""
+    """weight (g,) becomes |A_gg^-T A_row,g|: the effect on a row of errors in the free unknowns'
+    equations."""
     for m in range(len(gone)):
         weight[m] = unit[m] * A[row, gone[m]]
     substitute_transposed(factor, len(gone), order, weight)
@@ -141,7 +142,7 @@ def _gather(A: Reals, gone: Ints, column: int, right: Reals) -> None:
 
 @kernel
 def _errors(own: Reals, x: Reals, right: Reals, error: Reals) -> None:
-    """error (g,): what A_gg x - right is, and what rounding hides of it."""
+    """Fill error (g,): the size of A_gg x - right, and the part that rounding hides."""
     for i in range(len(error)):
         total, terms = -right[i], abs(right[i])
         for j in range(len(error)):
@@ -155,7 +156,7 @@ def _errors(own: Reals, x: Reals, right: Reals, error: Reals) -> None:
 def _known(
     A: Reals, row: int, gone: Ints, first: float, sign: float, x: Reals, weight: Reals, error: Reals
 ) -> float:
-    """first + sign A_row,g x, or zero where that is no more than the errors of x and rounding make."""
+    """first + sign A_row,g x, or zero where the sum is no more than the errors of x and rounding."""
     total, terms, least = first, abs(first), 0.0
     for m in range(len(gone)):
         term = A[row, gone[m]] * x[m]
@@ -169,7 +170,7 @@ def _known(
 def recover(
     A: Reals, b: Reals, kept: Ints, gone: Ints, factor: Reals, unit: Reals, order: Ints, x: Reals
 ) -> None:
-    """Fill the free ones in x (N,), which has the others."""
+    """Fill the free unknowns in x (N,), which has the others."""
     push, v = np.empty(len(gone)), np.empty(len(gone))
     for i in range(len(gone)):
         push[i] = b[gone[i]]
@@ -192,8 +193,8 @@ def recover(
 def demanded(
     b: Reals, rows: int, velocities: int, lower: Reals, upper: Reals, kept: Ints, offset: Reals
 ) -> float:
-    """The largest rate demanded over that without forces, of all but fixed unknowns, of which nothing is
-    demanded; infinite where there is none, or no load."""
+    """The largest demanded rate over the largest rate without forces, of all but fixed unknowns, of which
+    nothing is demanded; infinite where there is no demand, or no load."""
     loads, demands, largest = 0.0, 0.0, 0.0
     for i in range(len(b)):
         if rows <= i < rows + velocities:

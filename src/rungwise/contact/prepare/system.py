@@ -1,11 +1,12 @@
 """A problem as solvers see it: free unknowns eliminated where they can be, and free of units.
 
 Each contact is measured in a unit s of its own: s^2 is one over the mean diagonal of its block, so that its
-block has a unit diagonal, all its directions alike, and friction is what it was. Forces and rates are divided
-by |s q|, the norm of the rates without forces: `natural_map` of the scaled system is the residual by which
-answers are judged. Rates without forces may hide the rates that are demanded, because inertia is next to none
-or because the demands are. Only the answer tells which: an answer that moves is judged by the first system,
-any other by a second one, `massless`, of all unknowns, whose measures are the demanded rates and the loads.
+block has a unit diagonal, all its directions share that unit, and friction coefficients stay the same. Forces
+and rates are divided by |s q|, the norm of the rates without forces: `natural_map` of the scaled system is
+the residual by which answers are judged. Rates without forces may hide the demanded rates, because inertia is
+next to zero or because the demands are next to zero. Only the answer tells which holds: an answer that moves
+is judged by the first system, any other answer by a second system, `massless`, in all unknowns, whose
+measures are the demanded rates and the loads.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rungwise.kernel import Ints, Reals, kernel
 
 class Form(NamedTuple):
     """The scaled matrix A: row_start (N + 1,), column, value, its rows in CSR; blocks (k, d, d), its diagonal
-    blocks; diagonal (m,), that of the others."""
+    blocks; diagonal (m,), the diagonal entries of the other unknowns."""
 
     row_start: Ints
     column: Ints
@@ -45,8 +46,8 @@ class System:
 
     form: makes A, in the parts of `Form`; kept (N,): places of the unknowns in the problem; condensed,
     product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
-    to multiply by it; demanded: the largest rate demanded over that without forces, or infinite; load: the
-    largest load over the least unit of a contact's force, or one.
+    to multiply by it; demanded: the largest demanded rate over the largest rate without forces, or infinite;
+    load: the largest load over the least unit of a contact's force, or one.
     """
 
     form: Callable[[], Form]
@@ -101,7 +102,7 @@ class System:
 
 
 class Postponed(System):
-    """A system whose A is made when something asks for it: a product seldom needs it."""
+    """A system that makes A when something asks for A: with a product A is seldom needed."""
 
     def __post_init__(self) -> None:
         pass
@@ -120,7 +121,7 @@ _massless: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
 def scaled(problem: Problem, massless: bool = False) -> System:
     """The system of `problem`, made once; ValueError where its sizes are beyond the range of numbers.
 
-    `massless`: that in all unknowns, measured by demanded rates and loads; only where velocities can be
+    `massless`: the system in all unknowns, measured by demanded rates and loads; only where velocities can be
     eliminated.
     """
     known = _massless if massless else _prepared
@@ -165,7 +166,7 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
 
 
 def _entries(left: Left) -> Callable[[], Sparse]:
-    """What gives A's rows, unscaled: those of a product when they are asked for."""
+    """A function that gives A's rows, unscaled; the rows of a product are made when it is called."""
     if left.product is not None:
         return lambda: compressed(left.matrix())
     made = compressed(left.matrix())
@@ -192,7 +193,7 @@ def _load(problem: Problem, unit: Array) -> float:
 
 @kernel
 def largest(row_start: Ints, value: Reals, out: Reals) -> None:
-    """The largest size of each row's entries, or zero."""
+    """Fill `out` with the largest size of each row's entries, or zero."""
     for i in range(len(out)):
         out[i] = 0.0
         for k in range(row_start[i], row_start[i + 1]):
@@ -200,14 +201,14 @@ def largest(row_start: Ints, value: Reals, out: Reals) -> None:
 
 
 def _has_diagonal(entries: Sparse) -> bool:
-    """Whether inertia or compliance says what rate is much for a force: nothing else does."""
+    """Whether inertia or compliance gives A a diagonal: only these say how large a rate is for a force."""
     row_start, column, value = entries
     own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
     return bool(value[own].any())
 
 
 def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
-    """s (N,) as without inertia: demanded rates and loads, each in units of their own, are of one size."""
+    """Fill s (N,) as without inertia: demanded rates and loads, each in their own units, are of one size."""
     first, last = problem.rows, problem.rows + problem.velocities
     row = np.arange(len(s)).repeat(np.diff(row_start))
     inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)

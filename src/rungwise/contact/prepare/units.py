@@ -20,7 +20,7 @@ _GREATEST, _LEAST = 1e140, 1e-290
 
 
 def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
-    """Starts of the rows, columns in order and values (copies) of what is not zero in A, dense or CSR."""
+    """Starts of the rows, columns in order and values (copies) of the entries not zero in A, dense or CSR."""
     if sp.issparse(A):
         A = A if A.has_sorted_indices else A.sorted_indices()
         return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
@@ -51,7 +51,7 @@ def gather(
     place: NDArray[np.int32],
     entry: Reals,
 ) -> int:
-    """Fill the entries of these rows whose columns have a number, which is then theirs; returns how many."""
+    """Fill the entries of these rows whose columns have a number, with that number; returns how many."""
     used = 0
     for i in range(len(rows)):
         start[i] = used
@@ -87,7 +87,7 @@ def compress(A: Reals, row_start: Ints, column: Ints, value: Reals) -> int:
 
 @kernel
 def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
-    """s (N,): one over the root of the mean diagonal, per contact; where there is none, it equilibrates."""
+    """Fill s (N,): one over the root of the mean diagonal, per contact; equilibrate it where that is zero."""
     size, least, some, every = len(s), math.inf, False, True
     for i in range(size):
         s[i] = 0.0
@@ -119,7 +119,7 @@ def measured(
 ) -> bool:
     """Units of forces and rates from s; b as `offset`, lower and upper in them; whether in range.
 
-    Of an unknown whose limits are the same its force counts, and not its rate, which nothing asks for.
+    An unknown with two equal limits counts with its force, and not with its rate, which no law restricts.
     """
     size, total = 0.0, 0.0
     for i in range(len(s)):
@@ -153,7 +153,7 @@ def measured(
 
 @inner_kernel
 def _size_alone(i: int, s: Reals, b: Reals, lower: Reals, upper: Reals, rows: int) -> float:
-    """What there is of unknown i without other forces, as rate or force in the unit s."""
+    """The size of unknown i without other forces, as rate or force in the unit s."""
     if i >= rows and lower[i - rows] == upper[i - rows]:
         return float(abs(lower[i - rows] / s[i]))
     return float(abs(s[i] * b[i]))
@@ -175,7 +175,8 @@ def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Real
 
 @kernel
 def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> None:
-    """Move what is limited to a limit from which it differs by no more than this share of the largest."""
+    """Move each limited unknown to a limit from which it differs by no more than this share of the largest
+    unknown."""
     largest = 0.0
     for i in range(len(x)):
         largest = max(largest, abs(x[i]))
@@ -187,7 +188,8 @@ def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> Non
 
 @kernel
 def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
-    """A first s where it is not fixed (negative): from neighbours to theirs; one where nothing is fixed."""
+    """Fill a first s where it is not fixed (negative), from neighbour to neighbour; one where nothing is
+    fixed."""
     for i in range(len(s)):
         s[i] = min(s[i], 0.0)
     reached = True
@@ -208,7 +210,7 @@ def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
 def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
     """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one.
 
-    There are many such s. That which is found starts from what is fixed, and so follows its units.
+    There are many such s. The one found starts from the fixed entries, and so follows their units.
     """
     size = len(s)
     spread(row_start, column, value, s)

@@ -3,8 +3,8 @@
 Algorithm: at each node some laws are held at one of their pieces and the others at their convex hulls; a
 linear program (HiGHS, through scipy) either finds multipliers that exclude the node, or a point x of it. From
 that point Newton steps are tried; if they lead nowhere the law that x violates most is divided. Islands are
-searched one by one: what excludes one excludes the whole. Source: Land and Doig, Econometrica 28 (1960)
-497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11 (1990) 281-292. Accepts:
+searched one by one: a proof that excludes one excludes the whole. Source: Land and Doig, Econometrica 28
+(1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11 (1990) 281-292. Accepts:
 everything; it goes beyond the root of an island up to `LARGEST` unknowns. Promises: at most `NODES` linear
 programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a proof only
 where the quadrants of slip give one.
@@ -30,7 +30,7 @@ from rungwise.kernel import Ints
 NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
 ENTRIES = 1_000_000
-"""Of A, up to which the linear program of the root ends in seconds."""
+"""Entries of A up to which the linear program of the root ends in seconds."""
 _STEPS = 15
 ROUNDING = 1e-9
 OPTIONS = {
@@ -50,7 +50,7 @@ class Found(NamedTuple):
 
 
 def search(system: System, start: Array, tol: float, work: Work) -> Found:
-    """A solution within tol, or a checked proof that there is none, or the best of what was met."""
+    """A solution within tol, or a checked proof that there is none, or the best x met."""
     apart = islands(system)
     if apart is None:
         return _search(system, start, tol, work, NODES)
@@ -68,8 +68,8 @@ def search(system: System, start: Array, tol: float, work: Work) -> Found:
 
 
 def _of_whole(system: System, place: Ints, proof: Infeasible) -> Infeasible | None:
-    """The proof of an island, whose rows are `place` of the system, as one of the system; None if it is none
-    in the system's units."""
+    """The proof of an island, whose rows are `place` of the system, as a proof of the system; None if it
+    proves nothing in the system's units."""
     d, pairs = system.directions, place < system.rows
     law = np.concatenate([place[pairs][::d] // d, place[~pairs] - system.rows + len(system.mu)])
     modes, vectors = [], []
@@ -114,9 +114,9 @@ def _search(system: System, start: Array, tol: float, work: Work, nodes: int) ->
 
 
 def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | None:
-    """The modes and what excludes each, if that is checked to prove that there is no solution.
+    """The modes with the multipliers that exclude each, if checked to prove that there is no solution.
 
-    Unsupported when it weighs the rows of free unknowns alone: loads that nothing balances.
+    The proof is unsupported when it weighs the rows of free unknowns alone: loads that nothing balances.
     """
     used = np.any([p != 0.0 for _, p in excluded], axis=0)
     others = np.isfinite(system.lower) | np.isfinite(system.upper)
@@ -127,7 +127,7 @@ def proof(system: System, excluded: list[tuple[Mode, Array]]) -> Infeasible | No
 
 
 def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> list[Mode]:
-    """Children by the law `first`, or else the one that x violates most, the likeliest last."""
+    """Children by the law `first`, or else by the law that x violates most, the likeliest child last."""
     size = natural_parts(system, x)
     d, contacts = system.directions, len(system.mu)
     worst = [*size[: system.rows].reshape(-1, d).max(axis=1), *size[system.rows :]]
@@ -188,7 +188,7 @@ def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
 
 
 def _sharpen(p: Array, constraints: Matrix) -> Array:
-    """p with rounding removed: what is nearly zero is zero, and constraints nearly active are met."""
+    """p with rounding removed: entries nearly zero are zero, and constraints nearly active are met."""
     p = np.where(np.abs(p) > ROUNDING, p, 0.0)
     inside = np.abs(p) > 0.0
     active = np.abs(constraints @ p) < 1e-6

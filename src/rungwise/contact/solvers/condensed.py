@@ -26,10 +26,11 @@ from rungwise.contact.solvers.factors import (
 from rungwise.kernel import Ints, Reals, kernel
 
 _SMALL, _FULL = 200, 0.4
-"""Velocities up to which, and share of entries up to which, zeros are skipped: else LAPACK is faster."""
+"""Number of velocities, and share of entries, up to which zeros are skipped: else LAPACK is faster."""
 _PIVOT = 0.01
-"""Pivots are on the diagonal where that is at least this share of the largest entry below. Bodies touch few
-others, and other pivots fill the factors: with hundreds of bodies two to seven times as much."""
+"""Pivots are on the diagonal where its entry is at least this share of the largest entry below. Bodies touch
+few others, and other pivots fill the factors with two to seven times as many entries for hundreds of
+bodies."""
 
 
 def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | None:
@@ -159,7 +160,8 @@ def condense(
 
 @kernel
 def _columns(column: Ints, start: int, end: int, place: Ints, used: Ints) -> int:
-    """List in `used` the columns of these entries, each once, and in `place` where; returns how many."""
+    """List in `used` the columns of these entries, each once, and in `place` their places; returns how
+    many."""
     count = 0
     for k in range(start, end):
         if place[column[k]] < 0:

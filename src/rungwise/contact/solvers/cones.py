@@ -47,7 +47,7 @@ class Cones(NamedTuple):
     condensed: Condensed | None
     idle: Array
     weight: Array
-    """Rows (N, 3) of blocks: the identity where unknowns are dead, and where they are not."""
+    """Rows (N, 3) of blocks: the identity where unknowns are dead, and the identity where they are not."""
 
     def rates(self, z: Array) -> Array:
         """A (z + offset) + b."""
@@ -118,7 +118,7 @@ def centre(cones: Cones) -> Array:
 
 
 def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
-    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by those of the identity."""
+    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by rows of the identity."""
     A = cones.A
     if cones.condensed is not None:
         E = cones.idle.copy()
@@ -191,7 +191,7 @@ def nesterov_todd(
 def beyond(
     z: Reals, w: Reals, dz: Reals, dw: Reals, first: Ints, dim: Ints, scratch: Reals, out: Reals
 ) -> None:
-    """What the products of z + dz and w + dw have beyond what is linear, in the terms of `toward`; scratch is
+    """The part of the products of z + dz and w + dw that is not linear, in the terms of `toward`; scratch is
     (4, 3)."""
     v, a, b, c = scratch[0], scratch[1], scratch[2], scratch[3]
     for k in range(len(first)):
@@ -239,7 +239,7 @@ def _half(z: Reals, w: Reals, i: int, d: int, v: Reals) -> float:
 
 @inner_kernel
 def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
-    """out = factor (2 v v^T - J) x, the sign that of all but the first entry of v."""
+    """out = factor (2 v v^T - J) x, where `sign` multiplies all but the first entry of v."""
     dot = v[0] * x[0]
     for j in range(1, len(x)):
         dot += sign * v[j] * x[j]
@@ -250,7 +250,7 @@ def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
 
 @kernel
 def toward(w: Reals, inverse: Reals, first: Ints, dim: Ints, target: float, aim: Reals) -> None:
-    """aim = target z^-1 - w, what dw + S dz is to be."""
+    """aim = target z^-1 - w, the value that dw + S dz must have."""
     for c in range(len(first)):
         for i in range(first[c], first[c] + dim[c]):
             aim[i] = target * inverse[i] - w[i]

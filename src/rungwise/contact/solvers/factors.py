@@ -47,12 +47,12 @@ def factors(J: Matrix, order: str = "MMD_AT_PLUS_A") -> Factors | None:
 
 
 def diagonal_factors(J: Matrix, least: float = 0.0) -> Factors | None:
-    """Factors of a sparse J whose pivots may be its diagonal, where that is at least this share of the
+    """Factors of a sparse J whose pivots may be its diagonal, where its entry is at least this share of the
     largest entry below, in an order that fills least.
 
-    So it is where inertia and the metric of cones stand beside levers: symmetric but for the signs, as quasi-
-    definite matrices are. What is lost to small pivots a second solve brings back. Source: Vanderbei, SIAM J.
-    Optim. 5 (1995) 100-113.
+    J is such where inertia and the metric of cones stand beside levers: symmetric but for the signs, as
+    quasidefinite matrices are. A second solve restores the digits lost to small pivots. Source: Vanderbei,
+    SIAM J. Optim. 5 (1995) 100-113.
     """
     try:
         made = splu(
@@ -73,7 +73,7 @@ def diagonal_factors(J: Matrix, least: float = 0.0) -> Factors | None:
 
 
 def dense_entries(size: int) -> float:
-    """Entries of dense factors (size, size), fewer for they take less time each."""
+    """Entries of dense factors (size, size) as `Work` counts them: fewer, for each takes less time."""
     return float(size**2 * DENSE ** (2 / 3))
 
 

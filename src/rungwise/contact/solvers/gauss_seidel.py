@@ -1,15 +1,15 @@
 """Block Gauss-Seidel with exact local solves; for small systems in turn with Newton steps.
 
 Algorithm: contacts (see `one_contact`) and limited rows in turn, each solved exactly while the others' forces
-are held. Up to `SMALL` unknowns a few sweeps, which find what sticks, slides and opens, alternate with the
-steps of `newton`, which finish fast where that is right, while a round halves the residual; larger systems
-fall apart into their islands first. Source: Jourdan, Alart, Jean, Comput. Methods Appl. Mech. Eng. 155 (1998)
-31-47.
+are held. Up to `SMALL` unknowns a few sweeps, which find the contacts that stick, slide and open, alternate
+with the steps of `newton`, which finish fast where these modes are right, while a round halves the residual;
+larger systems fall apart into their islands first. Source: Jourdan, Alart, Jean, Comput. Methods Appl. Mech.
+Eng. 155 (1998) 31-47.
 Accepts: any number of directions, A nonsymmetric, dense or sparse, with positive diagonal in normal and
 limited rows, free unknowns eliminated; not large systems of few velocities, which Newton steps solve sooner,
 nor a few planar contacts or limited rows, which pivoting does.
-Promises: the iterate of least residual among those checked; linear convergence where the problem is well
-posed, none where it is badly rank deficient.
+Promises: the iterate of least residual among the checked iterates; linear convergence where the problem is
+well posed, none where it is badly rank deficient.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
 _FEW_VELOCITIES = 150
-"""Unknowns from which on systems of few velocities are solved sooner by steps in these."""
+"""Unknowns from which on systems of few velocities are solved sooner by steps in the velocities."""
 _ROUNDS, _STEPS = 8, 6
 _NEAR, _ROUGH, _EXACT = 1e-2, 0.3, 1e-8
-"""Residual that is near; errors of friction from which one step more, which squares them, is enough."""
+"""A residual that is near; and errors of friction from which one more step, which squares them, is enough."""
 DAMPINGS = np.array([1e-8, 1e-4])
 _WINDOW = 20
 _PATIENCE, _FEW = 300, 12
@@ -57,7 +57,7 @@ def accepts(system: System) -> bool:
 
 @kernel
 def accepts_rows(d: int, blocks: Reals, diagonal: Reals) -> bool:
-    """As `accepts`, whatever the size."""
+    """Whether the solver accepts these rows, as `accepts`, but for any size."""
     if (len(blocks) == 0 or d == 2) and 4 * len(blocks) + len(diagonal) <= _FEW:
         return False
     damped = True
@@ -69,7 +69,7 @@ def accepts_rows(d: int, blocks: Reals, diagonal: Reals) -> bool:
 
 
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The best iterate x (N,) from `start`, and the sweeps (and steps) that took, or an island at most."""
+    """The best iterate x (N,) from `start`, and its sweeps (and steps), or the most that an island took."""
     s, n = system, system.size
     if n > SMALL and (apart := islands(system)) is not None:
         best, sweeps = _solve_apart(apart, start, tol)
@@ -103,7 +103,7 @@ def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
 
 
 def smooth(system: System, start: Array, b: Array, shift: float, tol: float, sweeps: int) -> Array:
-    """The best iterate of A + shift, with this offset b, in so many sweeps."""
+    """The best iterate of A + shift, with this offset b, in `sweeps` sweeps at most."""
     s = system
     x, best = start.copy(), start.copy()
     sweep_until(
@@ -189,11 +189,11 @@ def alternate(
     vectors: Reals,
     order: Ints,
 ) -> int:
-    """Improve x (N,), of which `best` is a copy, until that is within tol; returns sweeps and steps.
+    """Improve x (N,), of which `best` is a copy, until its residual is within tol; returns sweeps and steps.
 
-    In space it begins with Newton steps where x is near a solution, and goes back to no forces where these
-    end on a kink: no start is worse than none. Where most contacts will stick it tries one step first, which
-    often is enough (in the plane sweeps cost less).
+    In space the kernel begins with Newton steps where x is near a solution, and goes back to no forces where
+    these steps end on a kink: no start is worse than none. Where most contacts will stick, one step is tried
+    first and often is enough (in the plane sweeps cost less).
     """
     d, n, done = blocks.shape[1], len(x), 0
     coupled = row_start[n] > row_start[0] + d * n
@@ -251,7 +251,7 @@ def alternate(
 
 @inner_kernel
 def _mostly_sticks(x: Reals, y: Reals, mu: Reals) -> bool:
-    """Whether, by forces x (N,) less rates y (N,), several contacts stick, and no fewer than slide."""
+    """Whether, by forces x (N,) less rates y (N,), several contacts stick, and at least as many as slide."""
     stick, slide = 0, 0
     for k in range(len(mu)):
         n = x[3 * k] - y[3 * k]
@@ -285,7 +285,7 @@ def sweep_until(
 ) -> int:
     """Sweep until the residual of x is within tol; `best` (N,) gets the best iterate. Returns the sweeps.
 
-    Up to `sweeps`, or up to `patience` where the decrease seen last would then suffice.
+    There are up to `sweeps` of them, or up to `patience` where the last rate of decrease would then suffice.
     """
     d, y, out = blocks.shape[1], scratch[0], scratch[1]
     least, before = math.inf, math.inf
@@ -326,7 +326,7 @@ def _sweep(
     x: Reals,
     local: Reals,
 ) -> None:
-    """Each contact and limited row once, the slip of contacts in space to this relative accuracy."""
+    """Solve each contact and limited row once, the slip of contacts in space to this relative accuracy."""
     d, rows = blocks.shape[1], blocks.shape[1] * len(mu)
     for c in range(len(mu)):
         first = c * d

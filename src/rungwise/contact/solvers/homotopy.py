@@ -1,15 +1,15 @@
 """A path to the exact law from a problem with one answer, followed through its turning points.
 
 Algorithm: forces z and rates w in cones (see `cones`), products z w = t times a multiple of the unit, slips
-counted (1 - t) times, and a fault that is t times that of the start. At t = 1 friction does not couple, the
-problem is monotone and the start is its one answer; at t = 0 are solutions. Where friction couples strongly
-the path turns back on its way, and methods that only ever lower t end there. It is followed by arc length,
-in the cones' own metric: each step corrects and predicts with one factorisation, forwards being where t falls
-while the determinant is positive, and rises while it is negative, so that no path leads back to its start. A
-step that does not stay near the path is taken again, shorter. When the residual has fallen tenfold, `newton`
-tries to finish. Sources: Allgower and Georg, Introduction to Numerical Continuation Methods (2003), chapters
-2 to 6; Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42. Accepts: contacts. Promises: where A is monotone
-and the path bounded, an end that only rounding keeps from being a solution.
+counted (1 - t) times, and a fault that is t times the fault of the start. At t = 1 friction does not couple,
+the problem is monotone and the start is its one answer; at t = 0 are solutions. Where friction couples
+strongly the path turns back on its way, and methods that only ever lower t end there. It is followed by arc
+length, in the cones' own metric: each step corrects and predicts with one factorisation, forwards being where
+t falls while the determinant is positive, and rises while it is negative, so that no path leads back to its
+start. A step that does not stay near the path is taken again, shorter. When the residual has fallen tenfold,
+`newton` tries to finish. Sources: Allgower and Georg, Introduction to Numerical Continuation Methods (2003),
+chapters 2 to 6; Nesterov and Todd, Math. Oper. Res. 22 (1997) 1-42. Accepts: contacts. Promises: where A is
+monotone and the path bounded, an end that only rounding keeps from being a solution.
 """
 
 from __future__ import annotations
@@ -41,17 +41,17 @@ NAME = "homotopy"
 _STEPS = 600
 _FINISH = 1e-2
 _FAR, _NEAR = 0.7, 0.3
-"""Corrections, in the metric of the cone that needs most: beyond one a step is taken again; within the other
-the next may be twice as long."""
+"""Corrections, in the metric of the cone that needs most: beyond the first a step is taken again; within the
+second the next step may be twice as long."""
 _AGAIN, _SHORTER = 4, 0.3
 _TRIES, _LESS = 12, 0.6
 _WIDTH = 0.05
-"""The least product of a cone over that of the path, and one over the largest."""
+"""The least product of a cone over the product of the path, and one over the largest."""
 _LONGEST = 2.0
 _STUCK = 1e-3
-"""A correction that must be so much shorter leads nowhere."""
+"""A correction that must be shortened by this factor leads nowhere."""
 _END, _LOST = math.log(1e-14), 1.0
-"""Values of log t: below one there is only rounding, and nothing leads above the other."""
+"""Values of log t: below the first there is only rounding; above the second the path is lost."""
 
 
 class Point(NamedTuple):
@@ -77,13 +77,14 @@ class Path(NamedTuple):
 
 
 class Local(NamedTuple):
-    """At a point: the way back to the path, straight across; the unit tangent forwards; the metric."""
+    """The path near a point: the way back to the path, straight across; the unit tangent forwards; the
+    metric."""
 
     correction: Point
     tangent: Point
     scaling: Array
     size: float
-    """Of the correction, in the metric of the cone that needs most."""
+    """Size of the correction, in the metric of the cone that needs most."""
 
 
 def accepts(system: System) -> bool:
@@ -92,7 +93,7 @@ def accepts(system: System) -> bool:
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The best x (N,) met, or `start`; and the steps. The path begins where it must, not at `start`."""
+    """The best x (N,) met, or `start`; and the steps. The path has its own beginning, not `start`."""
     whole, cones = newton.form(system), cones_of(system)
     best, least, finish = start, natural(system, start), _FINISH
     unit = centre(cones)
@@ -140,7 +141,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
 
 
 def _local(path: Path, here: Point, work: Work) -> Local | None:
-    """Correction and tangent from one factorisation; None where that is singular or overflows."""
+    """Correction and tangent from one factorisation; None where the matrix is singular or overflows."""
     cones, size, t = path.cones, len(here.z), math.exp(here.t)
     first, dim, dead = cones.first, cones.dim, cones.dead
     scaling, inverse, turn, slip = np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size)
@@ -187,8 +188,8 @@ def _kept(path: Path, before: Local, here: Point, local: Local) -> bool:
 
 
 def _onwards(path: Path, here: Point, local: Local, length: float) -> tuple[Point, float] | None:
-    """Corrected, and moved by at most `length` along the tangent to where the cones' products are alike; and
-    by how much."""
+    """The point, corrected and moved by at most `length` along the tangent to where the cones' products are
+    alike; and the length moved."""
     cones = path.cones
     for _ in range(_TRIES):
         there = here + local.correction + local.tangent.times(length)
@@ -230,7 +231,8 @@ def greatest(scaling: Reals, a: Reals, first: Ints, dim: Ints) -> float:
 
 @kernel
 def alike(z: Reals, w: Reals, first: Ints, dim: Ints, least: float, most: float) -> bool:
-    """Whether z and w are inside their cones, with all eigenvalues of their products between the two."""
+    """Whether z and w are inside their cones, with all eigenvalues of their products from `least` to
+    `most`."""
     for c in range(len(first)):
         i = first[c]
         inside_z, inside_w, dot = z[i] * z[i], w[i] * w[i], z[i] * w[i]

@@ -4,9 +4,9 @@ Algorithm: in coordinates in which the friction cone is Lorentz's, forces z and 
 dual (the same), w_n being the normal rate plus mu times the slip, and follow the path on which their product
 is a multiple of the unit, down to zero; the slip is linearised with the rest. Nesterov and Todd's scaling; a
 predictor chooses the next multiple and tells how products bend on the way there, one factorisation serves
-both. At the start, and whenever the residual has fallen tenfold, `newton` tries to finish; once it tries
-early, for where everything sticks one step is enough. Sources: Nesterov and Todd, Math. Oper. Res. 22 (1997)
-1-42; Mehrotra, SIAM J. Optim. 2 (1992) 575-601, for the predictor; Vandenberghe, The CVXOPT linear and
+both. At the start, and whenever the residual has fallen tenfold, `newton` tries to finish; the first try is
+early, since one step is enough where everything sticks. Sources: Nesterov and Todd, Math. Oper. Res. 22
+(1997) 1-42; Mehrotra, SIAM J. Optim. 2 (1992) 575-601, for the predictor; Vandenberghe, The CVXOPT linear and
 quadratic cone program solvers (2010); Acary, Armand, Nguyen, Optim. Methods Softw. (2023), for friction. An
 upper limit is one more unknown, the force that holds it. Accepts: everything. Promises: tens of iterations
 whatever the rank of A, where A is monotone and friction does not couple too strongly; among many solutions
@@ -37,7 +37,7 @@ from rungwise.contact.solvers.work import Work
 
 NAME = "interior-point"
 _STEPS, _DEAR = 100, 60
-"""Iterations, and those that may be made where they are more work than is allowed."""
+"""Most iterations; and most where their work exceeds the allowed work."""
 _FORCE, _RATE = 10.0, 1.0
 """The first z and w, times the unit of the cones, over the root of their number."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
@@ -45,8 +45,8 @@ _EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.1
 _SHORT = 0.1
 """A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
 _BENT = 0.3
-"""A prediction that goes no further than this does not tell how products bend, and a step that does not is
-compared with the straight one."""
+"""A prediction that goes no further than this does not tell how products bend, and a step that goes no
+further is compared with the straight step."""
 _STALLED, _WINDOW, _SHORT_WINDOW = 0.7, 8, 3
 
 
@@ -56,7 +56,7 @@ def accepts(_system: System) -> bool:
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The best x (N,) met, or `start`; and the iterations. The path begins where it must, not at `start`."""
+    """The best x (N,) met, or `start`; and the iterations. The path has its own beginning, not `start`."""
     whole = newton.form(system)
     best, least, finish = start, natural(system, start), _EARLY
     if least < _FINISH:
@@ -125,8 +125,8 @@ def _advance(
     product = float(z @ w) / max(len(first), 1)
 
     def step(target: float, repaired: float, bend: Array | float = 0.0) -> tuple[Array, Array, float]:
-        """dz, dw and the longest step towards the product `target`, where products bend by so much, repairing
-        so much of the fault."""
+        """dz, dw and the longest step towards the product `target`, where products bend by `bend`, repairing
+        the part `repaired` of the fault."""
         dw, right = np.zeros(len(z)), np.empty(len(z))
         toward(w, inverse, first, dim, target, dw)
         dw -= bend

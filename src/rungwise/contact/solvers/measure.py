@@ -1,4 +1,4 @@
-"""How far a scaled iterate is from a solution: what solvers steer by. Answers are judged elsewhere."""
+"""Distance of a scaled iterate from a solution, by which solvers steer. Answers are judged elsewhere."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _ROUNDING = 2.0**-53
 
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:
-    """Norm of the natural map of x (N,) in the system A + shift with offset b, and what rounding hides."""
+    """Norm of the natural map of x (N,) in the system A + shift with offset b, with the part that rounding
+    hides."""
     s, out = system, np.empty((2, system.size))
     b = s.b if b is None else b
     if s.product is None:
@@ -27,7 +28,8 @@ def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0
 
 
 def natural_parts(system: System, x: Array) -> Array:
-    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where it is not finite."""
+    """The natural map (N,), enlarged by the rounding of large unknowns; infinite where the map is not
+    finite."""
     s, y, out = system, np.empty(system.size), np.empty(system.size)
     all_rates(s, x, s.b, 0.0, y)
     distance_at(y, x, s.mu, s.directions, s.lower, s.upper, out)
@@ -64,7 +66,7 @@ def distance(
 
 @inner_kernel
 def distance_at(y: Reals, x: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
-    """As `distance`, the rates being y; `out` (N,) gets the sizes."""
+    """The norm that `distance` returns, for given rates y; `out` (N,) gets the sizes."""
     natural_map(x, y, mu, d, lower, upper, out)
     total = 0.0
     for i in range(len(x)):

@@ -42,15 +42,15 @@ Solve = Callable[[Array], Array]
 Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
 _LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
-"""Steps and dampings of those who have come near and want to finish; rounds of them, each of which must lower
-the residual so much."""
+"""Steps and dampings of iterates that are near and must be finished; rounds of these steps, and the factor by
+which each round must lower the residual."""
 
 
 def finish(
     system: System, A: Matrix | None, start: Array, tol: float, work: Work, early: bool = False
 ) -> tuple[Array, float]:
-    """Where a few steps from `start` lead, and the residual there; A as `form` gives it. More follow while
-    they lead fast to a solution; `early` there is but one at first.
+    """The point to which a few steps from `start` lead, and the residual there; A as `form` gives it. More
+    steps follow while they lead fast to a solution; with `early` only one step is made at first.
     """
     x, least = start, natural(system, start)
     steps, dampings = (1, ()) if early else (_LAST, _LIGHT)
@@ -65,7 +65,7 @@ def finish(
 
 
 def form(system: System) -> Matrix | None:
-    """A as the steps want it: dense when small; none where it is a product."""
+    """A in the form for the steps: dense when small; None where the system has a product."""
     if system.product is not None:
         return None
     return system.dense() if system.size <= _DENSE else system.matrix()
@@ -149,8 +149,8 @@ def _step(
     merit: Callable[[Array], float],
     dampings: tuple[float, ...],
 ) -> tuple[Array, float, Solve] | None:
-    """Where a shorter Newton step, or a damped one, makes |F| smaller, and what it was solved with; None when
-    none does."""
+    """The point where a shorter Newton step, or a damped step, makes |F| smaller, and the solver of that
+    step; None when no step does."""
     solve = linear(0.0)
     if solve is not None and np.isfinite(step := solve(F)).all():
         length = 1.0

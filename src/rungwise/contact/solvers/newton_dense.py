@@ -10,7 +10,7 @@ from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 HALVINGS, WINDOW, CHORDS = 7, 12, 3
 LEAST = 1e-9
-"""Every step is damped by this much, in scaled units: where forces are not unique they still move little."""
+"""Damping of every step, in scaled units: where forces are not unique they still move little."""
 VECTORS = 16
 """Rows of scratch; the last is left alone."""
 
@@ -126,7 +126,7 @@ def alart_curnier(
 def _contact(
     x: Reals, y: Reals, mu: float, d: int, first: int, rho: float, F: Reals, derivative: Reals
 ) -> None:
-    # In the plane b is a: what is written there for a second tangent is replaced by that for the first.
+    # In the plane b is a: the first tangent's values replace the values written for a second tangent.
     n, a, b = first, first + min(1, d - 1), first + d - 1
     s, t = x[a] - rho * y[a], x[b] - rho * y[b] if d == 3 else 0.0
     normal = x[n] - rho * y[n]

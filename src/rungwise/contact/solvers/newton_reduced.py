@@ -3,7 +3,8 @@
 With D the derivative of the projections, (I + damping - kept D + rho D A) dx = F gives the forces of open
 contacts and of unknowns at limits at once; where a contact slides, the normal force gives the friction along
 the slip. Directions u of forces remain, with one equation l each: the normal force of a closed contact (with
-its friction if it slides), both tangential forces where it sticks, the force across the slip where it slides.
+its friction if the contact slides), both tangential forces where the contact sticks, the force across the
+slip where the contact slides.
 """
 
 from __future__ import annotations
@@ -13,13 +14,14 @@ from rungwise.contact.solvers.measure import row_times
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 INTS, REALS = 3, 4
-"""Numbers that describe a direction: its block, the row that is l (or -1) and the unknown that is u (or -1);
-u in its block, and the part of D along it."""
+"""How many integers and reals describe a direction: its block, the row that is l (or -1), the unknown that is
+u (or -1); u in its block, and the part of D along u."""
 
 
 @kernel
 def directions(D: Reals, mu: Reals, d: int, place: Ints, u: Reals) -> int:
-    """Fill place (N, 3) and u (N, 4); returns how many directions are left. D (N, 3), rows within blocks."""
+    """Fill place (N, 3) and u (N, 4); returns how many directions remain. D (N, 3) holds rows within
+    blocks."""
     m, rows = 0, d * len(mu)
     for k in range(len(mu)):
         n, a, b = k * d, k * d + min(1, d - 1), k * d + d - 1

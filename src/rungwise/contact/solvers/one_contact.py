@@ -1,9 +1,10 @@
 """One contact, solved exactly while all other forces are held.
 
-Algorithm: it is open, or sticks, or slides; in the plane the two ways are tried, in space the slip a > 0 with
-y_t = -a x_t is the root of |x_t| = mu x_n, found by safeguarded Newton steps. Source: Bonnefon and Daviet,
-Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a. Accepts: blocks with a
-positive normal entry, not necessarily symmetric. Promises: a solution if the block is positive definite.
+Algorithm: the contact is open, or sticks, or slides; in the plane the two ways of sliding are tried, in space
+the slip a > 0 with y_t = -a x_t is the root of |x_t| = mu x_n, found by safeguarded Newton steps. Source:
+Bonnefon and Daviet, Quartic formulation of Coulomb 3D frictional contact (2011), for the equation in a.
+Accepts: blocks with a positive normal entry, not necessarily symmetric. Promises: a solution if the block is
+positive definite.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from rungwise.kernel import Reals, inner_kernel
 
 @inner_kernel
 def solve_contact(block: Reals, shift: float, b: Reals, mu: float, accuracy: float, x: Reals) -> None:
-    """Solve one contact, its rates (block + shift) x + b; block (d, d); x (d,) is a guess before."""
+    """Solve one contact with rates (block + shift) x + b; block (d, d); x (d,) holds a guess at first."""
     d = len(x)
     if b[0] >= 0.0 or d == 1 or mu == 0.0:
         x[0] = max(0.0, -b[0] / (block[0, 0] + shift))
@@ -97,7 +98,7 @@ def _solve_spatial(block: Reals, shift: float, b: Reals, mu: float, accuracy: fl
 
 @inner_kernel
 def _slip(a11: float, a12: float, a21: float, a22: float, g1: float, g2: float, x: Reals) -> float:
-    """The slip of the force guessed, closed; 0 if it pulls nowhere."""
+    """The slip of the guessed force on a closed contact; 0 if the force pulls nowhere."""
     pull = x[1] * x[1] + x[2] * x[2]
     if not pull > 0.0:
         return 0.0

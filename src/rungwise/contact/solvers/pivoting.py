@@ -6,8 +6,8 @@ which says little unless the matrix is copositive, every basis of few unknowns i
 vectors for many. Sources: Lemke, Management Science 11 (1965) 681-689; Cottle, Pang, Stone: The Linear
 Complementarity Problem (1992), chapter 4. Accepts: contacts of one or two directions and any limits, up to
 `LARGEST` unknowns; A need not be symmetric or definite. Promises: ends within a stated number of pivots;
-solves copositive-plus problems that have a solution, those of up to `_ALL` unknowns with an isolated one, and
-often others; a ray is only a hint.
+solves copositive-plus problems that have a solution, problems of up to `_ALL` unknowns with an isolated
+solution, and often others; a ray is only a hint.
 """
 
 from __future__ import annotations
@@ -164,7 +164,7 @@ def fold(row: Ints, sign: Reals, origin: Reals, z: Reals, x: Reals) -> None:
 def pivot(
     M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, place: Ints
 ) -> int:
-    """Fill `best` (n,) with 0 <= z _|_ M z + q >= 0 as far as that is found, to `tol`; returns the pivots.
+    """Fill `best` (n,) with 0 <= z _|_ M z + q >= 0 as far as found, to `tol`; returns the pivots.
 
     A sweep is enough where unknowns do not depend on each other. Where Lemke's method ends on a ray, few
     unknowns are tried in every basis, many from other vectors.
@@ -196,7 +196,7 @@ def pivot(
 
 @kernel
 def _sweep(M: Reals, q: Reals, z: Reals) -> None:
-    """Each unknown that its own row determines, by those before it; the others are zero."""
+    """Fill each unknown that its own row and the unknowns before it determine; the others are zero."""
     for i in range(len(q)):
         w = q[i]
         for j in range(i):
@@ -206,7 +206,7 @@ def _sweep(M: Reals, q: Reals, z: Reals) -> None:
 
 @kernel
 def _keep_better(M: Reals, q: Reals, z: Reals, best: Reals, least: float) -> float:
-    """The norm of min(z, M z + q), if it is less, and z kept; else `least`."""
+    """The norm of min(z, M z + q), if this is less than `least`, with z kept; else `least`."""
     total = 0.0
     for i in range(len(q)):
         w = q[i]

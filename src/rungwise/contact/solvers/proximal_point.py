@@ -25,7 +25,7 @@ _MOST = 5000
 from one set to another."""
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
-"""The first weight, or less where the residual is small: some solutions repel what is heavy."""
+"""The first weight, or less where the residual is small: some solutions repel iterates of a heavy weight."""
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
 

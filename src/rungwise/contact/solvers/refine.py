@@ -6,8 +6,9 @@ there a few undamped steps, in which each row counts beside its own terms, solve
 and active ones (`sharpened`).
 
 Once velocities are eliminated, the rates of contacts are differences of W H^-1 c and W H^-1 W^T r. In a
-quasistatic step H is small beside all that holds the bodies, these are many orders larger than what they
-leave, and a residual of 1e-14 of them may be a hundredth of the rates. In the mixed form rates are sums of
+quasistatic step H is small beside all that holds the bodies, these terms are many orders larger than their
+difference, and a residual of 1e-14 of the terms may be a hundredth of the rates. In the mixed form rates are
+sums of
 velocities: an undamped step of the generalised Jacobian (see `newton`), solved by least squares of its
 equilibrated rows, finds them to rounding wherever modes determine them.
 Accepts: up to `LARGEST` unknowns. Promises: an x that is no worse.
@@ -31,16 +32,17 @@ from rungwise.kernel import Reals, kernel
 
 LARGEST = 400
 SMALL = 1e-6
-"""Rates below this, beside those without forces, mean that inertia does not matter."""
+"""Rates below this share of the rates without forces mean that inertia does not matter."""
 _STEPS, _SINGULAR = 3, 1e-14
 _NEARLY = 1e-6
-"""Share of the right side that is left by the solution of a regular system, at most."""
+"""Largest share of the right side that the solution of a regular system leaves."""
 _SHARP, _ROUNDING = 8, 1e-15
-"""Steps in own terms, and the violation from which on no step is better than rounding."""
+"""Most steps in own terms, and the violation below which no step is better than rounding."""
 
 
 def sharpened(problem: Problem, system: System, x: Array) -> Array:
-    """x (N,), or what Newton steps in the rows' own terms make of it where these violate the laws less."""
+    """x (N,), or its successor after Newton steps in the rows' own terms, where this violates the laws
+    less."""
     if len(problem.b) > LARGEST:
         return x
     A = problem.A.toarray() if sp.issparse(problem.A) else problem.A
@@ -60,7 +62,7 @@ def sharpened(problem: Problem, system: System, x: Array) -> Array:
 
 
 def _own_step(p: Problem, A: Array, x: Array, y: Array, rate: Array, force: Array) -> Array | None:
-    """The next x (N,), rates and forces counted in these units."""
+    """The next x (N,), with rates and forces counted in the units `rate` and `force`."""
     n, rows = len(x), p.rows
     F, derivative, J = np.empty(n), np.zeros((n, 3)), np.empty((n, n))
     lower, upper = p.lower / force[rows:], p.upper / force[rows:]
@@ -83,7 +85,7 @@ def _own_step(p: Problem, A: Array, x: Array, y: Array, rate: Array, force: Arra
 
 
 def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
-    """x (N,), or a better one where its rates are wrong by more than `tol` of those that there are."""
+    """x (N,), or a better x where the rates of x are wrong by more than `tol` of their size."""
     if problem.velocities == 0 or len(system.kept) == len(problem.b) or len(problem.b) > LARGEST:
         return x
     if not problem.demands.any() or not rate_error(problem, system, x) > tol:
@@ -101,7 +103,7 @@ def refined(problem: Problem, system: System, x: Array, tol: float) -> Array:
 
 def rate_error(problem: Problem, system: System, x: Array) -> float:
     """The natural map beside the largest sum of a rate's terms, in units of the rates without forces; zero
-    unless these are far larger."""
+    unless the rates without forces are far larger."""
     kept = system.kept
     y, terms = problem.A @ x + problem.b, rate_terms(problem, x)
     actual, out = float((terms[kept] / system.rate).max(initial=0.0)), np.empty(len(kept))
@@ -117,7 +119,7 @@ def rate_error(problem: Problem, system: System, x: Array) -> float:
 
 
 def rate_terms(problem: Problem, x: Array) -> Array:
-    """The sums of the sizes of what the rates of x are made of."""
+    """The sums of the sizes of the terms of the rates of x."""
     return np.asarray(absolute(problem) @ np.abs(x) + np.abs(problem.b))
 
 

@@ -1,8 +1,9 @@
 """Small problems in one compiled call: scaled, solved and judged as `solve` does, without Python in between.
 
-Algorithm: what is free is eliminated (`schur`); then the first solver of the chain that accepts what is left,
-`gauss_seidel` or `pivoting`. Accepts: up to `LARGEST` unknowns, of which `MOST_LEFT` have limits; no demands
-that are next to nothing. Promises: nothing; what is not within tolerance is left to the chain.
+Algorithm: free unknowns are eliminated (`schur`); then the first solver of the chain that accepts the rest,
+`gauss_seidel` or `pivoting`, is called. Accepts: up to `LARGEST` unknowns, of which `MOST_LEFT` have limits;
+no demands that are next to nothing. Promises: nothing; an answer that is not within tolerance is left to the
+chain.
 """
 
 from __future__ import annotations
@@ -30,9 +31,10 @@ _NAMES = gauss_seidel.NAME, pivoting.NAME
 _MARGIN = 0.3
 _START, _SOLVE, _REFINE = 0, 1, 2
 _NEAR, _FINEST, _STEPS = 0.1, 1e-17, 4
-"""Residual from which on an answer is refined, that to which it is, and how many steps that may take."""
+"""Residual from which on an answer is refined, the residual that ends refinement, and the most steps."""
 _NOTHING = 2.0**-50
-"""Share of the largest force from a limit that is rounding: such a force is at its limit."""
+"""A force that is nearer to its limit than this share of the largest force is at its limit: the rest is
+rounding."""
 _REST = np.zeros(LARGEST)
 _COVERING = np.ones((1, 4 * MOST_LEFT))
 
@@ -48,13 +50,14 @@ class Answer(NamedTuple):
 
 
 def solve_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
-    """The answer from x = `start` (N,) or from rest; None where it is not within `tol`, or not tried."""
+    """The answer from x = `start` (N,) or from rest; None where that is not within `tol`, or not tried."""
     answer = try_at_once(problem, start, tol)
     return answer if answer is not None and answer.residuals.worst <= tol else None
 
 
 def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | None:
-    """What is found from x = `start` (N,) or from rest, within `tol` or not; None where it is not tried."""
+    """The answer from x = `start` (N,) or from rest, within `tol` or not; None where the problem is not
+    tried."""
     n = len(problem.b)
     if not 0 < n <= LARGEST:
         return None
@@ -162,7 +165,7 @@ def solve_dense(
 
 @allocating_kernel
 def _parted(lower: Reals, upper: Reals, rows: int) -> tuple[Ints, Ints]:
-    """Places of the unknowns that are kept, and of those without limits."""
+    """Places of the kept unknowns, and of the unknowns without limits."""
     kept, gone = np.empty(rows + len(lower), np.int64), np.empty(len(lower), np.int64)
     for i in range(rows):
         kept[i] = i
@@ -192,7 +195,7 @@ def _imbalance(
     y: Reals,
     scratch: Reals,
 ) -> float:
-    """As that of the judge; scratch (4, N), of which the first is left alone."""
+    """The imbalance of free rows as the judge measures it; scratch (4, N), whose first row is left alone."""
     size, own, terms = scratch[1], scratch[2], scratch[3]
     for i in range(len(x)):
         size[i] = abs(x[i])
@@ -209,7 +212,8 @@ def _imbalance(
 
 @kernel
 def _hides_rates(b: Reals, rows: int, velocities: int, kept: Ints, rate: Reals, terms: Reals) -> bool:
-    """Whether rates are demanded, and next to nothing beside those without forces: more is to do then."""
+    """Whether demanded rates are next to nothing beside the rates without forces: the chain must do more
+    then."""
     demands, actual = False, 0.0
     for i in range(len(b)):
         demands = demands or (b[i] != 0.0 and not rows <= i < rows + velocities)

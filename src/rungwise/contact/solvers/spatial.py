@@ -1,9 +1,9 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
 Algorithm: velocities are eliminated, v = H^-1 (c + W^T lambda + S^T tau), and the chain for small problems
-(`small.solve_dense`) solves for the forces, from those of the last step. Accepts: H positive definite, up to
-`MOST_LEFT` forces with limits. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
-problem as it was given.
+(`small.solve_dense`) solves for the forces, from the forces of the last step. Accepts: H positive definite,
+up to `MOST_LEFT` forces with limits. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
+the problem as it was given.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 _FINER = 1e-6
-"""How much more exact the forces are asked for than velocities are accepted."""
+"""Tolerance of the forces over the tolerance within which velocities are accepted."""
 _ROUNDS = 2
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks."""
@@ -39,8 +39,8 @@ def solve_spatial(
     force: Reals,
     tau: Reals,
 ) -> tuple[int, float, int]:
-    """Solve, starting from `force` and `tau`, into these, v and the modes, where one that slips is FORWARD
-    whatever its heading; returns (status, residual, stage)."""
+    """Solve, starting from `force` and `tau`, into these, v and the modes, where a contact that slips is
+    FORWARD whatever its heading; returns (status, residual, stage)."""
     p, d = problem, problem.R.shape[1]
     rows = contacts * d
     size = rows + limited
@@ -88,8 +88,9 @@ def solve_spatial(
 
 @allocating_kernel
 def _hold(p: ContactProblem, G: Reals, mode: Ints, force: Reals, tau: Reals, answer: Reals, v: Reals) -> None:
-    """The least change of v, in the norm of H, that gives the rows of G that hold their rates: v is a
-    difference of forces, whose rounding would move them. `answer` is what each row's unit force does to v."""
+    """Add the least change of v, in the norm of H, that gives the holding rows of G their rates: v is a
+    difference of forces, whose rounding would move these rows. `answer` is the change of v by each row's unit
+    force."""
     rows, n = G.shape
     d, limited = p.R.shape[1], len(tau)
     of_contacts = rows - limited

@@ -1,7 +1,7 @@
 """The chain of compiled steps (`planar.py`), called on one step's problem from Python.
 
-Algorithm and promises: those of `planar.py`. Accepts: problems of a step in the plane, as models assemble
-them, with H positive definite. It solves in velocities, not in forces: it is the fastest one for stacks.
+Algorithm and promises: as in `planar.py`. Accepts: problems of a step in the plane, as models assemble them,
+with H positive definite. The chain solves in velocities, not in forces: it is the fastest for stacks.
 """
 
 from __future__ import annotations

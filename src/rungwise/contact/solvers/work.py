@@ -5,17 +5,17 @@ from __future__ import annotations
 LIMIT = 1e11
 """Multiplications that one call of `rw.solve` may make."""
 SHARE = 1 / 2
-"""Of what is left, for the next solver of the chain."""
+"""Share of the remaining work that the next solver of the chain may take."""
 STEP = 1e6
-"""What goes with factors, however small they are."""
+"""Multiplications counted for every factorisation, however small its factors are."""
 _LOW = 0.2
 DENSE = 0.2
-"""Blocked arithmetic on dense matrices takes so much of the time of sparse arithmetic, per multiplication."""
+"""Time of blocked arithmetic on dense matrices over the time of sparse arithmetic, per multiplication."""
 
 
 class Work:
     """Multiplications that may still be made: of factors by their entries to the power 1.5, of sweeps by the
-    entries of the matrix. Whoever makes them says so, and ends when none are left."""
+    entries of the matrix. A solver reports the multiplications it makes, and ends when none are left."""
 
     def __init__(self, left: float = LIMIT) -> None:
         self.left = left
@@ -33,9 +33,9 @@ class Work:
         self.left -= multiplications
 
     def spend_factors(self, entries: float) -> None:
-        """That a matrix was factorised whose factors have so many entries, and used in a step."""
+        """Count the work of one step with factors of so many entries: to make the factors and to use them."""
         self.left -= entries**1.5 + STEP
 
     def part(self, share: float = SHARE) -> Work:
-        """So much of what is left, as work of its own; whoever takes it says afterwards what was done."""
+        """A share of the remaining work as separate `Work`; its user reports afterwards what was spent."""
         return Work(max(share * self.left, 0.0))

@@ -39,8 +39,8 @@ def solve_by_enumeration(
     order: Ints,
     tolerance: float,
 ) -> float:
-    """First mode whose solution has a residual within `tolerance`; returns that residual, or the least
-    met."""
+    """Find the first mode whose solution has a residual within `tolerance`; returns that residual, or the
+    least residual met."""
     best = 1e300
     for index in range(int(mode_count(contacts, limited))):
         rest = index
@@ -62,7 +62,7 @@ def solve_by_enumeration(
 
 @kernel
 def _repeats(p: ContactProblem, contacts: int, limited: int, mode: Ints) -> bool:
-    """Whether another mode says the same: without friction every closed one does, and joints only hold."""
+    """Whether another mode says the same: without friction every closed mode does, and joints only hold."""
     for k in range(contacts):
         if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
             return True

@@ -1,10 +1,10 @@
-"""Warm mode guess: solve the linear system of a contact mode, flip what it contradicts, until nothing flips.
+"""Warm mode guess: solve a contact mode's linear system, flip the modes it contradicts, until none flips.
 
 Algorithm: semismooth Newton (active set) on the mixed problem, whose pieces are the contact modes.
 Source: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375.
 Accepts: planar problems (d = 2), singular H included as long as the mode's saddle system determines v.
-Promises: the exact solution of the mode that it ends in, usually after one solve when the guess is right; it
-may cycle, so its answer counts only if the residual says so.
+Promises: the exact solution of the last mode, usually after one solve when the guess is right; modes may
+cycle, so the answer counts only if the residual says so.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ def solve_by_modes(
     order: Ints,
     flips: int,
 ) -> float:
-    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of what it
-    found. It ends at a mode that does not determine the forces."""
+    """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of the
+    solution found. The kernel ends at a mode that does not determine the forces."""
     still = matrix[matrix.shape[0] - 1]
     for r in range(2 * contacts + limited):
         still[r] = 0.0
@@ -63,7 +63,7 @@ def solve_mode(
     matrix: Reals,
     order: Ints,
 ) -> bool:
-    """A solution of the linear equations of `mode`, inequalities aside; whether it is the only one."""
+    """Solve the linear equations of `mode`, inequalities aside; returns whether the solution is unique."""
     size = _assemble(problem, n, contacts, limited, mode, v, force, tau, matrix)
     regular = solve_in_place(matrix, size, 1, order) == size
     _unpack(problem, n, contacts, limited, mode, size, matrix, v, force, tau)
@@ -83,7 +83,7 @@ def _unpack(
     force: Reals,
     tau: Reals,
 ) -> None:
-    """From the solved system, in the units that `_assemble` left in v, force and tau."""
+    """Take v, force and tau from the solved system, in the units that `_assemble` left in them."""
     for i in range(n):
         v[i] *= matrix[i, size]
     at = n
@@ -196,7 +196,7 @@ def _ease(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
 
 @kernel
 def _share(rows: Reals, row: int, n: int, yields: float, inertia: Reals) -> float:
-    """Part of a row's yielding that is its own and not the bodies'; 1 for a rigid row."""
+    """Part of a row's yielding that is not the yielding of bodies; 1 for a rigid row."""
     total = yields
     for i in range(n):
         total += rows[row, i] * rows[row, i] / inertia[i, i]
@@ -219,7 +219,8 @@ def _unit(rows: Reals, row: int, other: int, n: int, yields: float, v: Reals) ->
 def _unknown(
     rows: Reals, row: int, n: int, slope: float, other: int, unit: float, v: Reals, at: int, a: Reals
 ) -> None:
-    """Equation of `row` in line `at`; in column `at` its force, with `slope` times that of row `other`."""
+    """Equation of `row` in line `at`; in column `at` its force, with `slope` times the force of row
+    `other`."""
     for i in range(n):
         x = unit * v[i]
         a[at, i] = rows[row, i] * x
@@ -240,9 +241,9 @@ def flip(
     centre: Reals,
     most: int,
 ) -> bool:
-    """Move at most `most` contacts that contradict their modes to those they ask for; whether any did.
+    """Move at most `most` contacts that contradict their modes to the modes they ask for; whether any did.
 
-    Row r yields by give[r] for each force beyond centre[r] (2 contacts + limited,), beside what R says.
+    Row r yields by give[r] per unit of force beyond centre[r] (2 contacts + limited,), beside R.
     """
     velocity, largest = p.quantum[0], 0.0
     for r in range(2 * contacts):

@@ -14,8 +14,8 @@ from rungwise.contact.step.problem import ContactProblem
 
 CLOSED, ANY, OPEN, STICK, FORWARD, BACKWARD = -2, -1, 0, 1, 2, 3
 NAMES = ("open", "stick", "forward", "backward")
-"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided; of what
-is CLOSED only the slip is not."""
+"""FORWARD slips along the tangent (friction acts backward), BACKWARD against it. ANY is not decided; CLOSED
+leaves only the slip undecided."""
 
 _FORCE_SIGN = {FORWARD: -1.0, BACKWARD: 1.0}
 
@@ -31,8 +31,8 @@ def yielding(problem: ContactProblem) -> tuple[NDArray[np.bool_], NDArray[np.boo
 def choices(problem: ContactProblem, held: bool = False) -> list[tuple[int, ...]]:
     """The modes that each contact, then each limited row, of a planar problem can be in.
 
-    With `held`, what yields has one, STICK: whatever its mode, its force is in the cone or interval that
-    `linear_system` then gives it.
+    With `held`, a contact or row that yields has one mode, STICK: in every mode its force is in the cone or
+    interval that `linear_system` then gives it.
     """
     soft, soft_rows = yielding(problem)
     soft, soft_rows = soft & held, soft_rows & held
@@ -47,7 +47,7 @@ def choices(problem: ContactProblem, held: bool = False) -> list[tuple[int, ...]
 
 
 def parts(options: tuple[int, ...], mode: int) -> tuple[int, ...]:
-    """The modes that one which is not decided consists of; `options` are those that there are."""
+    """The modes of which an undecided mode consists; `options` are the modes that there are."""
     if mode == ANY:
         return (OPEN, CLOSED) if OPEN in options and STICK in options else options
     return options[1:] if mode == CLOSED else ()
@@ -59,8 +59,8 @@ def contains(whole: int, part: int) -> bool:
 
 
 class Units(NamedTuple):
-    """Natural units of a problem: what each coordinate's speed, a contact's speed and a contact force count
-    as one."""
+    """Natural units of a problem: the sizes of each coordinate's speed, of a contact's speed and of a contact
+    force that count as one."""
 
     coordinates: NDArray[np.float64]
     velocity: float
@@ -70,10 +70,10 @@ class Units(NamedTuple):
 def natural_units(problem: ContactProblem) -> Units:
     """Units from the problem's own rates and loads, whatever units its coordinates have.
 
-    A coordinate moves at its unit when that moves some row at most by `velocity`, the greatest rate demanded,
-    or where none is that which the loads give to what is heaviest. A coordinate that no row feels has the
-    unit that its inertia gives beside the others', or 1 where it has none. Rates that are rounding are not
-    demanded.
+    A coordinate moves at its unit when it moves some row at most by `velocity`, the greatest demanded rate,
+    or, where none is demanded, the rate that the loads give to the heaviest body. A coordinate that no row
+    feels has the unit that its inertia gives beside the others' inertia, or 1 where it has none. Rates that
+    are rounding are not demanded.
     """
     p = problem
     inertia = np.sqrt(np.diag(p.H))
@@ -96,8 +96,9 @@ def natural_units(problem: ContactProblem) -> Units:
 
 def linear_system(problem: ContactProblem, mode: tuple[int, ...], held: bool = False) -> Inequalities:
     """Equations and inequalities that a planar solution in this mode satisfies; where the mode is ANY or
-    CLOSED, those that it satisfies in each of its parts. With `held`, so for what yields, and its rates are
-    left out: by so much force that a float no longer tells the difference it gives way to any motion.
+    CLOSED, the equations and inequalities common to its parts. With `held`, this holds for rows that yield,
+    and their rates are left out: to a force so large that a float no longer tells the difference, they give
+    way to any motion.
 
     Unknowns are x = (v, lambda, tau), and rows rates and forces, in `natural_units`: the system is free of
     units. Without friction a closed contact slides, whichever closed mode it is given; a limit of zero never

@@ -67,7 +67,7 @@ def solve_by_pivoting(
 def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Reals, Reals]:
     """Units x of the velocities and y of the forces in which H has a unit diagonal and rows are about one.
 
-    Both directions of a contact share one unit, so that friction coefficients stay what they are.
+    Both directions of a contact share one unit, so that friction coefficients stay the same.
     """
     x, y, most = np.ones(n), np.zeros(2 * contacts + limited), 0.0
     for i in range(n):
@@ -88,7 +88,7 @@ def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Real
         y[2 * contacts + r] = yields
         most = max(most, yields)
     for r in range(2 * contacts + limited):
-        # What nothing yields to is in the unit of another.
+        # A force to which nothing yields has the unit of another.
         yields = y[r] if y[r] > 0.0 else most
         y[r] = 1.0 / math.sqrt(yields) if yields > 0.0 else 1.0
     return x, y

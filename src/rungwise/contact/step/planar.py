@@ -1,7 +1,7 @@
 """The chain that a planar step runs: warm mode guess, proximal point, Lemke, and for few contacts every mode.
 
-A mode with more closed rows than coordinates is no guess; that of a large system comes after the proximal
-point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
+A mode with more closed rows than coordinates is no guess; the mode guess of a large system comes after the
+proximal point. Accepts: d = 2, H positive definite. Promises: SOLVED only with a residual within `TOLERANCE`;
 NO_SOLUTION is a hint for the caller to shorten the step and, in the end, to look for a certificate.
 """
 
@@ -19,8 +19,8 @@ from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 TOLERANCE = 1e-8
 _ACCEPT = 1e-9
 WEDGED = 1e8
-"""Forces that exceed what loads and demanded rates call for by this factor are those of a singular mode:
-beside them any other error looks small."""
+"""Forces that exceed the needs of loads and demanded rates by this factor belong to a singular mode: beside
+them any other error looks small."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
@@ -29,7 +29,7 @@ GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
 _OPPOSITE = 1e-12
 """Two rows are opposite, and demands in conflict, to this relative error."""
 _SPARE = 8
-"""Rows of the scratch matrix for vectors, beside those of the largest system."""
+"""Rows of the scratch matrix for vectors, beside the rows of the largest system."""
 
 
 def matrix_size(n: int, contacts: int, limited: int, d: int = 2) -> int:
@@ -91,7 +91,7 @@ def solve_planar(
 
 @rare_kernel
 def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
-    """No forces, nothing moves."""
+    """Set forces and velocities to zero, contacts open."""
     v[:] = 0.0
     for k in range(contacts):
         mode[k] = OPEN
@@ -103,8 +103,8 @@ def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau:
 
 @kernel
 def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
-    """Whether two rigid contacts push in opposite directions and demand more than either leaves to the other:
-    W_i + ratio W_j = 0 while w_i + ratio w_j < 0."""
+    """Whether two rigid contacts push in opposite directions and demand more room than there is: W_i + ratio
+    W_j = 0 while w_i + ratio w_j < 0."""
     for i in range(contacts):
         for j in range(i):
             a, b = 2 * i, 2 * j

@@ -3,7 +3,7 @@
 Algorithm: a sequence of problems in which each force yields a little about its last value, R + rho and
 w - rho lambda, so that its contact modes have one answer each; every one is solved by Newton's method on the
 modes, in velocities alone (W^T (R + rho)^-1 W + H is as large as there are coordinates, however many contacts
-there are). rho falls while the modes settle and rises when they do not; what it adds vanishes at the end.
+there are). rho falls while the modes settle and rises when they do not; the added yield vanishes at the end.
 Sources: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; Carpentier, Montaut, Le Lidec: From compliant
 to rigid contact simulation, RSS 2024.
 Accepts: planar problems (d = 2), H positive definite. Promises: nothing but the residual that it returns; it
@@ -22,15 +22,15 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
-"""Yield rho of a force, relative to that of the bodies and the contact: at first, at most, at least."""
+"""Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least."""
 MAX_ROUNDS = 40
 MAX_FLIPS = 12
-"""Solves in which all contacts may change their mode, and then as many in which one does."""
+"""Solves in which all contacts may change their mode, and then as many in which one contact may."""
 TARGET = 1e-11
 STILL = 1e-3
 """Forces that change by more from round to round may be growing without bound, which hides any error."""
 WEDGED = 1e3
-"""Forces may exceed what loads and demanded rates call for by this factor, in wedges; more hides errors."""
+"""Forces may exceed the needs of loads and demanded rates by this factor, in wedges; more hides errors."""
 
 
 @kernel
@@ -47,7 +47,7 @@ def solve_proximal(
     order: Ints,
     enough: float,
 ) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual, inf when it came to no rest."""
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle."""
     rows = 2 * contacts + limited
     flat = matrix.reshape(matrix.size)
     at = n * n
@@ -78,7 +78,7 @@ def solve_proximal(
         found = residual(problem, n, contacts, limited, v, force, tau)
         rests = _moved(contacts, limited, force, tau, centre) <= STILL
         rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
-        # Where a smaller rho does not help, what is left is rounding.
+        # Where a smaller rho does not help, the rest is rounding.
         if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
         collect(contacts, limited, force, tau, centre)
@@ -111,8 +111,8 @@ def _settle(
     rate: Reals,
     step: Reals,
 ) -> bool:
-    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors are
-    those of `mode` and `rho`; `unit` (n,): of velocities, in which H has a unit diagonal."""
+    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
+    belong to `mode` and `rho`; `unit` (n,): units of velocities in which H has a unit diagonal."""
     for flips in range(2 * MAX_FLIPS):
         if not factored:
             _impose(problem, contacts, limited, mode, force, tau)
@@ -146,8 +146,8 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
 @kernel
 def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
-    H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms what
-    yields, if that takes more."""
+    H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms a
+    yielding contact, if that is more."""
     called, greatest = 0.0, 0.0
     for i in range(n):
         called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
@@ -170,8 +170,8 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
 
 @kernel
 def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
-    """What each row must yield to its own force beside R: at least rho of what the bodies yield, or those of
-    another row where no body of its own does."""
+    """Fill in the yield of each row to its own force beside R: at least rho of the bodies' yield, or of the
+    yield of another row's bodies where no body of its own yields."""
     most = 0.0
     for r in range(2 * contacts + limited):
         c, bodies = r - 2 * contacts, 0.0
@@ -205,7 +205,7 @@ def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals)
 
 @kernel
 def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: Reals, tau: Reals) -> None:
-    """Give the forces that follow from the modes their values."""
+    """Set the forces that follow from the modes."""
     for k in range(contacts):
         if mode[k] == OPEN:
             force[2 * k] = force[2 * k + 1] = 0.0
@@ -218,7 +218,8 @@ def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: R
 
 @kernel
 def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Reals, push: Reals) -> None:
-    """Force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited row."""
+    """Fill in the force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited
+    row."""
     for k in range(contacts):
         at = 4 * k
         a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
@@ -300,7 +301,7 @@ def _correct(
     rate: Reals,
     step: Reals,
 ) -> None:
-    """One Newton step of all equations of the modes, from what is left of each."""
+    """Take one Newton step of all equations of the modes, from the remainder of each."""
     for i in range(n):
         step[i] = p.c[i]
         for j in range(n):

@@ -1,13 +1,13 @@
 """Residual of a candidate solution, from the problem alone: no solver has a say in it.
 
 Each equation is measured against the largest term of its kind, so that the residual is free of units, also
-where coordinates of different units meet: each balance row against its own terms and what the largest contact
-force L could do in it, velocities against U, the largest velocity term of the contact rows but no less than
-the problem's quantum, forces against L. Signorini is the natural map min(u_n / U, lambda_n / L); friction is
-lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu lambda_n / L (exact cone). L
-is at least `_FLOOR` of the force that would change a contact's speed by U, so that forces of rounding size
-count as none; and where U is only rounding beside the change of speed that L causes, it is `_REST` of that
-change, so that things may rest.
+where coordinates of different units meet: each balance row against its own terms and the largest term that
+the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
+rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
+lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
+lambda_n / L (exact cone). L is at least `_FLOOR` of the force that would change a contact's speed by U, so
+that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
+causes, it is `_REST` of that change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def _worse(a: float, b: float) -> float:
 
 @kernel
 def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
-    """`force`, or what it takes to change the rate of row r by `speed`, roughly, if that is more."""
+    """`force`, or roughly the force that changes the rate of row r by `speed`, if this is more."""
     yields = 0.0
     for i in range(n):
         # Most forces are larger by far: no division then.
@@ -85,8 +85,8 @@ def _at_least(speed: float, p: ContactProblem, rows: Reals, r: int, n: int, forc
 
 @kernel
 def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force: float) -> float:
-    """Speed to measure row r against when `velocity` is only the rounding of what `force` does to it; 0 if it
-    is not."""
+    """The speed to measure row r against when `velocity` is only rounding of the change that `force` causes;
+    else 0."""
     speed = 0.0
     for i in range(n):
         push = rows[r, i] * rows[r, i] * force

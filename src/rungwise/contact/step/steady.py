@@ -1,10 +1,10 @@
-"""Velocities of what contacts hold, taken from the contacts where forces leave rounding in them.
+"""Velocities of bodies that contacts hold, taken from the contacts where forces leave rounding in them.
 
 v = H^-1 (c + W^T lambda) is a difference of forces; where next to nothing resists a motion, H is so small
-that their rounding moves what rigid contacts hold. Given the modes, the rates of the rows that hold are
-known, and the least change of v (in the norm of the diagonal of H) that gives them is added; the forces
-that it would take are below the rounding of those found, and stay. Accepts planar answers; promises to
-leave v as it was where the rows that hold do not agree.
+that their rounding moves bodies that rigid contacts hold. Given the modes, the rates of the rows that hold
+are known, and the least change of v (in the norm of the diagonal of H) that gives these rates is added; the
+forces for this change are below the rounding of the forces found, which stay. Accepts planar answers;
+promises to leave v as it was where the rows that hold do not agree.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, kernel
 
 _NOTICED = 1e-3
-"""Rates of rows that hold, over the problem's quantum, that are corrected: they add up from step to step."""
+"""Rates of holding rows, over the problem's quantum, from which on they are corrected: they add up over
+steps."""
 _ROUNDS = 2
 _BETTER = 0.1
-"""Part of the greatest rate before that must not be left."""
+"""Part of the greatest rate before the correction that may remain after it, at most."""
 
 
 @kernel
@@ -51,7 +52,7 @@ def correct_velocities(
 def _correct(
     p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
 ) -> None:
-    """The least change of v that gives the rows that hold their rates; W H^-1 W^T has a unit diagonal."""
+    """Add the least change of v that gives the holding rows their rates; W H^-1 W^T has a unit diagonal."""
     size, rows = 0, 2 * contacts + limited
     for r in range(rows):
         if _holds(p, r, contacts, mode):
@@ -98,7 +99,7 @@ def _rate(p: ContactProblem, r: int, contacts: int, n: int, v: Reals) -> float:
 
 @kernel
 def _length(p: ContactProblem, r: int, contacts: int, n: int) -> float:
-    """Norm of the row in that of H^-1; 1 for a row without entries."""
+    """Norm of the row in the norm of H^-1; 1 for a row without entries."""
     total = 0.0
     for i in range(n):
         total += _entry(p, r, contacts, i) ** 2 / p.H[i, i]

@@ -1,1 +1,1 @@
-"""Taking steps, whatever the system: from `Terms` alone to velocities, forces, deformations and verdicts."""
+"""Taking steps of any system: from `Terms` alone to velocities, forces, deformations and verdicts."""

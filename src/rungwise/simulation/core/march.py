@@ -2,9 +2,9 @@
 
 The way of one step: `advance` halves its length until an attempt holds; an attempt (`_attempt`) asks the
 system for terms, solves (`core.step.solve_step`, which assembles the rung's problem and chooses inertia and
-restitution), moves, and looks; where what was linear is not so, it solves again from there. Then forces,
-deformations and work are taken over (`_accept`). A step that has no solution however short is a jam, or an
-end of support, if a certificate proves it.
+restitution), moves, and looks at the gaps; where gaps are not linear over the step, it solves again from
+there. Then forces, deformations and work are taken over (`_accept`). A step that has no solution however
+short is a jam, or an end of support, if a certificate proves it.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from rungwise.simulation.core.system import Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 LINEARISATIONS = 12
-"""Solutions of one attempt, each linear about where the one before led."""
+"""Solutions of one attempt, each linear about the end of the solution before."""
 EXACT, OVERLAP = 1e-9, 1e-4
 """Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved."""
 SEEN = 2.0
-"""How much farther contacts are looked for than anything moves in the step."""
+"""Distance within which contacts are looked for, over the farthest motion in the step."""
 STUCK = 1e-3
-"""Motion over the system's length in a step below which one without solution has none however short."""
+"""Motion over the system's length in a step: below this a step without solution has none, however short."""
 PAUSE = 2.0
-"""Nominal steps in which what loads cause is rest, not impact."""
+"""Nominal steps: an approach that loads cause within them is rest, not impact."""
 SINKING = 0.1
 """Deformation over the system's length beyond which the compliant model fails."""
 ROUNDING = 1e-12
@@ -94,14 +94,14 @@ class March:
         return self.state.v
 
     def run(self, duration: float) -> Code:
-        """Steps until the time has grown by `duration`, or until one has no solution."""
+        """Take steps until the time has grown by `duration`, or until a step has no solution."""
         end = self.time + duration
         while self.outcome == Code.RUNNING and self.time < end * (1.0 - 1e-12):
             self.advance(min(self.step, end - self.time))
         return self.outcome
 
     def advance(self, h: float) -> None:
-        """One step of length h, or shorter: halved as long as it has no solution."""
+        """Take one step of length h, or shorter: halved as long as it has no solution."""
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -137,7 +137,7 @@ class March:
         return UNSOLVED, v
 
     def _drive(self) -> None:
-        """Which coordinates are free, and how fast the others move."""
+        """Set which coordinates are free, and how fast the others move."""
         speeds, clock = self.system.speeds(self.time), self.state.clock
         free = np.flatnonzero(np.isnan(speeds))
         self.state.speed[:] = np.nan_to_num(speeds)
@@ -146,7 +146,8 @@ class March:
         clock["free"] = len(free)
 
     def _fill(self, trial: Reals, v: Reals, h: float) -> None:
-        """Terms at `trial`, as a step from q sees them: gaps less what v has contributed on the way there."""
+        """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
+        there."""
         terms, state = self.terms, self.state
         speed = max(self.system.fastest(self.q, v), self.system.fastest(self.q, state.speed))
         fall = self.system.fastest(self.q, h * terms.fall) if self.rung.inertia > 0.0 else 0.0
@@ -186,7 +187,7 @@ class March:
             self.outcome = Code.MODEL_INVALID
 
     def _explain(self, status: int) -> None:
-        """A jam or a missing support is proved, or it is only not converged."""
+        """Set the outcome: a jam or a missing support if proved, else not converged."""
         clock, terms = self.state.clock[0], self.terms
         problem = trim(self.problem, int(clock["free"]), self._contacts, int(clock["limited"]))
         if status == UNSUPPORTED:

@@ -9,13 +9,13 @@ from rungwise.kernel import Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 
 _FIRST, _HEAD = 2, 9
-"""The array begins with the place after the last note, and the number of notes meant."""
+"""The array begins with the place after the last note, and the number of notes, stored or not."""
 _FIELDS = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F", "quantum")
 
 
 @dataclass(frozen=True, eq=False)
 class Note:
-    """A step's problem and how it went: `stage` is where `solve_planar` ended, v (n,) its answer."""
+    """A step's problem and its solution: `stage` is the last stage of `solve_planar`, v (n,) its answer."""
 
     status: int
     stage: int
@@ -84,7 +84,7 @@ def _put_matrix(source: Reals, rows: int, columns: int, out: Reals, at: int) -> 
 
 
 def taken(hard: Reals) -> tuple[list[Note], int]:
-    """The notes in the array, which is then empty, and the number of those that found no room."""
+    """The notes in the array, which is then empty, and the number of notes that found no room."""
     notes, end, meant = [], int(hard[0]), int(hard[1])
     at = _FIRST
     while at < end:

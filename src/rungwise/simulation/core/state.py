@@ -1,4 +1,4 @@
-"""What every step carries on to the next, and its scratch, whatever the system."""
+"""State that every step hands on to the next, and scratch of a step, for any system."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ TIMES = "time tried eps theta residual drive_work load_work contact_work support
 CLOCK = record_type(COUNTS, TIMES)
 """steps taken; limited rows and free coordinates in use; `bounced`: whether restitution applied in this step;
 `leans`: whether its problem starts from the velocity `wish`; `surfaces`: whether rows share limit surfaces.
-`tried` is the length of the last attempt; `eps` and `theta` are those of its problem; then its residual, and
-the work of all steps taken."""
+`tried` is the length of the last attempt; `eps` and `theta` belong to its problem; then its residual, and the
+work of all steps taken."""
 
 SUPPORT = record_type("piece", "offset force power along scale yields")
 """A row of dry friction that shares a limit surface (see `core.support`): rate at rest, force over its limit,
@@ -28,7 +28,7 @@ the greatest power yet, and by how much the rows across the force yield."""
 class State(Block):
     """v (n,) at the start of the step. `prescribed` (n,) says which coordinates move at `speed` (n,), zero
     on the others, which `free` lists. `wish` (n,) is a preferred velocity, zero if there is none,
-    `passive` (n,) what loads other than drives push, `reaction` (n,) the force of each drive.
+    `passive` (n,) is the push of loads other than drives, `reaction` (n,) the force of each drive.
 
     Per slot, the place that a contact's feature keeps from step to step: deformation, force (, d), mode, and
     impulse (, d) since the last frame.
@@ -50,8 +50,8 @@ class State(Block):
 
 class Scratch(Block):
     """Workspace of one step: the solution x of the free coordinates, all velocities, forces and modes of the
-    contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` what
-    `notes.note` writes, if it has room, and the rows of limit surfaces."""
+    contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
+    notes of `notes.note`, if it has room, and the rows of limit surfaces."""
 
     x: Reals
     v_new: Reals

@@ -31,15 +31,15 @@ from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 RESTING, MOVING, HEAVY, LANDING = 0, 1, 2, 3
-"""How inertia is chosen in the limit 0+: first for what rests, then for what moves, with more of it where
-rounding leaves no solution, then for what falls."""
+"""How inertia is chosen in the limit 0+: first for bodies at rest, then for moving bodies, with more inertia
+where rounding leaves no solution, then for falling bodies."""
 _UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-4)
-"""Part of the load and of what resists that inertia may then make up in a balance without it."""
+"""Part of the load and of the resistance that inertia may then make up in a balance without inertia."""
 _MORE = 1e2
-"""How much more inertia there is if `HEAVY`."""
+"""Factor on the inertia if `HEAVY`."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
-what `limit_inertia` leaves to inertia."""
+the part that `limit_inertia` leaves to inertia."""
 
 
 @imported_kernel("rungwise.contact.solvers.spatial")
@@ -53,7 +53,7 @@ def solve_spatial(
     force: Reals,
     tau: Reals,
 ) -> tuple[int, float, int]:
-    """Solve where contacts have three directions."""
+    """Solve the step's problem where contacts have three directions."""
     raise NotImplementedError
 
 
@@ -69,7 +69,7 @@ def solve_step(
 ) -> int:
     """Velocities after a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
-    Contact modes and forces start from those of the slots, and `state.modes` is left as it was.
+    Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
     clock = state.clock[0]
     status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
@@ -101,7 +101,7 @@ def solve_step(
 
 @kernel
 def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
-    """Whether what is under load may be at rest on rigid contacts: nothing free or driven moves."""
+    """Whether bodies under load may be at rest on rigid contacts: nothing free or driven moves."""
     clock = state.clock[0]
     free = not rung[0].compliant and rung[0].inertia == 0.0 and rung[0].loads
     if not free or clock.leans or greatest_load(terms, clock.free, state.free)[0] == 0.0:
@@ -154,7 +154,7 @@ def _solve_in_turn(
 def _take_over(
     rung: RecordArray, terms: Terms, contacts: int, state: State, scratch: Scratch, problem: ContactProblem
 ) -> None:
-    """All velocities into scratch.v_new, and forces as they are in the limit."""
+    """Write all velocities into scratch.v_new, and forces with their values in the limit."""
     n, limited = state.clock[0].free, state.clock[0].limited
     if _is_free_of_load(rung, n, state.clock[0].eps, problem):
         for r in range(contacts * terms.contact_stiffness.shape[1]):
@@ -202,7 +202,7 @@ def _solve(
 def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> bool:
     """Whether something rigid holds: a contact, a travel limit, or dry friction that does not slip.
 
-    It stops what it holds within the step; a theta below 1 would have it bounce back.
+    The rigid part stops a body within the step; with theta below 1 the body would bounce back.
     """
     d = terms.contact_stiffness.shape[1]
     held = False
@@ -219,13 +219,14 @@ def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> boo
 
 @inner_kernel
 def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> float:
-    """Velocity at the end of a step, where `v_new` is that at theta (a prescribed one is constant)."""
+    """Velocity at the end of a step, where `v_new` is the velocity at theta (a prescribed one is
+    constant)."""
     return v_new if prescribed else (v_new - (1.0 - theta) * v_old) / theta
 
 
 @kernel
 def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProblem) -> bool:
-    """Whether contact forces vanish in the limit eps -> 0+, where those found belong to eps = 1."""
+    """Whether contact forces vanish in the limit eps -> 0+, where the forces found belong to eps = 1."""
     loaded = rung[0].inertia > 0.0 or not rung[0].loads or rung[0].compliant or eps < 1.0
     for i in range(n):
         loaded |= problem.c[i] != 0.0
@@ -234,8 +235,8 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 @kernel
 def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
-    """Whether what inertia the limit eps -> 0+ leaves in the balance of each coordinate is negligible beside
-    what springs and dampers resist there and the load."""
+    """Whether the inertia that the limit eps -> 0+ leaves in the balance of each coordinate is negligible
+    beside the load and the resistance of springs and dampers there."""
     clock = state.clock[0]
     force, acceleration = greatest_load(terms, clock.free, state.free)
     balanced = True
@@ -286,7 +287,7 @@ def _relax(
     scratch: Scratch,
     problem: ContactProblem,
 ) -> None:
-    """New deformations. A slot that is too far away to be among the contacts is at rest."""
+    """Fill in new deformations. A slot that is too far away to be among the contacts is at rest."""
     for k in range(contacts):
         if math.isfinite(terms.contact_stiffness[k, 0, 0]):
             deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
@@ -298,7 +299,7 @@ def _relax(
 def account(
     rung: RecordArray, h: float, terms: Terms, contacts: int, state: State, scratch: Scratch, v_old: Reals
 ) -> None:
-    """Reactions of drives, and the work of drives, loads, contacts and supports over the step.
+    """Add reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
     With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
     rounding. On the kinematic rung there is neither force nor work.

@@ -32,8 +32,8 @@ EXACT = 1e-10
 def solve_supported(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> tuple[int, float, int]:
-    """As `solve_planar` for the assembled `problem`, whose rows that share a surface it changes; forces and
-    modes are those of the rows of `terms`. It starts from the direction of `state.v`, or sticking."""
+    """Solve the assembled `problem` as `solve_planar`, changing the rows that share a surface; forces and
+    modes belong to the rows of `terms`. The first guess slips along `state.v`, or sticks."""
     for r in range(limited):
         row = scratch.support[r]
         row.offset = problem.w_s[r]
@@ -61,7 +61,8 @@ def solve_supported(
 
 @kernel
 def leads(first: int, limited: int, terms: Terms) -> int:
-    """How many rows the surface has whose first row this is; 0 if it is not the first, or stands apart."""
+    """How many rows the surface has whose first row is `first`; 0 for another row, or a row without
+    surface."""
     if terms.surface[first] == APART:
         return 0
     count = 0
@@ -88,7 +89,7 @@ def _member(first: int, j: int, terms: Terms) -> int:
 def _measure(
     limited: int, n: int, v: Reals, solved: bool, terms: Terms, state: State, scratch: Scratch
 ) -> None:
-    """Powers of the rows at v (n_v,), and the forces t: those that were `solved` for, or those against v."""
+    """Set powers of the rows at v (n_v,), and the forces t: from the solution if `solved`, else against v."""
     for first in range(limited):
         size, power = leads(first, limited, terms), 0.0
         for j in range(size):
@@ -126,7 +127,7 @@ def _turned(first: int, m: int, j: int, terms: Terms, scratch: Scratch) -> float
 
 @kernel
 def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> float:
-    """The piece of the law that each surface asks for; returns the greatest distance from it."""
+    """Set the piece of the law that each surface asks for; returns the greatest distance from the law."""
     worst = 0.0
     for first in range(limited):
         size = leads(first, limited, terms)
@@ -159,7 +160,7 @@ def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> float
 def _fill(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> None:
-    """Rows of the surfaces as their pieces ask for; each direction in the unit of the first row's force."""
+    """Fill the rows of the surfaces for their pieces; each direction in the unit of the first row's force."""
     p = problem
     for first in range(limited):
         size = leads(first, limited, terms)
@@ -181,7 +182,7 @@ def _fill(
             if lead.piece == YIELDS or (lead.piece == SLIPS and m > 0):
                 p.R_s[r] = lead.yields / (unit * unit)
         if size > 0 and lead.piece == SLIPS:
-            # The reflection takes the first direction to the opposite of the force if that is positive.
+            # The reflection takes the first direction to the opposite of a positive force.
             side = -math.copysign(1.0, lead.along)
             scratch.limited_force[first] = side * terms.limit[first]
             scratch.mode[contacts + first] = BACKWARD if side > 0.0 else FORWARD
@@ -189,7 +190,7 @@ def _fill(
 
 @kernel
 def _hand_over(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> None:
-    """Forces, and whether they hold, in the rows of `terms`."""
+    """Write forces, and whether they hold, into the rows of `terms`."""
     for first in range(limited):
         size, force = leads(first, limited, terms), 0.0
         for j in range(size):

@@ -1,4 +1,4 @@
-"""What the core asks of a system: the contract between whatever moves and the loop that takes its steps."""
+"""The contract between a system that moves and the core, which takes its steps."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Moment:
 @dataclass(frozen=True)
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
-    limited rows; and a length: that of the smallest thing that may be hit."""
+    limited rows; and a length: the size of the smallest thing that may be hit."""
 
     coordinates: int
     velocities: int
@@ -36,7 +36,7 @@ class Size:
 
 
 class System(Protocol):
-    """Bodies that move as q' = G(q) v. Terms are those of `system.terms`, in the units of the system."""
+    """Bodies that move as q' = G(q) v. Terms follow `system.terms`, in the units of the system."""
 
     size: Size
 
@@ -44,11 +44,11 @@ class System(Protocol):
         """q (n_q,) and v (n_v,) at t = 0, without overlap."""
 
     def speeds(self, time: float) -> Reals:
-        """Velocities (n_v,) that are prescribed; nan for those that are not."""
+        """Prescribed velocities (n_v,); nan for velocities that are free."""
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> Sequence[int]:
         """Fill `terms` with M, metric, loads, gains, and with all contacts whose gap is at most `reach` and
-        that something free can change, but not `heft`, `fall` and deformations; returns the slot of each
+        can be changed by something free, but not `heft`, `fall` and deformations; returns the slot of each
         contact. A slot belongs to one feature (a vertex and a face, two spheres) for the whole run."""
 
     def integrate(self, q: Reals, v: Reals, h: float) -> Reals:

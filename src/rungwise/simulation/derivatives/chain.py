@@ -1,7 +1,6 @@
-"""The derivative of the state after several steps with respect to where they start, what drives them, and
-parameters.
+"""The derivative of the state after several steps with respect to their start, inputs and parameters.
 
-Directions go through one step after another: the change of a step's data along each of them is of first
+Directions go through one step after another: the change of a step's data along each direction is of first
 order, and where a mode is about to change the solution still has a derivative along directions
 (`contact.sensitivity`), which obeys the chain rule though it is not linear. Source: Robinson, Math. Oper.
 Res. 16 (1991) 292-309 (chain rule of B-derivatives).
@@ -68,10 +67,10 @@ def run_sensitivity(
         scene, model, parameters, theta: as for `Simulation`.
         steps: how many, at least 1.
         h: length of each; the scene's own if not given.
-        q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and where it starts
+        q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and its start
             depends on parameters.
         deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
-        time: at the start, for what depends on it.
+        time: at the start, for numbers that depend on time.
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
 

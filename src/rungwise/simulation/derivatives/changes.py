@@ -1,4 +1,4 @@
-"""First-order changes of a step's data, each unknown of the start, input and parameter by itself."""
+"""First-order changes of a step's data by each unknown of the start, each input and each parameter."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _STEP = 1e-5
 
 
 class Changes:
-    """Differences of what a step assembles, by each of the kinds asked for.
+    """Differences of the data that a step assembles, by each of the kinds asked for.
 
     Assemblies of other parameters are made once, and serve all steps.
     """

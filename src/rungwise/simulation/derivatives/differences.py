@@ -1,4 +1,4 @@
-"""Assembling a step's contact problem from Python, with what is discrete in it held as it was."""
+"""Assembling a step's contact problem from Python, with its discrete choices held."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Held:
-    """Contacts by what touches, their slots and gaps, whether they bounce; coordinates that do not move
-    though driven; eps and theta."""
+    """Discrete choices of a step: contacts by their features, slots and gaps, whether they bounce;
+    coordinates that do not move though driven; eps and theta."""
 
     keys: tuple[tuple[int, int], ...]
     slots: Ints
@@ -42,7 +42,7 @@ class Held:
 
 @dataclass(frozen=True)
 class Start:
-    """The state before a step: q, v (n,), deformation (slots, d), and whose it is, if that is known."""
+    """The state before a step: q, v (n,), deformation (slots, d), and the features of the slots, if known."""
 
     q: Array
     v: Array
@@ -59,7 +59,7 @@ class Start:
 class Assembly:
     """A scene at one set of parameters, ready to assemble steps of length h from any state.
 
-    `begun` holds q, v (n,) with which the scene begins.
+    `begun` holds q, v (n,) at the beginning of the scene.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Assembly:
         self.begun = self.state.q.copy(), self.state.v.copy()
 
     def like(self, scene: Scene, model: Rung | str, values: dict[str, float]) -> Assembly:
-        """The same at other parameters."""
+        """An assembly with the same options at other parameters."""
         return Assembly(scene, model, values, self.h, self.theta)
 
     def rest(self, q: Array, v: Array, time: float = 0.0) -> Start:
@@ -100,7 +100,7 @@ class Assembly:
             state.deformation[:] = start.deformation
 
     def set_speeds(self) -> float:
-        """Speeds of prescribed coordinates; the length of the step that their travel allows."""
+        """Set speeds of prescribed coordinates; returns the length of the step that their travel allows."""
         run = self._simulation
         h, _ = drives.set_speeds(
             self.records, run._timed, run._bound.buffer, self.rung, self.workspace, self.h
@@ -108,7 +108,7 @@ class Assembly:
         return float(h)
 
     def place(self, start: Start, trial: Array | None) -> None:
-        """Loads at (q, v); bodies, rows and joints there, or where the trial speeds lead."""
+        """Fill in loads at (q, v); place bodies, rows and joints there, or where the trial speeds lead."""
         self.put(start)
         self.set_speeds()
         state, r, terms, h = self.state, self.records, self.workspace.terms, self.h
@@ -133,7 +133,7 @@ class Assembly:
         widen(r, self.workspace, 4.0 * h * fastest_pair(r, self.rung, terms, state, state.v, h))
 
     def gather(self, trial: Array | None) -> int:
-        """Terms of the contacts; returns how many."""
+        """Fill in terms of the contacts; returns how many there are."""
         count, terms = int(gather(self.records, self.workspace)), self.workspace.terms
         if trial is not None:
             terms.gap[:count] -= self.h * terms.rows[: 2 * count : 2] @ trial
@@ -141,7 +141,7 @@ class Assembly:
         return count
 
     def widened(self, speed: Array) -> bool:
-        """Whether contacts farther away matter at this speed, which are then looked for."""
+        """Whether contacts farther away matter at this speed; if so, they are looked for."""
         reach = 2.0 * self.h * fastest_pair(
             self.records, self.rung, self.workspace.terms, self.state, speed, 0.0
         )  # fmt: skip
@@ -151,7 +151,7 @@ class Assembly:
         return True
 
     def hold(self, count: int, problem: ContactProblem) -> Held:
-        """What is discrete in the step just solved."""
+        """The discrete choices of the step just solved."""
         state, terms, clock = self.state, self.workspace.terms, self.state.clock[0]
         bounced = np.zeros(count, bool)
         n, eps = int(clock["free"]), float(clock["eps"])
@@ -175,9 +175,9 @@ class Assembly:
         faster: Array | None = None,
     ) -> dict[str, Array]:
         """Data of the problem from `start`, contacts in the order held, with their `gap`, `stiffness` and
-        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are those held.
+        `damping`, and `speed` (n,) of the prescribed coordinates. The gaps in the data are the held gaps.
 
-        Raises ModelError when other points touch than those held.
+        Raises ModelError when other points touch than the held contacts.
         """
         state, terms, clock = self.state, self.workspace.terms, self.state.clock
         self.place(start, trial)

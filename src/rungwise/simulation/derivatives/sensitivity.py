@@ -1,10 +1,10 @@
-"""The derivative of one step of a scene with respect to where it starts, what drives it, and its parameters.
+"""The derivative of one step of a scene with respect to its start, its inputs and the scene's parameters.
 
-What a step assembles is smooth while its features and decisions stay as they are: which points touch, which
-contacts bounce, which coordinates have come to the end of their travel, theta, and how small the eps of a
-quasistatic rung is. So it is differenced, centrally, with those held; the solution is then differentiated
-exactly (`contact.sensitivity`). A gap enters as psi / h and is not differenced through the threshold below
-which it counts as zero.
+The data that a step assembles are smooth while its features and decisions stay as they are: which points
+touch, which contacts bounce, which coordinates have come to the end of their travel, theta, and how small the
+eps of a quasistatic rung is. So the data are differenced, centrally, with features and decisions held; the
+solution is then differentiated exactly (`contact.sensitivity`). A gap enters as psi / h and is not
+differenced through the threshold below which it counts as zero.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ _SAME = 1e-11
 
 @dataclass(frozen=True)
 class StepSensitivity:
-    """A step from (q, v) to `q`, `v` (n,), and its derivatives dq, dv (n, m) by what they are taken for.
+    """A step from (q, v) to `q`, `v` (n,), and its derivatives dq, dv (n, m) by kind of unknown.
 
     `inputs` are the speed of a prescribed coordinate and a force on any other; `parameters` are in the order
-    of `names`. `deformation` (slots, 2) is that after the step, ddeformation (2 slots, m) its derivatives.
-    `contact` is the linearised contact problem: where its `weak` is not empty the derivatives are one-sided,
-    for each column increased by itself. NaN where nothing determines the derivative.
+    of `names`. `deformation` (slots, 2) is the deformation after the step, ddeformation (2 slots, m) its
+    derivatives. `contact` is the linearised contact problem: where its `weak` is not empty the derivatives
+    are one-sided, for each column increased by itself. NaN where nothing determines the derivative.
     """
 
     q: Array
@@ -76,7 +76,7 @@ def step_sensitivity(
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
         deformation: (slots, 2) of contacts at the start, as `Workspace.state` has it; none if not given.
-        time: at the start of the step, for what depends on it.
+        time: at the start of the step, for numbers that depend on time.
 
     Raises:
         ModelError: an argument is wrong, or the step cannot be taken as it is: no solution, a limit of travel
@@ -109,7 +109,7 @@ def prepared(
     wrt: Sequence[str],
     names: Sequence[str] | None,
 ) -> tuple[Assembly, Changes]:
-    """What differentiates steps of a scene. Raises ModelError."""
+    """The objects that differentiate steps of a scene. Raises ModelError."""
     scene = scene if isinstance(scene, Scene) else load(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
@@ -124,7 +124,7 @@ def prepared(
 
 
 def started(here: Assembly, q: ArrayLike, v: ArrayLike, deformation: ArrayLike | None, time: float) -> Start:
-    """The start of a step. Raises ModelError naming what has the wrong shape."""
+    """The start of a step. Raises ModelError naming the argument of wrong shape."""
     n, like = len(here.state.q), here.state.deformation
     strain = np.zeros_like(like) if deformation is None else np.asarray(deformation, np.float64)
     if strain.shape != like.shape or not np.isfinite(strain).all():
@@ -140,7 +140,7 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 
 
 class Differentiated(NamedTuple):
-    """One step: where it ends, and the derivatives (n or 2 slots, m) of that along the directions given."""
+    """One step: its end, and the derivatives (n or 2 slots, m) of the end along the directions given."""
 
     end: Start
     dq: Array
@@ -152,9 +152,9 @@ class Differentiated(NamedTuple):
 def differentiated(
     here: Assembly, changes: Changes, start: Start, directions: dict[str, Array]
 ) -> Differentiated:
-    """Take the step from `start`, and differentiate it along directions (unknowns of a kind, m).
+    """Take the step from `start`, and differentiate its end along directions (unknowns of a kind, m).
 
-    Raises ModelError if it cannot be taken, or has no derivative.
+    Raises ModelError if the step cannot be taken, or has no derivative.
     """
     went, features, end = _taken(here, start)
     n, count = len(start.q), next(iter(directions.values())).shape[1]
@@ -189,8 +189,8 @@ def differentiated(
 
 
 def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Start]:
-    """Velocities with which the simulation moves in this step, whose the slots are before it, and where it
-    leads."""
+    """Velocities with which the simulation moves in this step, the features of the slots before it, and its
+    end."""
     here.put(start)
     before = here.state.manifolds.features.copy()
     if here.set_speeds() < here.h:
@@ -204,7 +204,7 @@ def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Star
 
 
 def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Sensitivity, Array]:
-    """What is held, the sensitivity of the contact problem, and all speeds of the step."""
+    """The held choices, the sensitivity of the contact problem, and all speeds of the step."""
     work, h = here.workspace, here.h
     here.place(start, trial)
     state, scratch, clock = work.state, work.scratch, work.state.clock[0]
@@ -215,7 +215,7 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
         if not here.widened(scratch.v_new):
             break
     n, limited = int(clock["free"]), int(clock["limited"])
-    # Where forces vanish in a limit they were set to zero; the pieces need those that were found.
+    # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
     solve_planar(
         work.problem, n, count, limited, scratch.mode, scratch.x, scratch.contact_force,
         scratch.limited_force, scratch.matrix, scratch.order,
@@ -233,7 +233,7 @@ def _deformed(
     directions: dict[str, Array],
 ) -> Array:  # fmt: skip
     """Derivatives of the deformations after the step, R (h lambda + (C - (1 - theta) h K) delta) for the
-    contacts that are there; those of others stay."""
+    contacts of the step; the derivatives of other slots stay."""
     slots, d = start.deformation.shape
     count = data["speed"].shape[1]
     found = directions.get("deformation", np.zeros((slots * d, count))).reshape(slots, d, count).copy()
@@ -259,7 +259,7 @@ def _deformed(
 
 
 def _followed(here: Assembly, before: NDArray[np.int64], end: Start, found: Array) -> Array:
-    """Derivatives of deformations in the slots to which their features have gone, over seams, too.
+    """Derivatives of deformations in the slots to which their features have gone, also over seams.
 
     Raises ModelError where a contact that is deformed goes over to another feature.
     """
@@ -282,7 +282,7 @@ def _followed(here: Assembly, before: NDArray[np.int64], end: Start, found: Arra
 def _is_carried(
     here: Assembly, before: NDArray[np.int64], after: NDArray[np.int64], old: int, new: int
 ) -> bool:
-    """Whether what was in slot `old` has come to slot `new` of another pair over a seam."""
+    """Whether the feature of slot `old` has come to slot `new` of another pair over a seam."""
     seams = here.workspace.seams
     if old // 2 == new // 2 or not seams.joined[0] or after[new] == ABSENT:
         return False

@@ -23,21 +23,21 @@ from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED, PASSED = 3, 4
-"""Beside the statuses of `solve_step`."""
+"""Statuses beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
 EXACT = 1e-9
 """Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
 step is not linearised again."""
 LEAP = 8.0
-"""Motion of a servo that is followed exactly, over the smallest shape's reach, above which a step that pushes
-something, or that is linearised again, is halved: where the target jumps, no step is short enough."""
+"""Motion of a servo that is followed exactly, over the smallest shape's reach. Above this a step that pushes
+something, or is linearised again, is halved: where the target jumps, no step is short enough."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 ROUNDED = 1e-14
 """Rounding of the work of a contact, relative to its impulse times the speeds there."""
 SWIFT = 4.0
-"""Speed of what is pushed, over that of what is driven, above which a rigid step that overlaps is halved and
-not linearised again: near a singular position it would lead through what holds the body."""
+"""Speed of a pushed body over the speed of a driven body, above which a rigid step that overlaps is halved
+and not linearised again: near a singular position the step would lead through whatever holds the body."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -186,7 +186,7 @@ def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) ->
 
 @rare_kernel
 def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scratch) -> bool:
-    """Whether a contact with restitution, open at the start, is met at speed during the step: it would not
+    """Whether a contact with restitution, open at the start, closes at speed during the step: it would not
     bounce."""
     clock = state.clock[0]
     for k in range(contacts):
@@ -206,7 +206,8 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
 
 @rare_kernel
 def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scratch: Scratch) -> None:
-    """Linearise about the trial state: gaps and errors of joints less what the trial velocity contributed."""
+    """Linearise about the trial state: gaps and errors of joints less the contribution of the trial
+    velocity."""
     for r in range(drives, limited):
         for j in range(scratch.v_new.shape[0]):
             terms.error[r, 0] += h * terms.limited[r, j] * scratch.v_new[j]
@@ -230,7 +231,7 @@ def _move(records: Records, workspace: Workspace, h: float) -> None:
 
 @rare_kernel
 def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> float:
-    """Contact work in a step that is no more than rounding, or than the residual, of what is exchanged."""
+    """Contact work in a step that is no more than rounding, or the residual, of the work exchanged."""
     exchanged = 0.0
     for r in range(2 * contacts):
         before, after = 0.0, 0.0
@@ -244,7 +245,7 @@ def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scrat
 
 @kernel
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
-    """Velocities, work and the contact forces that conditions read."""
+    """Set velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     note_strays(records, h, contacts, workspace)
     work = state.clock[0].contact_work

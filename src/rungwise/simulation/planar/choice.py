@@ -1,11 +1,12 @@
-"""Of the motions that a step admits, which: the slowest, or the one nearest to a preferred velocity.
+"""Which of the motions that a step admits is taken: the slowest, or the nearest to a preferred velocity.
 
 A quasistatic or kinematic step from which loads, drives and friction do not single out one motion admits many
-velocities. The slowest is that nearest to zero in the norm of the inertia; here zero is replaced by what is
-preferred. Far preferences give the extremes of the admissible motions. An object for which rest is admissible
-rests: so first the slowest motion says what moves, then of several objects that move as many are held as can
-be, those without a preference first, and what is left takes the motion nearest to its preference. Every
-motion found so is admissible: it solves the step's own problem.
+velocities. The slowest velocity is the nearest to zero in the norm of the inertia; here a preferred velocity
+replaces zero. Far preferences give the extremes of the admissible motions. An object for which rest is
+admissible
+rests: so first the slowest motion says what moves, then as many of the moving objects are held as can be,
+objects without a preference first, and the remaining objects take the motion nearest to their preference.
+Every motion found in this way is admissible: it solves the step's own problem.
 """
 
 from __future__ import annotations
@@ -19,26 +20,29 @@ from rungwise.simulation.planar.workspace import ROUNDING, State, Workspace
 from rungwise.system.planar.place import coordinate_count, turns
 
 SUDDEN = 5
-"""Beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in so long a step."""
+"""A status beside the statuses of `solve_step`: a preferred motion begins, or goes too far, in so long a
+step."""
 REST = 1e-6
-"""What is slower than this part of the pace rests."""
+"""A body slower than this part of the pace rests."""
 STRIDE = 0.05
-"""How far a preferred motion may go in one step, over the smallest shape's reach: conditions see it there."""
+"""How far a preferred motion may go in one step, over the smallest shape's reach: conditions see each
+step."""
 ONSET = 1e-4
-"""How far it may go in the step in which it begins, in the same unit: so exactly is its beginning dated."""
+"""How far a preferred motion may go in the step in which it begins, in the same unit: this dates its
+beginning."""
 FLUNG = 10.0
-"""What is faster than the pace by this factor is part of a preferred motion."""
+"""A body faster than the pace by this factor takes part in a preferred motion."""
 FAR = 10.0
-"""How far from its start a preferred motion may take a body that nothing stops, in extents of the scene; what
-turns, once around."""
+"""How far from its start a preferred motion may take a body that nothing stops, in extents of the scene; an
+angle may go once around."""
 
 
 @kernel
 def choose_motion(
     records: Records, rung: RecordArray, h: float, contacts: int, shortest: float, workspace: Workspace
 ) -> int:
-    """As `solve_step`; where something is preferred, of the admissible motions the one nearest to it, or
-    SUDDEN in a step longer than `shortest`."""
+    """Solve the step as `solve_step`; where a motion is preferred, take the admissible motion nearest to it,
+    or return SUDDEN in a step longer than `shortest`."""
     state, scratch = workspace.state, workspace.scratch
     clock = state.clock[0]
     status = _solve(rung, h, contacts, workspace)
@@ -131,7 +135,7 @@ def _rests(records: Records, body: Record, pace: float, workspace: Workspace) ->
 @rare_kernel
 def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) -> bool:
     """Whether a preferred motion has begun and nothing has stopped the body: in the limit of fast motions it
-    is one step, however many it takes here. One that has gone too far ends."""
+    is one step, however many it takes here. A motion that has gone too far ends."""
     state, along, asked, fastest = workspace.state, 0.0, 0.0, 0.0
     for i in range(body.coordinate, body.coordinate + coordinate_count(body)):
         unit = records.coordinates[i].lever
@@ -145,7 +149,7 @@ def _goes_on(records: Records, body: Record, pace: float, workspace: Workspace) 
 
 @rare_kernel
 def _has_gone_far(records: Records, i: int, workspace: Workspace) -> bool:
-    """Whether a coordinate is so far from its start that no motion of it is preferred any more."""
+    """Whether a coordinate is so far from its start that its motion is no longer preferred."""
     is_angle = turns(records.bodies[records.coordinates[i].body], i)
     far = 2.0 * math.pi if is_angle else FAR * workspace.terms.rounding[0] / ROUNDING
     return bool(abs(workspace.state.q[i] - workspace.state.start[i]) > far)
@@ -172,7 +176,7 @@ def _set_free(workspace: Workspace) -> None:
 
 @rare_kernel
 def _wish(records: Records, pace: float, workspace: Workspace) -> None:
-    """Preferred velocities of what is not held."""
+    """Fill in the preferred velocities of the bodies that are not held."""
     state = workspace.state
     for i in range(state.q.shape[0]):
         held = state.prescribed[i] or workspace.scratch.held[i]

@@ -25,7 +25,7 @@ from rungwise.system.planar.seams import mode_before
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
-"""A step that is to end at a contact ends a little short of it: the impact belongs to the next step."""
+"""A step that should end at a contact ends a little short of it: the impact belongs to the next step."""
 UNIFORM = 1e-6
 """Part of the allowed error that a change of speed may cause in a step that counts as exact."""
 GROWTH = 10.0
@@ -33,7 +33,7 @@ GROWTH = 10.0
 AHEAD = 0.1
 """How long an error of velocity acts, as a part of the longest step."""
 SOON = 0.01
-"""Part of a fixed step within which an impact counts as being at its beginning; a later one ends the step."""
+"""Part of a fixed step within which an impact counts as at its beginning; a later impact ends the step."""
 
 
 @kernel
@@ -99,7 +99,7 @@ def controlled_step(
 
 @rare_kernel
 def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
-    """Greatest distance between where two half steps and one whole step put any coordinate, now and, where
+    """Greatest distance between the coordinates after two half steps and after one whole step, now and, where
     velocities are continuous, a while later."""
     state, whole, worst = workspace.state, workspace.whole, 0.0
     continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
@@ -119,9 +119,9 @@ def _disagreement(records: Records, rung: RecordArray, control: RecordArray, wor
 
 @rare_kernel
 def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
-    """Take from a change of velocity what would open rigid joints: the next step does so itself, by impulses
-    along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in which M
-    has a unit diagonal."""
+    """Take from a change of velocity the part that would open rigid joints, as the next step does, by
+    impulses along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in
+    which M has a unit diagonal."""
     state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
     clock = state.clock[0]
     free = clock.free
@@ -158,8 +158,8 @@ def _is_uniform(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> bool:
     """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
-    contact closed (or, where it is compliant and pushes until it opens, opened), and nothing turns that is in
-    contact or jointed."""
+    contact closed (or, where it is compliant and pushes until it opens, opened), and no body in contact or
+    with a joint turns."""
     state, kept = workspace.state, workspace.kept
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
@@ -211,9 +211,9 @@ def _flies(workspace: Workspace) -> bool:
 
 @rare_kernel
 def _extrapolate(records: Records, workspace: Workspace) -> None:
-    """Two half steps and what they gained over the whole one (Richardson): of second order in free flight.
+    """Add to two half steps their gain over the whole step (Richardson): of second order in free flight.
 
-    The halves stay as they are where the sum would overlap something, or be beyond it.
+    The halves stay as they are where the sum would overlap something, or lie beyond it.
     """
     state, whole, halves = workspace.state, workspace.whole, workspace.before
     remember(state, halves)
@@ -245,12 +245,12 @@ def until_contact(
     soon: float,
     impact: float,
 ) -> tuple[float, bool]:
-    """The step, but no longer than the first open gap (beyond `closed`, and beyond what closes within the
+    """The step, but no longer than the first open gap (beyond `closed`, and beyond gaps that close within the
     fraction `soon` of the step) takes to close at its present rate.
 
-    A compliant impact begins with a small part of its own period: a step that spans it all looks plastic, and
-    so do two halves. A rigid one takes a step of `impact` at most: where what it throws will meet the next
-    contact is known after it. Returns the step, and whether a compliant impact begins.
+    A compliant impact begins with a small part of its own period: a step that spans the whole impact looks
+    plastic, and so do two halves. A rigid impact takes a step of `impact` at most: the next contact of the
+    thrown body is known after it. Returns the step, and whether a compliant impact begins.
     """
     state, terms = workspace.state, workspace.terms
     sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False

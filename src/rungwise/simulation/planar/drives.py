@@ -19,8 +19,9 @@ from rungwise.system.planar import terms as planar
 def set_speeds(
     records: Records, timed: Numbers, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
-    """Numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns the
-    step that ends at the first travel limit, and the greatest prescribed speed of anything, joints included.
+    """Set numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns
+    the step that ends at the first travel limit, and the greatest prescribed speed of anything, joints
+    included.
 
     Where one of the numbers is not finite, its place in `buffer` goes to `scratch.undefined`, and nothing
     else is done.

@@ -1,9 +1,9 @@
 """Velocities that jump though nothing collides: rigid contact with friction may leave no other way out.
 
-Where the acceleration that friction lets a sliding contact have has no solution, or several, an impulse
-without a collision is one (Painleve; Genot and Brogliato, New results on Painleve paradoxes, 1999). A step's
-problem has it as its solution and does not say so. It is told by its limit: the change of velocity in a step
-that is far shorter is as large, and without friction it is not.
+Where the acceleration of a sliding contact with friction has no solution, or several, an impulse without a
+collision is a solution (Painleve; Genot and Brogliato, New results on Painleve paradoxes, 1999). A step's
+problem has the impulse as its solution and does not say so. The limit tells a jump: the change of velocity in
+a far shorter step is as large, and without friction it is not.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from rungwise.simulation.planar.nearby import gather
 from rungwise.simulation.planar.workspace import Workspace
 
 GROWN = 2.0
-"""Only where acceleration has grown by this factor since the last step is a jump looked for."""
+"""A jump is looked for only where acceleration has grown by this factor since the last step."""
 ROUNDED = 1e-9
-"""Change of velocity, over the velocity and what loads would add to it, that is rounding and no jump."""
+"""Change of velocity, over the velocity and the change by loads, that is rounding and no jump."""
 SHORTER = 1.0 / 16.0
-"""The step in which a jump is as large, and anything else is less than half."""
+"""Part of the step in which a jump is as large, and any other change is less than half."""
 
 
 @kernel

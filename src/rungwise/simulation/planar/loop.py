@@ -47,9 +47,9 @@ from rungwise.system.terms import APART, METRIC
 
 MAX_HALVINGS = 60
 CLOSED = 1e-9
-"""Overlap, or opening of a joint, at the start that counts as rounding, over the longest lever."""
+"""Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 PAUSE = 2.0
-"""An approach no faster than what loads cause in so many nominal steps does not bounce."""
+"""Nominal steps: an approach no faster than loads cause within them does not bounce."""
 
 
 @kernel
@@ -107,7 +107,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
 
 @kernel
 def _comes_apart(records: Records, workspace: Workspace) -> bool:
-    """Whether the start is not that of a closed joint, or lies outside its travel."""
+    """Whether a joint is open at the start, or outside its travel."""
     state, places = workspace.state, workspace.scratch.measures
     measures, apart = records.measures, False
     joints.values(records, state.placed.pose, state.q, workspace.scratch.row, places)
@@ -158,8 +158,8 @@ def run_step(
     control: RecordArray,
     workspace: Workspace,
 ) -> int:
-    """One accepted step, halved as long as it has no solution; one longer than a nominal step does not reach
-    where a condition holds, so that when it began to is known to a nominal step."""
+    """Take one step, halved as long as it has no solution; a step longer than a nominal step ends before a
+    condition holds, so that the condition's beginning is known to a nominal step."""
     state = workspace.state
     clock = state.clock[0]
     h = min(clock.next, control[0].longest, control[0].duration - clock.time)
@@ -195,7 +195,7 @@ def run_step(
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
         if status == REFUSED and moving > 0.0:
-            # What is pushed may move faster than what pushes it.
+            # A pushed body may move faster than the body that pushes it.
             fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
             if h * max(moving, fastest) < control[0].jam:
                 return JAMMED
@@ -207,7 +207,7 @@ def run_step(
 
 @rare_kernel
 def _note_leap(records: Records, h: float, state: State) -> None:
-    """Remember the farthest that a servo, followed exactly, has moved anything in a step."""
+    """Remember the farthest motion in a step of anything that a servo, followed exactly, moves."""
     clock = state.clock[0]
     for i in range(state.q.shape[0]):
         c = records.coordinates[i]
@@ -221,6 +221,7 @@ def _note_leap(records: Records, h: float, state: State) -> None:
 def _shorter(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> float:
-    """The next step to try after a refusal: up to the first contact to close, or else half of it."""
+    """The next step to try after a refusal: up to the first contact to close, or else half of the refused
+    step."""
     landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, math.inf)
     return landing if landing < 0.999 * h else 0.5 * h

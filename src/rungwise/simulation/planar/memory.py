@@ -1,4 +1,4 @@
-"""Keeping a state, going back to it when a step is not accepted, and emptying it for the next run."""
+"""Keeping a state, restoring it when a step is not accepted, and emptying the workspace for the next run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rungwise.system.terms import APART
 
 @kernel
 def keep(workspace: Workspace) -> None:
-    """Keep all that `restore` brings back."""
+    """Keep the state that `restore` brings back."""
     state, kept = workspace.state, workspace.kept
     remember(state, kept)
     kept.clock[0] = state.clock[0]
@@ -27,7 +27,7 @@ def keep(workspace: Workspace) -> None:
 
 @kernel
 def restore(records: Records, workspace: Workspace) -> None:
-    """Back to the kept state, but for the count of attempts."""
+    """Restore the kept state, but for the count of attempts."""
     state, kept = workspace.state, workspace.kept
     attempts = state.clock[0].attempts
     state.clock[0] = kept.clock[0]
@@ -55,7 +55,8 @@ def remember(state: State, saved: Snapshot) -> None:
 
 @kernel
 def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
-    """Back to the saved coordinates, contacts and deformations; what has come into view since stays there."""
+    """Restore saved coordinates, contacts and deformations; contacts that came into view since then stay in
+    view."""
     state = workspace.state
     for i in range(state.q.shape[0]):
         state.q[i] = saved.q[i]
@@ -70,7 +71,7 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
 
 @kernel
 def clear(workspace: Workspace, blank: RecordArray) -> None:
-    """The workspace as allocated, but for frames and what every step fills anew; `blank` is a zero clock."""
+    """Reset the workspace, but for frames and arrays that every step fills anew; `blank` is a zero clock."""
     state, terms = workspace.state, workspace.terms
     state.clock[0] = blank[0]
     state.manifolds.gaps[:] = 0.0

@@ -22,7 +22,7 @@ NEAR = 1e-4
 
 @kernel
 def look(records: Records, workspace: Workspace, v: Reals) -> None:
-    """Contacts at the placed bodies, which move on with `v` (n,), within clock.margin."""
+    """Look for contacts within clock.margin at the placed bodies, which move on with `v` (n,)."""
     state, seams, course = workspace.state, workspace.seams, workspace.course
     course.horizon[0] = AHEAD * max(state.clock[0].tried, state.clock[0].next)
     if seams.neighbours.shape[0] > seams.still[0]:
@@ -34,7 +34,7 @@ def look(records: Records, workspace: Workspace, v: Reals) -> None:
 
 @kernel
 def widen(records: Records, workspace: Workspace, margin: float) -> None:
-    """Contacts up to `margin` matter now: look again when the last look did not reach so far."""
+    """Let contacts up to `margin` count: look again when the last look did not reach so far."""
     clock = workspace.state.clock[0]
     margin = max(margin, NEAR * clock.reach)
     clock.near = margin
@@ -60,7 +60,7 @@ def gather(records: Records, workspace: Workspace) -> int:
 
 @inner_kernel
 def swing(records: Records, state: State, i: int) -> float:
-    """What measures coordinate i as a distance: 1, or the longest lever that an angle has."""
+    """The factor that makes coordinate i a distance: 1, or the longest lever of an angle."""
     coordinate = records.coordinates[i]
     is_angle = turns(records.bodies[coordinate.body], i)
     return float(max(state.clock[0].reach, coordinate.lever)) if is_angle else 1.0
@@ -70,7 +70,7 @@ def swing(records: Records, state: State, i: int) -> float:
 def fastest_pair(
     records: Records, rung: RecordArray, terms: Terms, state: State, v: Reals, h: float
 ) -> float:
-    """Bound on the relative speed of any two points, with what loads add during h."""
+    """Bound on the relative speed of any two points, with the change by loads during h."""
     fastest = 0.0
     for b in range(records.bodies.shape[0]):
         body = records.bodies[b]

@@ -1,9 +1,9 @@
 """Whether bodies may have gone through each other on the way of a step, seen at neither of its ends.
 
-Convex shapes apart have a separating axis. On the way, with coordinates linear in time, it may be carried
-along with either body or stay as it is: the distance between the shapes along it is then a minimum of smooth
-functions of time, each at least its chord less 1/8 of its greatest second derivative. Where that bound does
-not exclude a passage the way is taken in parts, each with an axis of its own: conservative advancement
+Convex shapes apart have a separating axis. On the way, with coordinates linear in time, this axis may be
+carried along with either body or stay as it is: the distance between the shapes along it is then a minimum of
+smooth functions of time, each at least its chord less 1/8 of its greatest second derivative. Where that bound
+does not exclude a passage the way is taken in parts, each with an axis of its own: conservative advancement
 (Mirtich, Impulse-based dynamic simulation, 1996) with axes instead of distances.
 """
 
@@ -19,9 +19,9 @@ from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 
 SLIP = 0.25
 """Relative motion of a pair, or overlap on the way, as a part of its thickness (the sum of both widths), that
-needs no further look: what is half through it is seen, from the side on which it entered."""
+needs no further look: a shape half through the other is seen, from the side on which it entered."""
 LOOKS = 64
-"""Parts in which the way of a pair is looked at; one that needs more is taken in shorter steps."""
+"""Parts in which the way of a pair is looked at; a way that needs more is taken in shorter steps."""
 
 
 @kernel

@@ -23,11 +23,11 @@ OPTIONS = record_type("", "step duration tol longest jam budget")
 of the goal's tolerance; budget: greatest number of steps of a run."""
 
 STOPPED = 0
-"""Place, among the signals, of whether to stop."""
+"""Place, among the signals, of the signal to stop."""
 
 
 class Programs(Block):
-    """All that is the same for every sample: programs, checks, and the numbers that samples begin with."""
+    """The data shared by all samples: programs, checks, and the numbers that samples begin with."""
 
     numbers: Numbers
     bounds: Bounds
@@ -37,7 +37,8 @@ class Programs(Block):
 
 
 class Place(Block):
-    """One thread's own: the numbers of its sample, the records that are views of them, the workspace."""
+    """The arrays of one thread: the numbers of its sample, the records that are views of them, the
+    workspace."""
 
     buffer: Reals
     control: RecordArray
@@ -64,7 +65,8 @@ def run_samples(
     Columns count parameters, then the coordinates' places at the start, then their speeds; `final` has places
     and speeds at the end.
 
-    A sample does not depend on those before it. Ends early, with results left RUNNING, when signalled.
+    A sample does not depend on earlier samples. The kernel ends early, with results left RUNNING, when
+    signalled.
     """
     for i in range(points.shape[0]):
         if signals[STOPPED] != 0:
@@ -91,7 +93,7 @@ def _run(
     place: Place,
     result: RecordArray,
 ) -> int:
-    """One sample to its outcome; all but the outcome goes to result[0]."""
+    """Run one sample; returns its outcome, and writes the rest into result[0]."""
     workspace, control = place.workspace, place.control
     state, scratch = workspace.state, workspace.scratch
     clock = state.clock[0]
@@ -124,7 +126,7 @@ def _run(
 
 @kernel
 def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool:
-    """Numbers of the sample into the thread's records; false when the scene is impossible there."""
+    """Write the sample's numbers into the thread's records; false when the scene is impossible there."""
     values, records = place.workspace.state.values, place.records
     values[:] = 0.0
     for j in range(programs.parameters.shape[0]):
@@ -160,7 +162,7 @@ def _start(records: Records, column: int, value: float) -> bool:
 
 @kernel
 def _set_control(options: RecordArray, place: Place) -> None:
-    """Step, duration and tolerances of this sample."""
+    """Set step, duration and tolerances of this sample."""
     world, control, wanted = place.records.world[0], place.control[0], options[0]
     control.step = world.step if math.isnan(wanted.step) else wanted.step
     control.duration = world.duration if math.isnan(wanted.duration) else wanted.duration
@@ -172,7 +174,7 @@ def _set_control(options: RecordArray, place: Place) -> None:
 
 @kernel
 def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
-    """Greatest margins so far: of the goal, and of what is unsafe or doomed."""
+    """Greatest margins so far: of the goal, and of the unsafe and doomed conditions."""
     state, scratch = workspace.state, workspace.scratch
     goal = margin(conditions, 0, state, scratch)
     if goal > best:
@@ -186,8 +188,9 @@ def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: fl
 
 @kernel
 def _margin(outcome: int, best: float, danger: float, left: float) -> float:
-    """Signed margin of a run: with the goal reached, how far it stayed from what would have ended it (the
-    part of the time that was left, where nothing would); otherwise how near it came, negative."""
+    """Signed margin of a run: with the goal reached, how far it stayed from a condition that would have ended
+    it (without such conditions, the part of the time that was left); otherwise how near it came to the goal,
+    negative."""
     if outcome == GOAL:
         return -danger if danger > -math.inf else left
     return min(best, 0.0) if best > -math.inf else math.nan

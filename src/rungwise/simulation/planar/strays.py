@@ -1,7 +1,8 @@
-"""Contacts that carried load in a step and are wide open after it: it was far too long for what it moved.
+"""Contacts that carried load in a step and are wide open after it: the step was far too long.
 
-A step takes faces as flat and directions as constant. What turns, rolls or is pushed aside in one step by
-more than a part of its own size ends where no motion would have left it, with every gap and residual right.
+A step takes faces as flat and directions as constant. A body that turns, rolls or is pushed aside in one step
+by more than a part of its own size ends where no motion would have left it, with every gap and residual
+right.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ STRAY = 0.1
 
 @inner_kernel
 def note_strays(records: Records, h: float, contacts: int, workspace: Workspace) -> None:
-    """Remember the widest such gap after a step of length h."""
+    """Remember the widest gap of a contact that carried load, after a step of length h."""
     clock, terms, before = workspace.state.clock[0], workspace.terms, workspace.before.features
     for k in range(contacts):
         slot = workspace.scratch.slots[k]

@@ -1,4 +1,4 @@
-"""Verdicts on a state: what the conditions say, and what ends a run that they do not decide."""
+"""Verdicts on a state: of the conditions, and of limits that end a run without them."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
 )
 MODEL_INVALID, INVALID, NOT_CONVERGED = int(Code.MODEL_INVALID), int(Code.INVALID), int(Code.NOT_CONVERGED)
 SIGHTS = 10
-"""How often conditions are looked at in a longest step."""
+"""How often conditions are looked at in a step of the greatest length."""
 LASTING = 0.5
-"""Part of the force found in a step that conditions read by then, below which steps are nominal until they
-know whether it lasts."""
+"""Part of the force found in a step: while conditions read less than this, steps are nominal until it is
+known whether the force lasts."""
 SINKING = 0.1
 """Deformation beyond which the compliant model fails, as a fraction of the smallest shape's reach, or of half
 the thickness of the pair where that is less."""
@@ -34,7 +34,8 @@ the thickness of the pair where that is less."""
 
 @inner_kernel
 def judge(conditions: Conditions, state: State, scratch: Scratch) -> int:
-    """Verdict of the scene's conditions: unsafe before goal before doomed; one not stated has no program."""
+    """Verdict of the scene's conditions: unsafe before goal before doomed; a condition not stated has no
+    program."""
     state.values[time_slot(state)] = state.clock[0].time
     return _verdict(conditions, state, scratch)
 
@@ -51,8 +52,8 @@ def _verdict(conditions: Conditions, state: State, scratch: Scratch) -> int:
 
 @kernel
 def margin(conditions: Conditions, index: int, state: State, scratch: Scratch) -> float:
-    """Signed margin of a condition (0 goal, 1 unsafe, 2 doomed) in the state last judged: it holds from 0 on;
-    nan when it is not stated."""
+    """Signed margin of a condition (0 goal, 1 unsafe, 2 doomed) in the state last judged: the condition holds
+    from 0 on; nan when it is not stated."""
     code, constants, table = conditions
     first, last = table[index, 0], table[index, 1]
     return evaluate(code, constants, first, last, state.values, scratch.stack) if last > first else math.nan
@@ -62,9 +63,9 @@ def margin(conditions: Conditions, index: int, state: State, scratch: Scratch) -
 def look_back(conditions: Conditions, control: RecordArray, h: float, workspace: Workspace) -> float:
     """Part of the step just taken, of length h, up to which no condition holds; 1 if none holds at all.
 
-    `scratch.begun` is what conditions read at its start. Between start and end places and gaps are linear in
-    time, looked at `SIGHTS` times in a longest step, and the first condition is dated to a quarter of the
-    nominal step.
+    `scratch.begun` holds the values that conditions read at its start. Between start and end places and gaps
+    are linear in time, looked at `SIGHTS` times in a step of the greatest length, and the first condition is
+    dated to a quarter of the nominal step.
     """
     state, scratch = workspace.state, workspace.scratch
     copy(state.values, scratch.ended)
@@ -106,12 +107,12 @@ def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
 
 @inner_kernel
 def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
-    """Normal forces and impulses that conditions read, after an attempt of length h that was taken.
+    """Set normal forces and impulses that conditions read, after an attempt of length h that was taken.
 
-    Where contact is rigid and bodies have momentum, velocities jump, and what a step finds is impulse / h. A
-    jump takes one step, or two where the first one ends at the contact. So the least of the last three steps
-    is the force, which tends to that of the motion between impacts. The impulse is the integral over time
-    from the start. The kinematic rung knows neither.
+    Where contact is rigid and bodies have momentum, velocities jump, and a step finds impulse / h. A jump
+    takes one step, or two where the first step ends at the contact. So the least force of the last three
+    steps is the force, which tends to the force of the motion between impacts. The impulse is the integral
+    over time from the start. The kinematic rung knows neither.
     """
     for c in range(state.pushes.shape[0]):
         state.pushes[c] = 0.0
@@ -130,7 +131,7 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
 
 @inner_kernel
 def withholds(records: Records, state: State) -> bool:
-    """Whether a force that conditions read is not yet as large as in the last step: only if it lasts."""
+    """Whether a force that conditions read is still less than in the last step, until that force lasts."""
     holds = False
     for c in range(state.pushes.shape[0]):
         holds |= records.contacts[c].weighed and state.pushes[c] < LASTING * state.recent[0, c]

@@ -1,4 +1,4 @@
-"""What a run of a planar scene carries from step to step, allocated once."""
+"""State and arrays that a run of a planar scene carries from step to step, allocated once."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ CLOCK = record_type(
     core.TIMES + " taken next margin near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step",
 )
-"""Beside those of the core: `chooses`: whether some motion is preferred; `bounces`: whether some contact may
-bounce. `taken` is the last step's length, `next` the one to try next; `reach` is the longest lever arm,
-`smallest` the least reach of a shape, `thin` the thickness of the thinnest pair. `gained` is energy that
-bounces added. In the step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved it by
-`leap`, farther than in any other (kinematic rung). `jumps` counts jumps of velocity without a collision, the
-first at `jump_time`; `shake` is the last acceleration, in the norm of the inertia. `stray` is the widest gap
-of a contact that carried load in the step to its end (see `planar.strays`), of `stray_step` from
-`stray_time`."""
+"""Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
+contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
+lever arm, `smallest` the least reach of a shape, `thin` the thickness of the thinnest pair. `gained` is
+energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved
+it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of velocity without a
+collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the inertia. `stray` is
+the widest gap of a contact that carried load in the step to its end (see `planar.strays`), of `stray_step`
+from `stray_time`."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
-per step, 0 for steps of fixed length; jam: motion, of anything, in a step below which one without solution is
-a jam."""
+per step, 0 for steps of fixed length; jam: greatest motion in a step without solution that counts as a
+jam."""
 
 
 ROOM = 1_000_000
@@ -69,8 +69,8 @@ class State(core.State):
 
 
 class Scratch(core.Scratch):
-    """The slowest solution and which coordinates are held in another, what conditions read at the start and
-    the end of a step, in `undefined` (1,) the place of a number that is not finite now, or -1."""
+    """The slowest solution, the coordinates held in another solution, the values that conditions read at the
+    start and the end of a step, in `undefined` (1,) the place of a number that is not finite now, or -1."""
 
     slowest: Reals
     held: Ints
@@ -84,7 +84,7 @@ class Scratch(core.Scratch):
 
 
 class Whole(Block):
-    """Where one whole step led, and the work it took, to compare two halves with."""
+    """End and work of one whole step, for comparison with two halves."""
 
     q: Reals
     v: Reals
@@ -92,7 +92,7 @@ class Whole(Block):
 
 
 class Snapshot(Block):
-    """What a step that is not accepted restores."""
+    """The state that is restored when a step is not accepted."""
 
     clock: RecordArray
     q: Reals
@@ -130,7 +130,8 @@ SCALARS = (
 
 
 class Workspace(Block):
-    """Arrays of one run; `before` is the state before an attempt, `kept` that before a controlled step."""
+    """Arrays of one run; `before` is the state before an attempt, `kept` the state before a controlled
+    step."""
 
     state: State
     terms: Terms

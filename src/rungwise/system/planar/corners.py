@@ -1,12 +1,12 @@
 """Which face keeps two shapes apart, where a corner leaves it to the motion.
 
-Beside the corner of a step or of a gap a body is "above this face *or* before that one". The face from
-which it is farther now need not be the one that stops it: a box that slides towards a tile level with its own
-is held off the side of that tile, though it will slide over its top. So, where the motion takes bodies across
-the face that separates them now, they are followed to where they touch (conservative advancement, Mirtich,
-Impulse-based dynamic simulation, 1996), and the face between them there is taken, if they are on its outer
-side now, too. Source: Nguyen and Trinkle, Modeling Non-Convex Configuration Space Using Linear
-Complementarity Problems (2010).
+Beside the corner of a step or of a gap a body is "above this face *or* before that one". The face from which
+the body is farther now need not be the face that stops it: a box that slides towards a tile level with its
+own is held off the side of that tile, though it will slide over its top. So, where the motion takes bodies
+across the face that separates them now, the bodies are followed to where they touch (conservative
+advancement, Mirtich, Impulse-based dynamic simulation, 1996), and the face between them there is taken, if
+they are on its outer side now, too. Source: Nguyen and Trinkle, Modeling Non-Convex Configuration Space Using
+Linear Complementarity Problems (2010).
 """
 
 from __future__ import annotations
@@ -40,15 +40,16 @@ LOOKS = 8
 NUDGE = 1e-6
 """How far bodies are followed into each other, over the sum of their widths, to see how they touch."""
 LEAN = 2.0
-"""How much lower an edge may be that overhangs, over the compression of the contacts that carry the body."""
+"""How much lower an overhanging edge may be, over the compression of the contacts that carry the body."""
 SOFT = 0.02
-"""Depth below a face, over that sum, from which no body goes over it, however soft its contacts."""
+"""Depth below a face, over the sum of widths, from which no body goes over the face, however soft its
+contacts."""
 SAME = 1e-6
 """Sine between normals of one face."""
 
 
 class Course(Block):
-    """Where bodies are going: what is needed to look ahead.
+    """The course of the bodies: the data for looking ahead.
 
     horizon     (1,)            time to look ahead; none where it is 0
     known       (1,)            whether `speed` is filled for this look
@@ -171,8 +172,8 @@ def crosses(
     count: int,
     course: Course,
 ) -> bool:
-    """Whether the motion takes the shapes across what separates them now, and not where a vertex meets the
-    edge that it is over: something else may then keep them apart."""
+    """Whether the motion takes the shapes across the face or corner between them, except where a vertex meets
+    the edge below it: something else may then keep them apart."""
     if a.kind == HALFPLANE or b.kind == HALFPLANE:
         return False
     nudge, soonest, first = NUDGE * (a.width + b.width), course.horizon[0], -1
@@ -275,8 +276,8 @@ def _take_face(
     points: Reals,
     features: Ints,
 ) -> None:
-    """Take over what was found ahead, where the other shape is on its outer side now; from one corner by
-    another, only where they will pass and not meet."""
+    """Take over the face found ahead, where the other shape is on its outer side now; between two corners,
+    only where they will pass and not meet."""
     for k in range(found):
         edge, vertex = course.features[k] // VERTICES, course.features[k] % VERTICES
         if edge >= VERTICES and not missed:
@@ -301,8 +302,8 @@ def _take_face(
 def _put_vertices(a: Record, b: Record, i: int, j: int, outline: Reals, course: Course, point: Reals) -> None:
     """Write the point of vertices i of a and j of b that are to touch with the normal that `point` has.
 
-    The normal need not go through both vertices: the point lies on it from that of the body that turns
-    faster, whose turning has then no more to do with the gap than it should.
+    The normal need not go through both vertices: the point lies on the normal from the vertex of the body
+    that turns faster, so that its turning changes the gap no more than it should.
     """
     nx, ny = point[NORMAL_X], point[NORMAL_Y]
     dx, dy = outline[i, 0] - outline[j, 0], outline[i, 1] - outline[j, 1]

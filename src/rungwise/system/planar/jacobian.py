@@ -14,7 +14,7 @@ def contact_rows(
     """Write rows `first` (normal) and `first + 1` (tangent: the normal turned clockwise) of a contact point
     between bodies a and b.
 
-    The force on body a is positive along them, that on body b negative.
+    The force on body a is positive along these rows, the force on body b negative.
     """
     rows[first, :] = 0.0
     rows[first + 1, :] = 0.0

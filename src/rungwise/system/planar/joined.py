@@ -1,9 +1,9 @@
-"""Contact points of two shapes of which one or both have seams: those of the common pieces, each in one pair.
+"""Contact points of shapes with seams: the points of the common pieces, each in one pair.
 
-Faces linked over seams are one face, whose ends are the outer ones; the corners between are no vertices,
-and what neighbours cover separates nothing. A point of the common piece belongs to the pair of the shape that
-has its vertex and the shape over whose part of the face that vertex is, so that pairs share the points that
-there would be without seams.
+Faces linked over seams are one face, whose ends are the outer ones; the corners between are no vertices, and
+edges that neighbours cover separate nothing. A point of the common piece belongs to the pair of the shape
+with its vertex and the shape with the part of the face below that vertex, so that pairs share the points of a
+piece without seams.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ of the whole face of that one."""
 
 @kernel
 def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
-    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points are theirs."""
+    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points belong to them."""
     features[0] = features[1] = ABSENT
     apart_a, inside_a = _separation(a, b, outline, seams)
     apart_b, inside_b = _separation(b, a, outline, seams)
@@ -59,7 +59,8 @@ def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: 
 
 @kernel
 def _drop_overlaps(count: int, least: float, points: Reals, features: Ints) -> int:
-    """Leave out points with gaps below `least`: between shapes that are apart they belong to others."""
+    """Leave out points with gaps below `least`: between shapes that are apart these points belong to
+    others."""
     kept = 0
     for k in range(count):
         if points[k, GAP] >= least:
@@ -93,7 +94,7 @@ def _deepest(i: int, other: Record, outline: Reals) -> tuple[float, int]:
 
 @kernel
 def _separation(shape: Record, other: Record, outline: Reals, seams: Seams) -> tuple[float, float]:
-    """Gap to the best separating edge of `shape`, and to the best of those that the seams rule out."""
+    """Gap to the best separating edge of `shape`, and to the best edge that the seams rule out."""
     best, best_inside = -math.inf, -math.inf
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
         least, deepest = _deepest(i, other, outline)
@@ -118,8 +119,8 @@ def _best_edge(
     """Best separating edge of `shape` that seams admit: least height of the other's piece, the edge, and the
     deepest vertex of `other`; edge -1 if there is none.
 
-    Where an edge that they rule out separates better (its gap is `inside`), what overlaps has come through
-    the neighbour, and an edge from which it is deeper than the middle is one on the far side.
+    Where an edge that seams rule out separates better (its gap is `inside`), the overlapping shape has come
+    through the neighbour, and an edge below which it is deeper than the middle lies on the far side.
     """
     best, best_edge, best_vertex = -math.inf, -1, -1
     for i in range(shape.first, shape.first + _edge_count(shape, other)):
@@ -156,7 +157,7 @@ def _least_along(edge: int, vertex: int, outline: Reals, seams: Seams) -> float:
 
 @kernel
 def _is_exposed(i: int, deepest: int, other: Record, outline: Reals, seams: Seams) -> bool:
-    """Whether edge i and what faces it lie beside each other where both are exposed."""
+    """Whether edge i and the edge that faces it lie beside each other where both are exposed."""
     first = last = along(i, deepest, outline)
     if other.end - other.first > 1:
         facing = _facing_edge(i, deepest, outline, seams)
@@ -199,7 +200,7 @@ def _from_edge(
     points: Reals,
     features: Ints,
 ) -> int:
-    """As in `manifold`, with the whole faces that the edge and the facing one are parts of."""
+    """Points on the best edge as in `manifold`, but on the whole faces of the edge and the facing edge."""
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE
     single = other.end - other.first == 1
@@ -275,7 +276,8 @@ def _is_over(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
 
 @kernel
 def _is_own(edge: int, vertex: int, outline: Reals, seams: Seams) -> bool:
-    """Whether the vertex is over this part of the whole face. At a seam it is over just one of both."""
+    """Whether the vertex is over this part of the whole face. At a seam it is over just one of the two
+    parts."""
     before, after = seams.before[edge], seams.after[edge]
     if before != NONE and along(before, vertex, outline) < along(before, edge, outline):
         return False

@@ -73,7 +73,7 @@ def _move(body: Record, pose: Reals, x: float, y: float, ex: float, ey: float, r
 def constants(records: Records, metric: bool, first: int, terms: Terms) -> int:
     """Limits, gains and accounts of the rows from `first` on; returns the number after the last.
 
-    With `metric` (no forces) what is held and driven is rigid, and nothing resists.
+    With `metric` (no forces) held and driven measures are rigid, and nothing resists.
     """
     count = first
     for m in range(records.measures.shape[0]):
@@ -125,10 +125,10 @@ def rows(
     terms: Terms,
     row: Reals,
 ) -> None:
-    """Rows and errors at q for a step of length h whose loads are those at `time`; adds given forces.
+    """Fill in rows and errors at q for a step of length h with the loads at `time`; adds given forces.
 
-    `begun` (measures,) are the values at the start of the step, from where given speeds count: q is elsewhere
-    when a step is linearised again.
+    `begun` (measures,) are the values at the start of the step, from where given speeds count: q differs when
+    a step is linearised again.
     """
     count = first
     n = q.shape[0]
@@ -237,8 +237,8 @@ def stops(
     slots: Ints,
     row: Reals,
 ) -> int:
-    """Contacts from number `first` on for the travel limits of joints, in slots from `slot` on; returns how
-    many contacts there are now."""
+    """Add contacts from number `first` on for the travel limits of joints, in slots from `slot` on; returns
+    how many contacts there are now."""
     count = first
     for m in range(records.measures.shape[0]):
         kind = records.measures[m]

@@ -2,9 +2,9 @@
 
 The core polygons are separated by the best edge of either (separating axes). Where the deepest vertex of
 the other lies over that edge, the gap is their distance; a second point is the other end of the stretch along
-which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever of
-the two is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two
-vertices are closest. Features name vertices that there are, even where coordinates are not finite.
+which the two facing edges overlap. Each point is a vertex of one body over an edge of the other, whichever
+body is taken as reference, so a feature keeps its identity. Where no vertex lies over an edge, two vertices
+are closest. Features name existing vertices, even where coordinates are not finite.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 
 ABSENT = -1
 VERTICES = 1 << 20
-"""Feature of a vertex over an edge: edge VERTICES + vertex; those of two vertices are VERTICES^2 and more."""
+"""Feature of a vertex over an edge: edge VERTICES + vertex; features of two vertices are VERTICES^2 and
+more."""
 TIE = 1e-9
 _OPPOSED = -0.995
 """Cosine between the normals of faces that count as parallel: within 0.1 rad."""
@@ -79,7 +80,7 @@ def manifold(a: Record, b: Record, outline: Reals, points: Reals, features: Ints
 
 @kernel
 def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int, int]:
-    """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, that vertex."""
+    """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, the vertex."""
     best, best_edge, best_vertex = -math.inf, -1, -1
     if other.kind == HALFPLANE:
         return best, best_edge, best_vertex
@@ -153,7 +154,8 @@ def _from_edge(
 
 @kernel
 def has_area(shape: Record) -> bool:
-    """Whether the core has an inside. If neither has, edges alone do not separate what lies on one line."""
+    """Whether the core has an inside. If neither core has an inside, edges alone do not separate shapes on
+    one line."""
     return shape.kind == HALFPLANE or shape.end - shape.first > 2
 
 
@@ -161,14 +163,15 @@ def has_area(shape: Record) -> bool:
 def are_parallel(edge: int, facing: int, outline: Reals) -> bool:
     """Whether the edges may come to lie flat on each other.
 
-    Were the end of one held outside the other at any angle, a vertex that slides off it would be kicked.
+    Were the end of one edge held outside the other at any angle, a vertex that slides off the edge would be
+    kicked.
     """
     return outline[edge, 2] * outline[facing, 2] + outline[edge, 3] * outline[facing, 3] < _OPPOSED
 
 
 @kernel
 def span(edge: int, vertex: int, outline: Reals) -> float:
-    """A length to measure ties by: that of the vertex from the edge's start."""
+    """A length to measure ties by: the distance of the vertex from the edge's start."""
     return math.hypot(outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1])
 
 
@@ -189,8 +192,8 @@ def _ends_over(
 
 @kernel
 def ends_of_overlap(start: float, end: float, near: float, far: float) -> tuple[bool, bool, bool, bool]:
-    """Which of far, near, start and end bound the stretch common to start..end and near..far; two places that
-    rounding alone parts both do.
+    """Which of far, near, start and end bound the stretch common to start..end and near..far; of two places
+    that rounding alone parts, both do.
 
     All are places along one axis. Were each face's ends looked for along the other face, both vertices at one
     end of faces that a hair of tilt and of depth parts could be over, and none at the other end.
@@ -238,7 +241,7 @@ def height(edge: int, vertex: int, outline: Reals) -> float:
 
 @kernel
 def facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
-    """Edge of `other` at the deepest vertex whose normal is most opposed to that of `edge`."""
+    """Edge of `other` at the deepest vertex whose normal is most opposed to the normal of `edge`."""
     before = vertex - 1 if vertex > other.first else other.end - 1
     nx, ny = outline[edge, 2], outline[edge, 3]
     if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[vertex, 2] + ny * outline[vertex, 3]:

@@ -1,7 +1,7 @@
-"""Seams: faces of neighbouring shapes that lie flush, and what of their outlines lies inside the neighbours.
+"""Seams: faces of neighbouring shapes that lie flush, and parts of their outlines inside the neighbours.
 
-Two shapes that do not move relative to each other, by a motion that is given, and that touch the same bodies,
-are one piece to these bodies. A face that continues flush into the neighbour's is *linked* to it; the corners
+Two shapes that do not move relative to each other, by a given motion, and that touch the same bodies, are one
+piece to these bodies. A face that continues flush into the neighbour's face is *linked* to it; the corners
 between the two are *dead*: no vertex of the common piece. Parts of edges inside neighbours are *covered*, the
 rest is exposed. Source: ghost vertices of collision detection along chains of edges (Catto, Box2D), for any
 neighbours.
@@ -23,8 +23,8 @@ from rungwise.system.planar.place import Placement, X, Y
 NONE = -1
 PLAIN, DEAD, SHARP, REFLEX = range(4)
 FLUSH = 1e-9
-"""Distance, over the smaller reach of two shapes, up to which they are flush: a start that overlaps by no
-more is admitted, too."""
+"""Distance, over the smaller reach of two shapes, up to which the shapes are flush: a start that overlaps by
+no more is admitted, too."""
 
 
 class Seams(Block):
@@ -87,8 +87,8 @@ def allocate_seams(records: Records) -> Seams:
 
 
 def _neighbours(records: Records) -> tuple[NDArray[np.int64], int]:
-    """Pairs of shapes of which each touches the same bodies as the other; first those, so many, that never
-    move relative to each other. Bodies whose motion is not given carry themselves: they are no one piece."""
+    """Pairs of shapes that touch the same bodies, and how many of them, which come first, never move relative
+    to each other. Bodies whose motion is not given carry themselves: they form no common piece."""
     partners: dict[int, set[int]] = {}
     for a, b in zip(records.contacts["body_a"].tolist(), records.contacts["body_b"].tolist(), strict=True):
         partners.setdefault(a, set()).add(b)
@@ -184,7 +184,7 @@ def _link_all(a: Record, b: Record, near: float, outline: Reals, seams: Seams) -
 
 @kernel
 def continue_each_other(a: Record, b: Record, seams: Seams) -> bool:
-    """Whether a face of one shape continues into the other: then they are not what slides over the seam."""
+    """Whether a face of one shape continues into the other: then neither of the two slides over the seam."""
     found = False
     for i in range(a.first, a.end):
         found |= b.first <= seams.after[i] < b.end or b.first <= seams.before[i] < b.end
@@ -193,7 +193,7 @@ def continue_each_other(a: Record, b: Record, seams: Seams) -> bool:
 
 @kernel
 def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
-    """Link edge i to edge m if it continues there in the same line."""
+    """Link edge i to edge m if edge i continues there in the same line."""
     j = seams.ends[i]
     if not math.hypot(outline[m, 0] - outline[j, 0], outline[m, 1] - outline[j, 1]) <= near:
         return False
@@ -208,7 +208,7 @@ def _link(i: int, m: int, near: float, outline: Reals, seams: Seams) -> bool:
 
 @rare_kernel
 def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Seams) -> bool:
-    """Cover what of edge i lies in the polygon of vertices first..end, or along its boundary."""
+    """Cover the part of edge i that lies in the polygon of vertices first..end, or along its boundary."""
     j = seams.ends[i]
     length = math.hypot(outline[j, 0] - outline[i, 0], outline[j, 1] - outline[i, 1])
     low, high = 0.0, length
@@ -234,7 +234,8 @@ def _cover(i: int, first: int, end: int, near: float, outline: Reals, seams: Sea
 
 @rare_kernel
 def _share_corners(shapes: RecordArray, outline: Reals, seams: Seams) -> None:
-    """Which edges bound the corners that neighbours have in common, and who owns them."""
+    """Find the edges that bound the corners that neighbours have in common, and the owners of these
+    corners."""
     for k in range(seams.still[0]):
         s, t = seams.neighbours[k, 0], seams.neighbours[k, 1]
         if seams.seamed[s] != 0 and seams.seamed[t] != 0 and shapes[s].radius == shapes[t].radius:
@@ -318,9 +319,9 @@ def _is_new(slot: int, features: Ints, seams: Seams) -> bool:
 def mode_before(
     slot: int, manifolds: Manifolds, before: Ints, modes_before: Ints, outline: Reals, seams: Seams
 ) -> int:
-    """Mode that the contact of the slot had when the features were `before`, in whichever slot it then was.
+    """Mode of the slot's contact when the features were `before`, in whichever slot the contact was then.
 
-    A contact that has left the slot over a seam is accounted for where it is now: its mode here is as before.
+    A contact that has left the slot over a seam is accounted for in its new slot: its mode here is as before.
     """
     features = manifolds.features
     if slot >= features.shape[0] or features[slot] == before[slot]:

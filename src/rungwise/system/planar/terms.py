@@ -50,8 +50,8 @@ def constants(records: Records, terms: Terms) -> int:
 
 @kernel
 def _slides_any_way(body: Record, coordinates: RecordArray) -> bool:
-    """Whether dry friction acts on a body along several coordinates: it is one force then, and opposes the
-    motion whatever its heading."""
+    """Whether dry friction acts on a body along several coordinates: then it is one force against the motion,
+    whatever the heading."""
     rubbed = 0
     if body.motion == FREE:
         for i in range(body.coordinate, body.coordinate + 3):
@@ -80,10 +80,10 @@ def loads(
     passive: Reals,
     terms: Terms,
 ) -> None:
-    """Load and servo errors at q for a step of length h; `passive` gets gravity and given forces.
+    """Fill in load and servo errors at q for a step of length h; `passive` gets gravity and given forces.
 
-    Targets are those at theta of the step. What depends on place in another way than linearly is explicit, at
-    q + (1 - theta) h v: the step is symplectic, of first order with theta = 1 and of second with 1/2.
+    Targets are taken at theta of the step. Loads that do not depend linearly on place are explicit, at q + (1
+    - theta) h v: the step is symplectic, of first order with theta = 1 and of second with 1/2.
     """
     bodies, coordinates = records.bodies, records.coordinates
     potentials, factors = records.potentials, records.terms
@@ -124,7 +124,7 @@ def loads(
 
 @kernel
 def _weight(world: RecordArray, body: Record, pose: Reals, turn: float, passive: Reals) -> None:
-    """Gravity and given forces on the body, which is to be turned by `turn` about its hinge."""
+    """Add gravity and given forces on the body, which is turned by `turn` about its hinge."""
     fx = body.mass * world[0].gravity_x + body.force_x
     fy = body.mass * world[0].gravity_y + body.force_y
     i = body.coordinate
@@ -205,7 +205,8 @@ def gather(
 
 @kernel
 def stop(gap: float, lever: float, count: int, terms: Terms) -> None:
-    """A travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to fill."""
+    """Add a travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to
+    fill."""
     terms.lever[count] = lever
     terms.rows[2 * count, :] = 0.0
     terms.rows[2 * count + 1, :] = 0.0
