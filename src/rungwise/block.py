@@ -47,11 +47,25 @@ class Block:
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"{type(self).__name__}.{name} is fixed; write into the array instead")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """A copy has arrays of its own, and a table of their addresses; arrays that share memory no longer do."""
+        names = self._layout.fields  # type: ignore[attr-defined]
+        return _rebuilt, (type(self), {name: getattr(self, name) for name in names})
+
     @cached_property
     def _numba_type_(self) -> Any:
         from rungwise.compilation.blocks import block_type
 
         return block_type(*self._layout)  # type: ignore[attr-defined]
+
+
+def _rebuilt(kind: type[Block], fields: dict[str, Any]) -> Block:
+    return kind(
+        **{
+            name: value if isinstance(value, Block) else np.ascontiguousarray(value)
+            for name, value in fields.items()
+        }
+    )
 
 
 class Layout(NamedTuple):
