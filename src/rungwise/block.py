@@ -48,7 +48,7 @@ class Block:
         raise AttributeError(f"{type(self).__name__}.{name} is fixed; write into the array instead")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """A copy has arrays of its own, and a table of their addresses; arrays that share memory no longer do."""
+        """A copy has arrays of its own; where arrays shared memory, its arrays do not."""
         names = self._layout.fields  # type: ignore[attr-defined]
         return _rebuilt, (type(self), {name: getattr(self, name) for name in names})
 
@@ -60,12 +60,7 @@ class Block:
 
 
 def _rebuilt(kind: type[Block], fields: dict[str, Any]) -> Block:
-    return kind(
-        **{
-            name: value if isinstance(value, Block) else np.ascontiguousarray(value)
-            for name, value in fields.items()
-        }
-    )
+    return kind(**fields)
 
 
 class Layout(NamedTuple):

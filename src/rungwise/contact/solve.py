@@ -31,7 +31,7 @@ from rungwise.contact.solvers.small import try_at_once
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.step.problem import ContactProblem
 
-SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy)
+SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy, proximal_point)
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
 _MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
@@ -271,7 +271,7 @@ def _in_all_unknowns(
 
 
 def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
-    own, done = proximal_point.solve(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, _MARGIN * tol, work)
     attempt = Attempt(proximal_point.NAME, done, natural(system, own))
     return _judged(problem, system, system.recover(own * system.force), tol), attempt
 

@@ -20,27 +20,48 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.work import Work
 
 NAME = "proximal-point"
-_MOST = 5000
-"""How many subproblems are solved at most: where tiny gaps decide which contacts carry, forces drift for long
-from one set to another."""
+_OUTER, _PATIENT = 120, 5000
+"""How many subproblems are solved at most, and how many near a solution with time to spare: where tiny gaps
+decide which contacts carry, forces drift for long from one set to another."""
+_WINDOW, _STALLED = 40, 0.7
 _INNER, _SWEEPS = 25, 20
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
-"""The first weight, or less where the residual is small: some solutions repel iterates of a heavy weight."""
+"""The first weight, or less where the residual is small: some solutions repel what is heavy."""
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
 _ACCURACY = 0.03
+
+
+def accepts(_system: System) -> bool:
+    return True
 
 
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
     """The best iterate x (N,), and how many subproblems were tried."""
+    return _followed(system, start, tol, work, _OUTER, _STALLED)
+
+
+@np.errstate(all="ignore")
+def solve_patiently(system: System, start: Array, tol: float, work: Work) -> tuple[Array, int]:
+    """The same, going on where progress is slow."""
+    return _followed(system, start, tol, work, _PATIENT, math.inf)
+
+
+def _followed(
+    system: System, start: Array, tol: float, work: Work, most: int, stalled: float
+) -> tuple[Array, int]:
     s = system
     A, sweeping = newton.form(s), gauss_seidel.accepts(s)
     x = best = start
-    found = least = natural(s, start)
+    found = least = before = natural(s, start)
     weight = min(_WEIGHT, _SHARE * math.sqrt(least)) if least > 0.0 else _WEIGHT
-    for done in range(_MOST):
+    for done in range(most):
         if least <= tol or work.is_spent:
             return best, done
+        if done % _WINDOW == 0:
+            if done and least > stalled * before:
+                return best, done
+            before = least
         offset = s.b - weight * x
         goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
         trial = x
@@ -56,4 +77,4 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
             weight = max(weight * _EASIER, _LIGHTEST)
         else:
             weight = min(weight * _HARDER, _HEAVIEST)
-    return best, _MOST
+    return best, most
