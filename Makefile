@@ -24,24 +24,21 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test apart kernels bench clean lint format
+.PHONY: demo test runs problems bench clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
 
-# The kernels of runs are compiled and cached once, before tests need them in parallel; what needs none of them
-# is tested meanwhile.
+# Kernels are compiled and cached once, by two processes, before tests need them in parallel.
 test: $(INSTALLED_DEV)
-	$(MAKE) --jobs 2 kernels apart
-	$(BIN)/python -m pytest -n 2 $(APART:%=--ignore=%)
+	$(MAKE) --jobs 2 runs problems
+	$(BIN)/python -m pytest -n 2
 
-APART := tests/contact tests/scene
+runs: $(INSTALLED_DEV)
+	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation runs
 
-apart: lint
-	$(BIN)/python -m pytest -n 2 $(APART)
-
-kernels: $(INSTALLED)
-	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation
+problems: lint
+	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation problems
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py

@@ -1,13 +1,15 @@
-"""Compile and keep the kernels of runs, before many processes need them at once.
+"""Compile and keep kernels, before many processes need them at once.
 
-    python -m rungwise.compilation
+    python -m rungwise.compilation [runs] [problems]
 
-Begins each shipped scene on each rung, at fixed and at controlled steps, alone and in a batch.
+Runs: begins each shipped scene on each rung, at fixed and controlled steps, alone and in a batch. Problems:
+solves contact problems of each kind, small and large, in the plane and in space. Without a name: both.
 """
 
 from __future__ import annotations
 
 import importlib
+import sys
 import time
 
 import numpy as np
@@ -17,8 +19,16 @@ from rungwise.compilation.progress import compiling
 
 
 def main() -> None:
-    package = importlib.import_module("rungwise")
+    """Compile what the command line names."""
     began = time.perf_counter()
+    for name in sys.argv[1:] or _PARTS:
+        _PARTS[name]()
+    took, where = time.perf_counter() - began, cache_folder("rungwise.simulation.planar.loop").parent
+    print(f"rungwise: {compiling.kernels} kernels compiled in {took:.0f} s, kept in {where}")
+
+
+def _runs() -> None:
+    package = importlib.import_module("rungwise")
     models = [model for model in package.LADDER if model.moves]
     for name in package.shipped():
         scene = package.load(name)
@@ -28,10 +38,26 @@ def main() -> None:
             names = tuple(scene.file.parameters)[:1]
             defaults = [[scene.file.parameters[name].default for name in names]]
             package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
-    took = time.perf_counter() - began
-    where = cache_folder("rungwise.simulation.planar.loop").parent
-    print(f"rungwise: {compiling.kernels} kernels compiled in {took:.0f} s, kept in {where}")
 
+
+def _problems() -> None:
+    package, rng = importlib.import_module("rungwise"), np.random.default_rng(0)
+    package.solve(package.Problem.lcp(np.eye(3), -np.ones(3)))
+    for d in (1, 2, 3):
+        for contacts in (2, 30):
+            rows, n, mu = d * contacts, 3 * contacts, np.full(contacts, 0.5)
+            G = rng.normal(size=(rows, rows // 2 + 1))
+            package.solve(package.Problem.local(G @ G.T, G @ rng.normal(size=G.shape[1]), mu, d))
+            mixed = package.Problem.balance(
+                np.eye(n), rng.normal(size=n), rng.normal(size=(rows, n)), np.zeros(rows), mu, directions=d,
+                S=rng.normal(size=(2, n)), w_s=np.zeros(2), F=np.array([0.5, np.inf]),
+            )  # fmt: skip
+            package.solve(mixed)
+            for name in ("gauss-seidel", "interior-point", "homotopy", "proximal-point"):
+                package.solve(mixed, solvers=(name,))
+
+
+_PARTS = {"runs": _runs, "problems": _problems}
 
 if __name__ == "__main__":
     main()
