@@ -101,15 +101,18 @@ def solve_step(
 
 @kernel
 def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
-    """Whether bodies under load may be at rest on rigid contacts: nothing free or driven moves."""
+    """Whether bodies under load may be at rest on rigid contacts: nothing free or driven moves, and something
+    resists motion besides (where nothing does, any inertia is exact)."""
     clock = state.clock[0]
     free = not rung[0].compliant and rung[0].inertia == 0.0 and rung[0].loads
     if not free or clock.leans or greatest_load(terms, clock.free, state.free)[0] == 0.0:
         return False
+    resisted = clock.limited > 0
     for i in range(state.speed.shape[0]):
         if state.speed[i] != 0.0:
             return False
-    return not stirs(h, terms, clock.free, state.free, state.v)
+        resisted |= terms.damping[i, i] > 0.0 or terms.stiffness[i, i] > 0.0
+    return resisted and not stirs(h, terms, clock.free, state.free, state.v)
 
 
 @kernel
