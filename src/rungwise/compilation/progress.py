@@ -6,8 +6,9 @@ import sys
 import time
 
 SHORT_S = 0.5
-"""A wait of so many seconds needs no word."""
+"""A wait of so many seconds needs no word: chosen for a person who waits, by trial."""
 EVERY_S = 10.0
+"""Seconds between further words: chosen for a person who reads them, by trial."""
 
 
 class Progress:

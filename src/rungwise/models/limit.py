@@ -14,15 +14,18 @@ from rungwise.models.assemble import carried
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
 LIMIT = 1e-8
-"""Inertia in the limit eps -> 0+, relative to the other resistances to motion."""
+"""Inertia in the limit eps -> 0+, relative to the other resistances to motion. As the constants below, chosen
+by trial, to a decade; tests/simulation/test_faint.py and test_squeezed.py hold them."""
 FAINT = 1e-3
 """Damping that resists less than this part of the softest contact, as rates, leaves undecided motions to
-inertia: so far below the stiffness damping would be lost in the rounding of contact forces."""
+inertia: so far below the stiffness damping would be lost in the rounding of contact forces. Chosen by trial,
+to a decade."""
 STIR = 1e3
-"""Motion in a step, over the rounding of positions, from which on something under load no longer rests."""
+"""Motion in a step, over the rounding of positions, from which on something under load no longer rests.
+Chosen by trial, to a decade."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
-of the forces that balance the greatest."""
+of the forces that balance the greatest. Chosen by trial, to a decade."""
 
 
 @kernel

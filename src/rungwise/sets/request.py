@@ -16,10 +16,12 @@ from rungwise.sets.motions import Motions
 from rungwise.sets.store import SetError
 
 ACCURACY = 3e-3
-"""Error allowed per step of a run, relative to the smallest shape of the scene."""
+"""Error allowed per step of a run, relative to the smallest shape of the scene. Chosen by trial."""
 THETA = 0.5
+"""Theta of the theta rule in runs, without unit: 1/2 alone is of second order in the step."""
 WIDE = 100.0
-"""A range more than so many times the default is not searched as a whole; see `box_of`."""
+"""A range more than so many times the default is not searched as a whole; see `box_of`. Chosen by trial, to a
+decade."""
 
 
 def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:

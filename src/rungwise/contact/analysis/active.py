@@ -24,7 +24,7 @@ from rungwise.contact.step.problem import ContactProblem
 
 _FLOOR, _ROUNDING, _REST = 1e-6, 1e-14, 1e-3
 """As in `residual`: the least force that counts beside a rate, and the rates that are rounding beside a
-force."""
+force; chosen there."""
 
 
 class Part(NamedTuple):

@@ -40,6 +40,8 @@ from rungwise.contact.step.problem import ContactProblem
 
 NODES = 5000
 _STRICT = 1e-6
+"""Slack of an inequality, of at most 1 in scaled units, from which on it counts as strict. Chosen by trial,
+to a decade, far above the tolerance 1e-10 of the linear programs."""
 _INFEASIBLE, _UNBOUNDED = 2, 3
 
 

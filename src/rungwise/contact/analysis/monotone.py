@@ -35,6 +35,8 @@ from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
+"""Zero for rates and forces, over 1 plus the scaled point's size; for eigenvalues, over the greatest; for the
+motion of a unit direction, over the motion's greatest coefficient. Chosen by trial, to a decade."""
 
 
 class Demands(NamedTuple):

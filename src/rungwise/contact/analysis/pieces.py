@@ -43,7 +43,11 @@ from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.problem import Array, Problem
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
+"""Zero for rates and forces, over 1 plus the scaled point's size; for singular values of rows of length 1;
+for the difference of two points, as for rates. Chosen by trial, to a decade."""
 _NOTHING, _OWN = 2.0**-46, 1e-6
+"""Motion that is rounding, over the coordinate's unit: 128 roundings of double precision. Violation of a row,
+over its own terms, up to which a solution holds: chosen by trial, to a decade."""
 _CONTACT = {OPEN: "open", CLOSED: "slide", STICK: "stick", 4: "forward", 5: "backward"}
 _OTHER = {HULL: "free", LOWER: "lower", INSIDE: "inside", UPPER: "upper"}
 

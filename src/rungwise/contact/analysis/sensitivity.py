@@ -25,9 +25,14 @@ from rungwise.contact.step.problem import ContactProblem
 
 DATA = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F")
 ACTIVE = 1e-7
-"""Values below this part of the scale of their kind count as zero."""
+"""Values below this part of the scale of their kind count as zero. Chosen by trial, to a decade, above the
+residual 1e-8 that a solved step may have."""
 _SINGULAR, _SHARE, _AGREES, _NOISE = 1e-11, 1e-7, 1e-6, 1e-8
+"""Zero for singular values, over the greatest; for entries of null vectors; for remainders, over the norm of
+the right-hand side; for rounding of changes, over their terms. Chosen by trial, to a decade."""
 _ROUNDS, _ROUNDING = 30, 1e-12
+"""Rounds that equilibrate the matrix; closing rate, over its terms, that counts as zero: about ten thousand
+roundings of double precision. Both chosen by trial, the rate to a decade."""
 
 
 class Change(NamedTuple):

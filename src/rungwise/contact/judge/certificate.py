@@ -32,7 +32,10 @@ from rungwise.contact.step.modes import ANY, choices, contains, linear_system, n
 from rungwise.contact.step.problem import ContactProblem, trim
 
 REACH = 1e3
+"""Size of motions that a certificate must exclude, over the size of the motion that loads alone would cause.
+Chosen by trial, to a decade."""
 _ROUNDING = 2.0**-52
+"""Rounding of a sum, over the sum of its terms' sizes, per term: two roundings of double precision."""
 
 
 @dataclass(frozen=True)

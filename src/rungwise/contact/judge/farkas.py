@@ -33,12 +33,18 @@ from rungwise.contact.prepare.units import part
 from rungwise.contact.problem import Array, Problem
 
 REACH = 1e6
+"""Norm of solutions that a proof must exclude, in units of scaled forces. Chosen by trial, to a decade; with
+`_KNOWN` it asks for a gain of 1e-9 of its terms."""
 _KNOWN = 1e-15
-"""Share of its terms to which a sum of given numbers is known."""
+"""Share of its terms to which a sum of given numbers is known: a few roundings of double precision."""
 _NOTHING = 1e-13
-"""Share of an unknown's pull that is rounding of the other multipliers."""
+"""Share of an unknown's pull that is rounding of the other multipliers: about a thousand roundings of double
+precision, as the multipliers come from a factorisation. Chosen by trial, to a decade."""
 _ROUNDING = 2.0**-50
+"""Rounding of a sum, over the sum of its terms' sizes: eight roundings of double precision."""
 _SIDES, _AXIS = 16, 1e-12
+"""Sides of the polygon around the disc of friction, which it exceeds by 2 percent: chosen by trial. Component
+of a corner, over mu, that counts as zero: far above rounding, far below the other components."""
 
 HULL = 0
 """A law's convex hull: in the cone and y_n >= 0; within limits."""

@@ -23,6 +23,8 @@ HEADINGS = 32
 """Sides of the polygon about the disc of slips in space: a motion is looked for as if friction were larger by
 half a percent."""
 _SOLVES = 1e-9
+"""Violation of a law, in natural units of rates and forces, up to which a point meets the law. Chosen by
+trial, to a decade."""
 
 
 def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Certificate | None:

@@ -15,7 +15,11 @@ import scipy.sparse as sp
 from rungwise.contact.problem import Matrix, Problem
 
 _ROUNDING = 1e-12
+"""Eigenvalue of a compliance, over its greatest entry, that counts as zero: about ten thousand roundings of
+double precision. Chosen by trial, to a decade."""
 _SKEW = 1e-9
+"""Asymmetry of a compliance, over its greatest entry, that is accepted as error of the given numbers. Chosen
+by trial, to a decade."""
 
 
 def in_contacts(problem: Problem) -> Problem:

@@ -16,6 +16,7 @@ from rungwise.contact.problem import Array, Matrix, Problem
 from rungwise.kernel import Ints, Reals, kernel
 
 ROUNDING = 2.0**-51
+"""Rounding of a value, over the value: four roundings of double precision."""
 FEW, MOST = 2, 1000
 """Eliminated unknowns that are kept dense: one for `FEW` others, and no more than `MOST`."""
 _MANY = 700

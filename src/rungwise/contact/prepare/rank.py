@@ -19,9 +19,11 @@ from rungwise.kernel import Ints, Reals, kernel
 
 _SMALL, _LARGE, _MOST = 200, 5000, 1500
 _NOTHING, _SOMETHING = 1e-11, 1e-6
-"""Pivots below the first are rounding, and none may lie between the two: the rank would be a matter of
-taste."""
+"""Pivots below the first are rounding, and none may lie between the two: the rank would be a matter of taste.
+In units in which A has a diagonal of about one; both chosen by trial, to a decade."""
 _TINY = 1e-14
+"""Entries that elimination skips, in the same units: about a hundred roundings of double precision, and a
+thousandth of `_NOTHING`. Chosen by trial, to a decade."""
 
 _known: WeakKeyDictionary[System, Condensed | None] = WeakKeyDictionary()
 

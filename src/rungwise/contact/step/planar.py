@@ -17,17 +17,21 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 
 TOLERANCE = 1e-8
+"""Residual, without unit (see `residual`), up to which a step is solved. Chosen by trial, to a decade."""
 _ACCEPT = 1e-9
+"""Residual up to which a guess is taken, and a proximal point that improves no more. Chosen by trial, a
+decade below `TOLERANCE`."""
 WEDGED = 1e8
 """Forces that exceed the needs of loads and demanded rates by this factor belong to a singular mode: beside
-them any other error looks small."""
+them any other error looks small. Chosen by trial, to a decade."""
 LARGE = 24
 """Size from which on complete pivoting of a mode's system takes longer than a proximal step."""
 SOLVED, NO_SOLUTION = 0, 1
 GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
 """Stages of the chain."""
 _OPPOSITE = 1e-12
-"""Two rows are opposite, and demands in conflict, to this relative error."""
+"""Two rows are opposite, and demands in conflict, to this relative error: about ten thousand roundings of
+double precision. Chosen by trial, to a decade."""
 _SPARE = 8
 """Rows of the scratch matrix for vectors, beside the rows of the largest system."""
 

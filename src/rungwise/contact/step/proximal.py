@@ -22,15 +22,20 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
-"""Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least."""
+"""Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least.
+Chosen by trial, to a decade."""
 MAX_ROUNDS = 40
 MAX_FLIPS = 12
 """Solves in which all contacts may change their mode, and then as many in which one contact may."""
 TARGET = 1e-11
+"""Residual, without unit (see `residual`), at which the rounds end. Chosen by trial, to a decade, between the
+tolerance of steps and rounding."""
 STILL = 1e-3
-"""Forces that change by more from round to round may be growing without bound, which hides any error."""
+"""Forces that change by more from round to round, over the greatest force, may be growing without bound,
+which hides any error. Chosen by trial, to a decade."""
 WEDGED = 1e3
-"""Forces may exceed the needs of loads and demanded rates by this factor, in wedges; more hides errors."""
+"""Forces may exceed the needs of loads and demanded rates by this factor, in wedges; more hides errors.
+Chosen by trial, to a decade."""
 
 
 @kernel

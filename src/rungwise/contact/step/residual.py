@@ -18,7 +18,10 @@ from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Reals, kernel
 
 _FLOOR = 1e-6
+"""Least L, over the force that would change a contact's speed by U. Chosen by trial, to a decade."""
 _ROUNDING, _REST = 1e-14, 1e-3
+"""U over the change of speed that L causes: U is rounding below the first, about a hundred roundings, and is
+then raised to the second. Both chosen by trial, to a decade."""
 
 
 @kernel

@@ -34,12 +34,14 @@ RESTING, MOVING, HEAVY, LANDING = 0, 1, 2, 3
 """How inertia is chosen in the limit 0+: first for bodies at rest, then for moving bodies, with more inertia
 where rounding leaves no solution, then for falling bodies."""
 _UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-4)
-"""Part of the load and of the resistance that inertia may then make up in a balance without inertia."""
+"""Part of the load and of the resistance that inertia may then make up in a balance without inertia; one per
+choice of inertia. As the constants below, chosen by trial, to a decade; tests/simulation/test_faint.py and
+test_squeezed.py hold them."""
 _MORE = 1e2
-"""Factor on the inertia if `HEAVY`."""
+"""Factor on the inertia if `HEAVY`. Chosen by trial, to a decade."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
-the part that `limit_inertia` leaves to inertia."""
+the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
 
 
 @imported_kernel("rungwise.contact.solvers.spatial")

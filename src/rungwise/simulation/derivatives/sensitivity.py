@@ -32,6 +32,8 @@ from rungwise.system.planar.seams import is_continued
 Array: TypeAlias = NDArray[np.float64]
 WRT = ("q", "v", "inputs", "parameters")
 _SAME = 1e-11
+"""Difference of two solved speeds, over the greatest speed, up to which a step counts as repeated. Chosen by
+trial, to a decade."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, VERTICES, height
 
 STRAY = 0.1
-"""Gap at the end of a step, over the smallest shape's reach, of contacts that carried load in it."""
+"""Gap at the end of a step, over the smallest shape's reach, of contacts that carried load in it, from which
+on the step was too long. Chosen by trial."""
 
 
 @inner_kernel

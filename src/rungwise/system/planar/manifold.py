@@ -27,8 +27,10 @@ VERTICES = 1 << 20
 """Feature of a vertex over an edge: edge VERTICES + vertex; features of two vertices are VERTICES^2 and
 more."""
 TIE = 1e-9
+"""Distance that counts as zero, over the length of an edge or overlap. Chosen by trial, to a decade, far
+above rounding."""
 _OPPOSED = -0.995
-"""Cosine between the normals of faces that count as parallel: within 0.1 rad."""
+"""Cosine between the normals of faces that count as parallel: within 0.1 rad, chosen by trial."""
 
 
 class Manifolds(Block):
