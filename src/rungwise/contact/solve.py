@@ -34,13 +34,20 @@ from rungwise.contact.step.problem import ContactProblem
 SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy, proximal_point)
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
 TOLERANCE = 1e-9
+"""The default `tol` of `Residuals.worst`, without unit: some seven decades above the rounding of double
+precision, as room for ill-conditioned problems."""
 _MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
+"""Residual asked of solvers over the tolerance, since the judge measures x in its given rows; rounds that fit
+other units; Newton steps of settled forces; the residual, about one rounding of double precision, asked of
+last steps. The first three are chosen by trial."""
 _ASIDE = 0.3
-"""Share of the work that is left for the form with all unknowns, whose factors have many more entries."""
+"""Share of the work that is left for the form with all unknowns, whose factors have many more entries.
+Chosen by trial."""
 _NEAR = 1e-3
-"""Residual from which on patience is worth its time."""
+"""Residual below which patience is worth its time, without unit, as `TOLERANCE`; chosen by trial, to a
+decade."""
 _WORTH = 60
-"""Unknowns from which on it takes less time to solve islands one by one."""
+"""Unknowns from which on it takes less time to solve islands one by one; chosen by trial."""
 
 
 def solve(

@@ -29,15 +29,21 @@ from rungwise.kernel import Ints
 
 NAME = "branching"
 LARGEST, LARGEST_ROOT, NODES = 80, 3000, 300
+"""Unknowns of an island up to which it is divided, and up to which its root is tried; most linear programs.
+Chosen by trial, so that a search takes seconds."""
 ENTRIES = 1_000_000
 """Entries of A up to which the linear program of the root ends in seconds."""
 _STEPS = 15
+"""Most Newton steps from the point of a node, chosen by trial."""
 ROUNDING = 1e-9
+"""Size in scaled units below which multipliers, at most 1, and their gain are rounding: ten times the
+tolerances of the linear programs."""
 OPTIONS = {
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
     "time_limit": 5.0,
 }
+"""Options of HiGHS: the least tolerances that it accepts, without unit; seconds, chosen by trial."""
 
 
 class Found(NamedTuple):

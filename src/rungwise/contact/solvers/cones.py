@@ -23,6 +23,7 @@ from rungwise.contact.solvers.measure import all_rates
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _DENSE = 200
+"""Unknowns up to which A is dense; chosen by trial, for speed."""
 
 
 class Cones(NamedTuple):

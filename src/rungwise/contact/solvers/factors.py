@@ -17,7 +17,7 @@ from rungwise.contact.solvers.work import DENSE
 from rungwise.kernel import Ints, kernel
 
 FULL = 0.1
-"""Share of entries that are not zero from which on a matrix is taken as dense."""
+"""Share of entries that are not zero from which on a matrix is taken as dense; chosen by trial, for speed."""
 
 
 class Factors(NamedTuple):

@@ -32,15 +32,23 @@ from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
 
 NAME = "gauss-seidel"
 SMALL, SWEEPS = 200, 40
+"""Unknowns up to which sweeps alternate with Newton steps; sweeps of larger systems. Chosen by trial."""
 _FEW_VELOCITIES = 150
 """Unknowns from which on systems of few velocities are solved sooner by steps in the velocities."""
 _ROUNDS, _STEPS = 8, 6
+"""Most rounds of sweeps and Newton steps, and most steps of a round; chosen by trial."""
 _NEAR, _ROUGH, _EXACT = 1e-2, 0.3, 1e-8
-"""A residual that is near; and errors of friction from which one more step, which squares them, is enough."""
+"""A residual, in scaled units, that is near; relative errors from which one more step, which squares them, is
+enough for the slip of a contact, in first rounds and later. Chosen by trial; the last squares to rounding."""
 DAMPINGS = np.array([1e-8, 1e-4])
+"""Multiples of |F| on the diagonal where Newton steps fail: the two lightest of `newton`, by trial."""
 _WINDOW = 20
+"""Sweeps over which the rate of decrease is measured; chosen by trial."""
 _PATIENCE, _FEW = 300, 12
+"""Most sweeps where the rate of decrease promises an end; unfolded unknowns of the problems that are left to
+pivoting. Chosen by trial."""
 _CHECK = 10
+"""Sweeps from one residual to the next; chosen by trial."""
 
 
 def accepts(system: System) -> bool:

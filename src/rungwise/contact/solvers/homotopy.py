@@ -39,19 +39,27 @@ from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "homotopy"
 _STEPS = 600
+"""Most steps along the path, chosen by trial."""
 _FINISH = 1e-2
+"""Residual, in scaled units, below which `newton` first tries to finish; chosen by trial, to a decade."""
 _FAR, _NEAR = 0.7, 0.3
 """Corrections, in the metric of the cone that needs most: beyond the first a step is taken again; within the
-second the next step may be twice as long."""
+second the next step may be twice as long. Chosen by trial, below 1: longer corrections may leave the
+cones."""
 _AGAIN, _SHORTER = 4, 0.3
+"""Most times that a step is taken again, and the factor on its length each time; chosen by trial."""
 _TRIES, _LESS = 12, 0.6
+"""Most lengths that are tried until the products of all cones are alike, and the ratio of each length to the
+length before; chosen by trial. The last length is 0.004 of the first."""
 _WIDTH = 0.05
-"""The least product of a cone over the product of the path, and one over the largest."""
+"""The least product of a cone over the product of the path, and one over the largest. Chosen by trial."""
 _LONGEST = 2.0
+"""Longest step in the metric of the cones, over the root of their number; chosen by trial."""
 _STUCK = 1e-3
-"""A correction that must be shortened by this factor leads nowhere."""
+"""A correction that must be shortened by this factor leads nowhere; chosen by trial, to a decade."""
 _END, _LOST = math.log(1e-14), 1.0
-"""Values of log t: below the first there is only rounding; above the second the path is lost."""
+"""Values of log t: below the first, tens of roundings of double precision, there is only rounding;
+above the second, chosen by trial, the path is lost."""
 
 
 class Point(NamedTuple):

@@ -39,15 +39,22 @@ NAME = "interior-point"
 _STEPS, _DEAR = 100, 60
 """Most iterations; and most where their work exceeds the allowed work."""
 _FORCE, _RATE = 10.0, 1.0
-"""The first z and w, times the unit of the cones, over the root of their number."""
+"""The first z and w, times the unit of the cones, over the root of their number. Chosen by trial."""
 _TO_THE_BOUNDARY, _RETAINED = 0.95, 0.7
+"""The fraction to the boundary, a share of the longest step inside the cones, a little below 1 as usual in
+interior point methods; and the share of the centring by which faults remain. Both values by trial."""
 _EARLY, _FINISH, _NEARER = 1.0, 1e-2, 0.1
+"""Residuals, in scaled units, below which one Newton step is tried, and below which several steps are tried;
+and the factor by which the residual must fall before the next try. Chosen by trial, to a decade."""
 _SHORT = 0.1
-"""A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads."""
+"""A step shorter than this is repeated with slips held: where they turn fast, their derivative misleads.
+As a share of the whole step, chosen by trial."""
 _BENT = 0.3
 """A prediction that goes no further than this does not tell how products bend, and a step that goes no
-further is compared with the straight step."""
+further is compared with the straight step. As a share of the whole step, chosen by trial."""
 _STALLED, _WINDOW, _SHORT_WINDOW = 0.7, 8, 3
+"""The method ends where product and residual are both above this share of their values a window of iterations
+earlier; the windows while work is left and once it is spent. Chosen by trial."""
 
 
 def accepts(_system: System) -> bool:

@@ -12,6 +12,7 @@ from rungwise.contact.problem import Array
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 
 _ROUNDING = 2.0**-53
+"""Largest relative error of one rounding in double precision."""
 
 
 def natural(system: System, x: Array, b: Array | None = None, shift: float = 0.0) -> float:

@@ -36,14 +36,19 @@ from rungwise.contact.solvers.newton_dense import (
 from rungwise.contact.solvers.work import Work
 
 _DENSE = 200
+"""Unknowns up to which A is dense; chosen by trial, for speed."""
 _YIELD = 1e-7
+"""Least damping of steps in the velocities, in scaled units, where the diagonal of A is about one: blocks
+that are nearly singular lose digits (see `condensed`). Chosen by trial, to a decade."""
 
 Solve = Callable[[Array], Array]
 Linear = Callable[[float], Solve | None]
 DAMPINGS = (1e-8, 1e-4, 1e-2, 1.0, 1e2)
+"""Multiples of |F| that are tried on the diagonal, in turn, where Newton steps fail; chosen by trial, two to
+four decades apart."""
 _LAST, _LIGHT, _ROUNDS, _FALL = 5, (1e-8, 1e-4), 4, 0.1
 """Steps and dampings of iterates that are near and must be finished; rounds of these steps, and the factor by
-which each round must lower the residual."""
+which each round must lower the residual. Chosen by trial."""
 
 
 def finish(

@@ -29,7 +29,9 @@ from rungwise.kernel import Ints, Reals, kernel
 
 NAME = "pivoting"
 LARGEST = 400
+"""Most unknowns, unfolded; chosen by trial, for speed."""
 _TRIES, _ALL = 6, 10
+"""Most covering vectors; and unknowns up to which all bases are tried, 2^10 at most. Chosen by trial."""
 
 
 def accepts(system: System) -> bool:

@@ -24,11 +24,18 @@ _OUTER, _PATIENT = 120, 5000
 """How many subproblems are solved at most, and how many near a solution with time to spare: where tiny gaps
 decide which contacts carry, forces drift for long from one set to another."""
 _WINDOW, _STALLED = 40, 0.7
+"""The method ends where the least residual is above this share of its value so many subproblems earlier.
+Chosen by trial."""
 _INNER, _SWEEPS = 25, 20
+"""Most Newton steps, and most sweeps, of one subproblem; chosen by trial."""
 _WEIGHT, _SHARE, _EASIER, _HARDER = 1e-2, 0.1, 0.5, 2.0
-"""The first weight, or less where the residual is small: some solutions repel what is heavy."""
+"""The first weight, as `_LIGHTEST`; the share of the root of the first residual that it must not exceed,
+since some solutions repel what is heavy; factors on it after success and failure. Chosen by trial."""
 _LIGHTEST, _HEAVIEST = 1e-12, 1e3
+"""Least and largest weight, in scaled units, where the diagonal of A is about one: the least is thousands of
+roundings of double precision, and both are chosen by trial, to a decade."""
 _ACCURACY = 0.03
+"""Residual at which a subproblem is solved, over the residual of the whole (at most 1); chosen by trial."""
 
 
 def accepts(_system: System) -> bool:

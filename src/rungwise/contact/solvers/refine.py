@@ -31,13 +31,19 @@ from rungwise.contact.solvers.newton_dense import alart_curnier
 from rungwise.kernel import Reals, kernel
 
 LARGEST = 400
+"""Unknowns up to which dense steps take little time; chosen by trial."""
 SMALL = 1e-6
-"""Rates below this share of the rates without forces mean that inertia does not matter."""
+"""Rates below this share of the rates without forces mean that inertia does not matter; chosen by trial, to
+a decade."""
 _STEPS, _SINGULAR = 3, 1e-14
+"""Most steps, chosen by trial; and the reciprocal condition number beyond which least squares drop columns:
+tens of roundings of double precision."""
 _NEARLY = 1e-6
-"""Largest share of the right side that the solution of a regular system leaves."""
+"""Largest share of the right side that the solution of a regular system leaves; chosen by trial, to a
+decade."""
 _SHARP, _ROUNDING = 8, 1e-15
-"""Most steps in own terms, and the violation below which no step is better than rounding."""
+"""Most steps in own terms, and the violation below which no step is better than rounding: a few
+roundings of double precision. The number by trial."""
 
 
 def sharpened(problem: Problem, system: System, x: Array) -> Array:

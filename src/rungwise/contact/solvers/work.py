@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 LIMIT = 1e11
-"""Multiplications that one call of `rw.solve` may make."""
+"""Multiplications that one call of `rw.solve` may make; chosen by trial, to a decade."""
 SHARE = 1 / 2
-"""Share of the remaining work that the next solver of the chain may take."""
+"""Share of the remaining work that the next solver of the chain may take; chosen by trial."""
 STEP = 1e6
-"""Multiplications counted for every factorisation, however small its factors are."""
+"""Multiplications counted for every factorisation, however small its factors are; chosen by trial, to a
+decade."""
 _LOW = 0.2
+"""Share of `LIMIT` below which no further attempt is begun; chosen by trial."""
 DENSE = 0.2
-"""Time of blocked arithmetic on dense matrices over the time of sparse arithmetic, per multiplication."""
+"""Time of blocked arithmetic on dense matrices over the time of sparse arithmetic, per multiplication;
+chosen by trial."""
 
 
 class Work:
