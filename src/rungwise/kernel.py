@@ -68,7 +68,8 @@ class Kernel:
         """Numba's dispatcher for calls from compiled code."""
         from rungwise.compilation.calls import KernelDispatcher
 
-        return KernelDispatcher(self.function, "inside", no_cpython_wrapper=True, **self.options)
+        kind = "part" if self.is_part else "called"
+        return KernelDispatcher(self.function, kind, no_cpython_wrapper=True, **self.options)
 
     @cached_property
     def _numba_type_(self) -> Any:

@@ -15,6 +15,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import llvmlite.binding
 import numba
 import platformdirs
 from numba.core.caching import _Cache
@@ -97,6 +98,13 @@ def _file(module: str) -> Path | None:
     return next((file for file in known if file.is_file()), None)
 
 
+def _names_only(described: Any) -> bytes:
+    """In the place of bitcode to copy into callers, the names of the functions to be called."""
+    names = (described.llvm_func_name, described.llvm_cpython_wrapper_name)
+    text = "\n".join(f'define void @"{name}"() {{ ret void }}' for name in names)
+    return bytes(llvmlite.binding.parse_assembly(text).as_bitcode())
+
+
 class KernelCache(_Cache):
     """The compiled forms of one function, a file for each; `kind` tells apart kernels that are compiled
     differently.
@@ -104,9 +112,9 @@ class KernelCache(_Cache):
     A file that is missing, cut off or unreadable is compiled again; where none can be written, all goes on.
     """
 
-    def __init__(self, function: Callable[..., object], kind: str, allocates: bool) -> None:
+    def __init__(self, function: Callable[..., object], kind: str, allocates: bool, is_linked: bool) -> None:
         self._folder = cache_folder(function.__module__)
-        self._allocates = allocates
+        self._allocates, self._is_linked = allocates, is_linked
         self._name = f"{function.__module__}.{function.__qualname__}.{kind}"
 
     @property
@@ -125,7 +133,10 @@ class KernelCache(_Cache):
     def save_overload(self, signature: Any, compiled: Any) -> None:
         compiling.end()
         file = self._file(signature, compiled.target_context)
-        code = dumps(compiled._reduce())
+        (name, how, (code, bitcode)), *others = compiled._reduce()
+        if not self._is_linked:
+            bitcode = _names_only(compiled.fndesc)
+        code = dumps(((name, how, (code, bitcode)), *others))
         draft = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
         with suppress(OSError):
             draft.write_bytes(code)

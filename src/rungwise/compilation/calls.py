@@ -70,7 +70,8 @@ class KernelDispatcher(CPUDispatcher):
     def __init__(self, function: Callable[..., object], kind: str, **options: object) -> None:
         super().__init__(py_func=function, targetoptions={"nopython": True, **options})
         self._returns = result_type(function)
-        self._cache = KernelCache(function, kind, bool(options["_nrt"]))
+        is_linked = kind == "part" or self._returns is None
+        self._cache = KernelCache(function, kind, bool(options["_nrt"]), is_linked)
 
     def compile(self, signature: Any) -> Any:
         arguments, _ = normalize_signature(signature)
