@@ -87,14 +87,14 @@ def test_workers_give_the_same_bytes(farm: Farm, tmp_path: Path) -> None:
 def test_when_none_is_left_batches_are_kept(
     farm: Farm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(module, "PATIENCE_S", 8.0)
+    monkeypatch.setattr(module, "PATIENCE_S", 4.0)
 
     def kill(_what: str, done: int, _known: int) -> None:
         if done > 1000:
             for worker in farm.workers:
                 worker.kill()
 
-    with pytest.raises(rw.SetError, match=r"no worker at .* for 8 s; with a folder"):
+    with pytest.raises(rw.SetError, match=r"no worker at .* for 4 s; with a folder"):
         grasp(cluster=farm.address, on_progress=kill, out=tmp_path / "set")
     assert len(list((tmp_path / "set" / "batches").iterdir())) >= 1
     farm.workers.append(farm.worker())
