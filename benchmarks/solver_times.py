@@ -15,11 +15,13 @@ from contact_peers import Cost
 import rungwise as rw
 from rungwise.contact.prepare import schur
 from rungwise.contact.prepare.elimination import eliminated
-from rungwise.contact.prepare.system import System, scaled
-from rungwise.contact.prepare.units import compress, fitted, measured, rescaled
+from rungwise.contact.prepare.system import Form, System, scaled
+from rungwise.contact.prepare.units import Sparse, compress, fitted, measured, rescaled
+from rungwise.contact.problem import Laws
 from rungwise.contact.solvers import pivoting, small
-from rungwise.contact.solvers.gauss_seidel import SMALL, accepts, alternate, workspace
+from rungwise.contact.solvers.gauss_seidel import DAMPINGS, SMALL, accepts, alternate
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.newton_dense import Scratch, scratch_for
 from rungwise.contact.solvers.small import solve_dense
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -47,34 +49,23 @@ def fresh(problem: rw.Problem, work: Callable[[rw.Problem], object], repeats: in
 
 @kernel
 def repeat(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    form: Form,
     A: Reals,
-    blocks: Reals,
-    diagonal: Reals,
     b: Reals,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
+    laws: Laws,
     start: Reals,
     x: Reals,
     best: Reals,
     tol: float,
     dampings: Reals,
-    square: Reals,
-    vectors: Reals,
-    order: Ints,
+    scratch: Scratch,
     times: int,
 ) -> None:
     """Solve so many times, each from `start`."""
     for _ in range(times):
         for i in range(len(x)):
             x[i] = best[i] = start[i]
-        alternate(
-            row_start, column, value, A, blocks, diagonal, b, mu, lower, upper, x, best, tol, dampings,
-            square, vectors, order,
-        )  # fmt: skip
+        alternate(form, A, b, laws, x, best, tol, dampings, scratch)
 
 
 def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
@@ -82,8 +73,7 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
     s, best = system, np.empty(system.size)
     times = max(1, 400_000 // s.size**2)
     arguments = (
-        s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, start,
-        np.empty(s.size), best, TOL, *workspace(s.size),
+        s.form, s.dense(), s.b, s.laws, start, np.empty(s.size), best, TOL, DAMPINGS, scratch_for(s.size),
     )  # fmt: skip
     repeat(*arguments, 1)
     if natural(s, best) > TOL:
@@ -170,12 +160,12 @@ def repeat_preparation(
             solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
             schur.eliminate(A, b, kept, gone, M, q, *solver, np.empty(g))
         if scaling:
-            row_start, column, value = np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k)
-            compress(M, row_start, column, value)
+            entries = Sparse(np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k))
+            compress(M, entries)
             s, force, rate, offset = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-            fitted(row_start, column, value, rows, d, s)
+            fitted(entries, rows, d, s)
             measured(s, q, lower.copy(), upper.copy(), rows, force, rate, offset)
-            rescaled(row_start, column, s, value, np.zeros((rows // d, d, d)), np.zeros(k - rows))
+            rescaled(entries, s, np.zeros((rows // d, d, d)), np.zeros(k - rows))
 
 
 def preparation(problem: rw.Problem, is_compiled: bool, repeats: int) -> Cost:

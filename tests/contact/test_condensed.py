@@ -56,13 +56,7 @@ def test_factors_of_many_bodies_stay_sparse(system: System) -> None:
     inverse, response = np.empty((2, n, 3))
     invert(E, L, parts.front, system.rows, d, inverse, response)
     shape = (n, parts.own.shape[0])
-    B, C = (
-        sp.csr_array((value, column, start), shape=shape)
-        for start, column, value in (
-            (parts.back_start, parts.back_column, parts.back_value),
-            (parts.across_start, parts.across_row, parts.across_value),
-        )
-    )
+    B, C = (sp.csr_array(part[::-1], shape=shape) for part in (parts.back, parts.across))
     anywhere = factors(parts.own - C.T @ (diagonal_blocks(response, system.rows, d) @ B))
     assert made is not None and anywhere is not None
     assert made.entries <= anywhere.entries / 2

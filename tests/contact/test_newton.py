@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.solvers.newton_reduced import (
     INTS,
     REALS,
@@ -50,7 +51,8 @@ def test_the_reduced_system_gives_the_step_of_the_whole() -> None:
         K, scratch, step = np.empty((n, n)), np.empty(n), np.empty(n)
         left = directions(D, mu, d, place, u)
         assert left <= np.count_nonzero(D.any(axis=1))
-        assert factorise_reduced(A, d, place, u, left, RHO, KEPT, DAMPING, scratch, K, order)
-        rows = np.arange(0, n * n + 1, n), np.tile(np.arange(n), n), A.ravel()
-        solve_reduced(*rows, F, d, place, u, left, RHO, DAMPING, K, order, scratch, step)
+        place, u = place[:left], u[:left]
+        assert factorise_reduced(A, d, place, u, RHO, KEPT, DAMPING, scratch, K, order)
+        entries = Sparse(np.arange(0, n * n + 1, n), np.tile(np.arange(n), n), A.ravel())
+        solve_reduced(entries, F, d, place, u, RHO, DAMPING, K, order, scratch, step)
         np.testing.assert_allclose(whole @ step, F, atol=1e-10 * max(1.0, np.abs(step).max()))

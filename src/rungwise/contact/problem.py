@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -31,6 +31,16 @@ Matrix: TypeAlias = Any
 
 def _empty() -> Array:
     return np.zeros(0)
+
+
+class Laws(NamedTuple):
+    """The laws of k contacts, with friction mu (k,) and d directions each, and of m other unknowns, with
+    limits lower, upper (m,)."""
+
+    mu: Array
+    d: int
+    lower: Array
+    upper: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +102,10 @@ class Problem:
         """Which of the others (m,) have no limits."""
         without: NDArray[np.bool_] = (self.lower == -np.inf) & (self.upper == np.inf)
         return without
+
+    @property
+    def laws(self) -> Laws:
+        return Laws(self.mu, self.directions, self.lower, self.upper)
 
     @property
     def is_boxes(self) -> bool:

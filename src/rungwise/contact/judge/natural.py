@@ -12,12 +12,14 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.problem import Laws
 from rungwise.kernel import Reals, inner_kernel
 
 
 @inner_kernel
-def natural_map(x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, out: Reals) -> float:
+def natural_map(x: Reals, y: Reals, laws: Laws, out: Reals) -> float:
     """Fill `out` with the map at x (k d + m,) and rates y; returns its Euclidean norm."""
+    mu, d, lower, upper = laws
     total, rows = 0.0, d * len(mu)
     for k in range(len(mu)):
         contact_map(x, y, mu[k], d, k * d, out)

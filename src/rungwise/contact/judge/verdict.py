@@ -11,8 +11,8 @@ import numpy as np
 
 from rungwise.contact.judge.natural import contact_map, natural_map
 from rungwise.contact.prepare.system import System
-from rungwise.contact.prepare.units import compressed, fitted, part
-from rungwise.contact.problem import Array, Matrix, Problem
+from rungwise.contact.prepare.units import Sparse, compressed, fitted, part
+from rungwise.contact.problem import Array, Laws, Matrix, Problem
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 OWN = 0.03
@@ -30,6 +30,14 @@ _AT_REST, _FAINT = 2.0**-44, 1e-5
 """A row whose terms are no more than the first share of the terms of all rows is at rest: its terms are
 rounding of other rows, and count beside the second share, of which 1e-11 / `OWN` is 30 roundings. The first
 is 512 roundings of double precision, chosen by trial."""
+
+
+class Units(NamedTuple):
+    """Units of forces and rates (n,) of the kept unknowns, and the places of these (n,)."""
+
+    kept: Ints
+    force: Array
+    rate: Array
 
 
 @dataclass(frozen=True)
@@ -74,10 +82,8 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
         return Residuals(*[np.inf] * 7), y
     scales, found = _scales(problem), np.empty(7)
     terms = scales.absolute @ np.abs(x)
-    violations(
-        x, y, terms, system.kept, system.force, system.rate, system.mu, problem.directions, system.lower,
-        system.upper, problem.lower, problem.upper, np.empty((3, len(system.kept))), found,
-    )  # fmt: skip
+    units, scratch = Units(system.kept, system.force, system.rate), np.empty((3, len(system.kept)))
+    violations(x, y, terms, units, system.laws, problem.lower, problem.upper, scratch, found)
     found[1] = _imbalance(problem, system, scales, x, y)
     own = _in_own_terms(problem, system, x, y, terms)
     found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
@@ -89,20 +95,18 @@ def violations(
     x: Reals,
     y: Reals,
     terms: Reals,
-    kept: Ints,
-    force: Reals,
-    rate: Reals,
-    mu: Reals,
-    d: int,
-    scaled_lower: Reals,
-    scaled_upper: Reals,
+    units: Units,
+    scaled: Laws,
     lower: Reals,
     upper: Reals,
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|."""
+    """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|, `scaled` the laws in
+    these units."""
     own, slope, out = scratch[0], scratch[1], scratch[2]
+    kept, force, rate = units
+    mu, d = scaled.mu, scaled.d
     # Rounding in the rates: no residual is known better than this.
     doubt = 0.0
     for i in range(len(kept)):
@@ -110,7 +114,7 @@ def violations(
         doubt += (terms[kept[i]] / rate[i]) ** 2
     for i in range(len(found)):
         found[i] = 0.0
-    natural = natural_map(own, slope, mu, d, scaled_lower, scaled_upper, out)
+    natural = natural_map(own, slope, scaled, out)
     found[0] = max(natural, _ROUNDING * math.sqrt(doubt))
     for k in range(len(mu)):
         n, pull, slip, power = k * d, 0.0, 0.0, 0.0
@@ -129,19 +133,11 @@ def violations(
 
 @kernel
 def judge_rows(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    A: Sparse,
     b: Reals,
-    kept: Ints,
-    force: Reals,
-    rate: Reals,
-    mu: Reals,
-    d: int,
-    scaled_lower: Reals,
-    scaled_upper: Reals,
-    lower: Reals,
-    upper: Reals,
+    units: Units,
+    scaled: Laws,
+    laws: Laws,
     free: Ints,
     unit: Reals,
     x: Reals,
@@ -149,24 +145,22 @@ def judge_rows(
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """Fill y and `found` as `judged` does, without the balance of free rows. A is given in rows; free (g,),
-    unit (g,) among the free unknowns; scratch (6, N), whose first row becomes the terms."""
+    """Fill y and `found` as `judged` does, without the balance of free rows; free (g,), unit (g,) among the
+    free unknowns; scratch (6, N), whose first row becomes the terms."""
     terms, total = scratch[0], 0.0
     for i in range(len(x)):
         y[i], terms[i] = b[i], 0.0
-        for k in range(row_start[i], row_start[i + 1]):
-            y[i] += value[k] * x[column[k]]
-            terms[i] += abs(value[k] * x[column[k]])
+        for k in range(A.start[i], A.start[i + 1]):
+            y[i] += A.value[k] * x[A.place[k]]
+            terms[i] += abs(A.value[k] * x[A.place[k]])
         total += y[i] * y[i]
     if not total < math.inf:
         for i in range(len(found)):
             found[i] = math.inf
         return
-    violations(
-        x, y, terms, kept, force, rate, mu, d, scaled_lower, scaled_upper, lower, upper, scratch[1:4], found
-    )
-    own_terms(row_start, column, value, terms, b, kept, rate, d * len(mu), d, free, unit, scratch[2:])
-    own = own_violation(row_start, column, value, x, y, mu, d, lower, upper, scratch[2:])
+    violations(x, y, terms, units, scaled, laws.lower, laws.upper, scratch[1:4], found)
+    own_terms(A, terms, b, units, laws.d * len(laws.mu), laws.d, free, unit, scratch[2:])
+    own = own_violation(A, x, y, laws, scratch[2:])
     found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
 
 
@@ -175,7 +169,7 @@ class _Scales(NamedTuple):
     among themselves."""
 
     absolute: Matrix
-    rows: tuple[Ints, Ints, Array]
+    rows: Sparse
     free: Ints
     unit: Array
 
@@ -189,7 +183,7 @@ def _scales(problem: Problem) -> _Scales:
         free = problem.free.nonzero()[0] + problem.rows
         absolute, unit = abs(problem.A), np.empty(len(free))
         if len(free):
-            fitted(*compressed(part(absolute, free, free)), 0, 1, unit)
+            fitted(compressed(part(absolute, free, free)), 0, 1, unit)
         found = _known[problem] = _Scales(absolute, compressed(absolute), free, unit)
     return found
 
@@ -212,8 +206,8 @@ def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
 
 
 def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
-    p, scales, scratch = problem, _scales(problem), _own_terms(problem, system, terms)
-    return float(own_violation(*scales.rows, x, y, p.mu, p.directions, p.lower, p.upper, scratch))
+    scales, scratch = _scales(problem), _own_terms(problem, system, terms)
+    return float(own_violation(scales.rows, x, y, problem.laws, scratch))
 
 
 def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
@@ -221,7 +215,7 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
     count by."""
     scales = _scales(problem)
     scratch = _own_terms(problem, system, scales.absolute @ np.abs(x))
-    own_size(*scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
+    own_size(scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
     rate, each = scratch[0], scratch[1]
     return np.where(rate > 0.0, rate, 1.0), 1.0 / np.where(each > 0.0, each, 1.0)
 
@@ -229,22 +223,17 @@ def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]
 def _own_terms(problem: Problem, system: System, terms: Array) -> Array:
     """The scratch (4, N) as `own_terms` fills it, where `terms` (N,) are the sums of each row's terms."""
     p, scales, scratch = problem, _scales(problem), np.empty((4, len(terms)))
-    own_terms(
-        *scales.rows, terms, p.b, system.kept, system.rate, p.rows, p.directions, scales.free, scales.unit,
-        scratch,
-    )  # fmt: skip
+    units = Units(system.kept, system.force, system.rate)
+    own_terms(scales.rows, terms, p.b, units, p.rows, p.directions, scales.free, scales.unit, scratch)
     return scratch
 
 
 @kernel
 def own_terms(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    A: Sparse,
     terms: Reals,
     b: Reals,
-    kept: Ints,
-    rate: Reals,
+    units: Units,
     rows: int,
     d: int,
     free: Ints,
@@ -257,16 +246,17 @@ def own_terms(
     to no more than the row's share of the unknowns that the terms of the free rows allow.
     """
     own, others, speed, most = scratch[0], scratch[1], scratch[2], 0.0
+    kept, rate = units.kept, units.rate
     for i in range(len(b)):
         own[i], others[i], speed[i] = terms[i] + abs(b[i]), math.inf, 0.0
     for i in free:
-        for k in range(row_start[i], row_start[i + 1]):
-            if column[k] == i and value[k] != 0.0:
-                speed[i] = own[i] / abs(value[k])
+        for k in range(A.start[i], A.start[i + 1]):
+            if A.place[k] == i and A.value[k] != 0.0:
+                speed[i] = own[i] / abs(A.value[k])
     for i in range(len(b) if len(free) else 0):
         others[i] = 0.0
-        for k in range(row_start[i], row_start[i + 1]):
-            others[i] += abs(value[k]) * speed[column[k]]
+        for k in range(A.start[i], A.start[i + 1]):
+            others[i] += abs(A.value[k]) * speed[A.place[k]]
     for i in range(len(kept)):
         others[kept[i]] = min(others[kept[i]], rate[i])
     for i in range(len(free)):
@@ -281,23 +271,12 @@ def own_terms(
 
 
 @kernel
-def own_violation(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
-    x: Reals,
-    y: Reals,
-    mu: Reals,
-    d: int,
-    lower: Reals,
-    upper: Reals,
-    scratch: Reals,
-) -> float:
-    """The violation that `in_own_terms` returns, with A in rows; the first row of scratch (4, N) holds the
-    rows' terms."""
+def own_violation(A: Sparse, x: Reals, y: Reals, laws: Laws, scratch: Reals) -> float:
+    """The violation that `in_own_terms` returns; the first row of scratch (4, N) holds the rows' terms."""
+    mu, d, lower, upper = laws
     rate, each, own, out = scratch[0], scratch[1], scratch[2], scratch[3]
     worst, rows = 0.0, d * len(mu)
-    own_size(row_start, column, value, rows, d, rate, each)
+    own_size(A, rows, d, rate, each)
     for i in range(len(x)):
         own[i], rate[i] = x[i] * each[i], y[i] / rate[i] if rate[i] > 0.0 else y[i]
     for k in range(len(mu)):
@@ -314,17 +293,15 @@ def own_violation(
 
 
 @kernel
-def own_size(
-    row_start: Ints, column: Ints, value: Reals, rows: int, d: int, rate: Reals, each: Reals
-) -> None:
+def own_size(A: Sparse, rows: int, d: int, rate: Reals, each: Reals) -> None:
     """Fill `each` (N,) with the most that a unit of each unknown does to a row, beside the row's terms
     `rate`."""
     for i in range(len(each)):
         each[i] = 0.0
     for i in range(len(rate)):
-        for k in range(row_start[i], row_start[i + 1]):
+        for k in range(A.start[i], A.start[i + 1]):
             if rate[i] > 0.0:
-                each[column[k]] = max(each[column[k]], abs(value[k]) / rate[i])
+                each[A.place[k]] = max(each[A.place[k]], abs(A.value[k]) / rate[i])
     _largest_of_each(each, rows, d)
 
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.contact.prepare.units import Sparse
+from rungwise.kernel import Ints, kernel
 
 
 @kernel
-def join(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, offset: int, label: Ints) -> None:
-    """Let all unknowns for which a row has entries be one part: labels, at first each its own place, then
-    lead from each contact (d of the first `rows` rows) and each other unknown to one before it, or to itself.
+def join(A: Sparse, rows: int, d: int, offset: int, label: Ints) -> None:
+    """Let all unknowns for which a row of A has entries be one part: labels, at first each its own place,
+    then lead from each contact (d of the first `rows` rows) and each other unknown to one before it, or to
+    itself.
 
     Columns are counted from `offset`.
     """
     contacts = rows // d
-    for i in range(len(row_start) - 1):
+    for i in range(len(A.start) - 1):
         mine = i // d if i < rows else contacts + i - rows
-        for k in range(row_start[i], row_start[i + 1]):
-            if value[k] == 0.0:
+        for k in range(A.start[i], A.start[i + 1]):
+            if A.value[k] == 0.0:
                 continue
-            j = column[k] + offset
+            j = A.place[k] + offset
             a, b = mine, j // d if j < rows else contacts + j - rows
             while label[a] != a:
                 label[a] = label[label[a]]

@@ -14,10 +14,10 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import SuperLU, splu
 
 from rungwise.contact.prepare import schur
-from rungwise.contact.prepare.inverse import Sparse, inverse, responses
+from rungwise.contact.prepare.inverse import inverse, responses
 from rungwise.contact.prepare.product import Condensed, Product, columns, condensed, product
 from rungwise.contact.prepare.schur import ACCURATE, NOTHING, REGULAR
-from rungwise.contact.prepare.units import compressed, part
+from rungwise.contact.prepare.units import Sparse, compressed, part
 from rungwise.contact.problem import Array, Matrix, Problem
 from rungwise.kernel import Ints
 
@@ -132,15 +132,15 @@ class Response(NamedTuple):
 def _respond(own: sp.csr_array, across: sp.csr_array) -> Response | None:
     """How the eliminated unknowns respond to the others; None where A_gg is singular or nearly so."""
     if (inverted := inverse(compressed(own))) is not None:
-        (start, row, value), change = responses(compressed(own), inverted, columns(across))
-        if not _largest(change) <= ACCURATE * _largest(value):
+        found, change = responses(compressed(own), inverted, columns(across))
+        if not _largest(change) <= ACCURATE * _largest(found.value):
             return None
         solver = sp.csr_array(inverted[::-1], shape=own.shape)
         return Response(
             lambda right: solver @ right,
-            lambda: sp.csc_array((value, row, start), shape=across.shape).tocsr(),
+            lambda: sp.csc_array(found[::-1], shape=across.shape).tocsr(),
             lambda back, errors: abs(back) @ (abs(solver) @ errors),
-            ((start, row, value), change),
+            (found, change),
         )
     factor = _factors(own)
     if factor is None:

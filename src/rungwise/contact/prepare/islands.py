@@ -12,7 +12,8 @@ import scipy.sparse as sp
 from rungwise.contact.prepare.components import join, number
 from rungwise.contact.prepare.product import MOST, Condensed
 from rungwise.contact.prepare.system import Form, System
-from rungwise.contact.problem import Array
+from rungwise.contact.prepare.units import Sparse
+from rungwise.contact.problem import Array, Laws
 from rungwise.kernel import Ints
 
 
@@ -29,15 +30,9 @@ class Islands:
     first: Ints
     contacts: Ints
     size: Array
-    row_start: Ints
-    column: Ints
-    value: Array
-    blocks: Array
-    diagonal: Array
+    form: Form
     b: Array
-    mu: Array
-    lower: Array
-    upper: Array
+    laws: Laws
     force: Array
     rate: Array
     kept: Ints
@@ -62,18 +57,16 @@ class Islands:
 
     def part(self, i: int) -> System:
         """Island i as a system by itself."""
-        d = self.blocks.shape[1]
+        whole, laws, d = self.form, self.laws, self.laws.d
         rows = slice(self.first[i], self.first[i + 1])
         contacts = slice(self.contacts[i], self.contacts[i + 1])
         others = slice(rows.start - d * contacts.start, rows.stop - d * contacts.stop)
-        start = self.row_start[rows.start : rows.stop + 1]
-        entries, place = slice(start[0], start[-1]), self.place[rows]
-        form = Form(
-            start - start[0], self.column[entries], self.value[entries], self.blocks[contacts],
-            self.diagonal[others],
-        )  # fmt: skip
+        start, place = whole.entries.start[rows.start : rows.stop + 1], self.place[rows]
+        own = slice(start[0], start[-1])
+        entries = Sparse(start - start[0], whole.entries.place[own], whole.entries.value[own])
+        form = Form(entries, whole.blocks[contacts], whole.diagonal[others])
         return System(
-            lambda: form, self.b[rows], self.mu[contacts], d, self.lower[others], self.upper[others],
+            lambda: form, self.b[rows], laws.mu[contacts], d, laws.lower[others], laws.upper[others],
             self.force[rows], self.rate[rows], self.kept[rows], lambda x: x,
             _condensed(self.condensed, place),
         )  # fmt: skip
@@ -95,10 +88,10 @@ def _labels(system: System) -> tuple[Ints, int]:
     s, p, size = system, system.product, len(system.mu) + len(system.lower)
     label = np.arange(size + (p.velocities if p else 0))
     if p is None:
-        join(s.row_start, s.column, s.value, s.rows, s.directions, 0, label)
+        join(s.form.entries, s.rows, s.directions, 0, label)
     else:
-        join(p.back_start, p.back_column, p.back_value, s.rows, s.directions, s.size, label)
-        join(p.response_start, p.response_row, p.response_value, s.rows, s.directions, s.size, label)
+        join(p.back, s.rows, s.directions, s.size, label)
+        join(p.response, s.rows, s.directions, s.size, label)
     return label[:size], number(label, size)
 
 
@@ -109,18 +102,17 @@ def _gathered(system: System, label: Ints, count: int) -> Islands:
     first, contacts = _starts(own, count), _starts(label[: len(s.mu)], count)
     position = np.empty(s.size, np.int64)
     position[place] = np.arange(s.size) - first[own[place]]
-    length = np.diff(s.row_start)[place]
-    row_start = np.concatenate([[0], np.cumsum(length)])
-    taken = np.arange(row_start[-1]) + (s.row_start[place] - row_start[:-1]).repeat(length)
+    entries = s.form.entries.part(place)
+    entries = entries._replace(place=position[entries.place])
     size = np.sqrt(np.add.reduceat(s.b[place] ** 2, first[:-1]))
     size[size == 0.0] = 1.0
     pairs, single = place[place < rows][::d] // d, place[place >= rows] - rows
     per = size[own[place]]
     limits = per[place >= rows]
     return Islands(
-        place, first, contacts, size, row_start, position[s.column[taken]], s.value[taken],
-        s.blocks[pairs], s.diagonal[single], s.b[place] / per, s.mu[pairs], s.lower[single] / limits,
-        s.upper[single] / limits, s.force[place] * per, s.rate[place] * per, s.kept[place], s.condensed,
+        place, first, contacts, size, Form(entries, s.form.blocks[pairs], s.form.diagonal[single]),
+        s.b[place] / per, Laws(s.mu[pairs], d, s.lower[single] / limits, s.upper[single] / limits),
+        s.force[place] * per, s.rate[place] * per, s.kept[place], s.condensed,
     )  # fmt: skip
 
 
@@ -132,23 +124,14 @@ def _condensed(whole: Condensed | None, place: Ints) -> Condensed | None:
     """The condensed parts of these rows; None where their velocities are coupled with others."""
     if whole is None:
         return None
-    back_start, back_column, back = _rows(whole.back_start, whole.back_column, whole.back_value, place)
-    start, row, value = _rows(whole.across_start, whole.across_row, whole.across_value, place)
+    back, across = whole.back.part(place), whole.across.part(place)
     used = np.zeros(whole.own.shape[0], bool)
-    used[back_column] = used[row] = True
+    used[back.place] = used[across.place] = True
     if abs(whole.own[used][:, ~used]).sum() > 0.0 or abs(whole.own[~used][:, used]).sum() > 0.0:
         return None
     number = np.cumsum(used) - 1
     own = whole.own[used][:, used]
     if not sp.issparse(own) or own.shape[0] <= MOST:
         own = np.ascontiguousarray(own.toarray() if sp.issparse(own) else own)
-    return Condensed(
-        own, whole.front[place], back_start, number[back_column], back, start, number[row], value
-    )
-
-
-def _rows(start: Ints, column: Ints, value: Array, place: Ints) -> tuple[Ints, Ints, Array]:
-    length = np.diff(start)[place]
-    begin = np.concatenate([[0], np.cumsum(length)])
-    taken = np.arange(begin[-1]) + (start[place] - begin[:-1]).repeat(length)
-    return begin, column[taken], value[taken]
+    back, across = (some._replace(place=number[some.place]) for some in (back, across))
+    return Condensed(own, whole.front[place], back, across)

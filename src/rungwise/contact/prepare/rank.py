@@ -47,7 +47,7 @@ def _found(system: System) -> Condensed | None:
     chosen = np.sort(pivots[:rank])
     back, across = np.ascontiguousarray(-A[:, chosen]), np.ascontiguousarray(A[chosen].T)
     own, front = np.ascontiguousarray(A[np.ix_(chosen, chosen)]), np.zeros((len(A), 3))
-    return Condensed(own, front, *compressed(back), *compressed(across))
+    return Condensed(own, front, compressed(back), compressed(across))
 
 
 @kernel

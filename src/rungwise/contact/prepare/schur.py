@@ -15,7 +15,7 @@ import numpy as np
 
 from rungwise.contact.linear import factorise, substitute, substitute_transposed
 from rungwise.contact.prepare.product import ROUNDING
-from rungwise.contact.prepare.units import compress, fitted
+from rungwise.contact.prepare.units import Sparse, compress, fitted
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 REGULAR, ACCURATE = 1e-13, 1e-5
@@ -58,9 +58,9 @@ def eliminate(
             response[j, i] -= change[j, i]
     if not correction <= ACCURATE * largest:
         return False
-    start, column, value = np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g)
-    compress(own, start, column, value)
-    fitted(start, column, value, 0, 1, scale)
+    entries = Sparse(np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g))
+    compress(own, entries)
+    fitted(entries, 0, 1, scale)
     push, still, weight, error = np.empty(g), np.empty(g), np.empty((k, g)), np.empty((k + 1, g))
     for i in range(g):
         push[i] = still[i] = -b[gone[i]]

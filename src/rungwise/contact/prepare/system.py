@@ -13,29 +13,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.prepare.elimination import Left, eliminated, everything
-from rungwise.contact.prepare.inverse import Sparse
 from rungwise.contact.prepare.product import Condensed, Product
-from rungwise.contact.prepare.units import compressed, expand, fitted, measured, rescaled
-from rungwise.contact.problem import Array, Problem
+from rungwise.contact.prepare.units import Sparse, compressed, expand, fitted, measured, rescaled
+from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.kernel import Ints, Reals, kernel
 
 
 class Form(NamedTuple):
-    """The scaled matrix A: row_start (N + 1,), column, value, its rows in CSR; blocks (k, d, d), its diagonal
-    blocks; diagonal (m,), the diagonal entries of the other unknowns."""
+    """The scaled matrix A: entries, its rows; blocks (k, d, d), its diagonal blocks; diagonal (m,), the
+    diagonal entries of the other unknowns."""
 
-    row_start: Ints
-    column: Ints
-    value: Array
+    entries: Sparse
     blocks: Array
     diagonal: Array
 
@@ -44,13 +41,14 @@ class Form(NamedTuple):
 class System:
     """The scaled system in kept unknowns; x = force x', y = rate y', elsewhere `recover`.
 
-    form: makes A, in the parts of `Form`; kept (N,): places of the unknowns in the problem; condensed,
-    product: A's parts, where far fewer unknowns were eliminated than are left: for linear systems with A, and
-    to multiply by it; demanded: the largest demanded rate over the largest rate without forces, or infinite;
-    load: the largest load over the least unit of a contact's force, or one.
+    make: makes A, when something asks for it: with a product A is seldom needed; kept (N,): places of the
+    unknowns in the problem; condensed, product: A's parts, where far fewer unknowns were eliminated than are
+    left: for linear systems with A, and to multiply by it; demanded: the largest demanded rate over the
+    largest rate without forces, or infinite; load: the largest load over the least unit of a contact's force,
+    or one.
     """
 
-    form: Callable[[], Form]
+    make: Callable[[], Form]
     b: Array
     mu: Array
     directions: int
@@ -65,18 +63,13 @@ class System:
     demanded: float = math.inf
     load: float = 1.0
 
-    row_start: Ints = field(init=False)
-    column: Ints = field(init=False)
-    value: Array = field(init=False)
-    blocks: Array = field(init=False)
-    diagonal: Array = field(init=False)
+    @cached_property
+    def form(self) -> Form:
+        return self.make()
 
-    def __post_init__(self) -> None:
-        self._fill()
-
-    def _fill(self) -> None:
-        for name, part in zip(Form._fields, self.form(), strict=True):
-            object.__setattr__(self, name, part)
+    @property
+    def laws(self) -> Laws:
+        return Laws(self.mu, self.directions, self.lower, self.upper)
 
     @property
     def size(self) -> int:
@@ -94,24 +87,11 @@ class System:
     def dense(self) -> Array:
         """A (N, N)."""
         A = np.zeros((self.size, self.size))
-        expand(self.row_start, self.column, self.value, A)
+        expand(self.form.entries, A)
         return A
 
     def matrix(self) -> sp.csr_array:
-        return sp.csr_array((self.value, self.column, self.row_start), shape=(self.size, self.size))
-
-
-class Postponed(System):
-    """A system that makes A when something asks for A: with a product A is seldom needed."""
-
-    def __post_init__(self) -> None:
-        pass
-
-    def __getattr__(self, name: str) -> Any:
-        if name not in Form._fields:
-            raise AttributeError(name)
-        self._fill()
-        return getattr(self, name)
+        return sp.csr_array(self.form.entries[::-1], shape=(self.size, self.size))
 
 
 _prepared: WeakKeyDictionary[Problem, System] = WeakKeyDictionary()
@@ -145,19 +125,18 @@ def _scaled(problem: Problem, left: Left, massless: bool = False) -> System:
         lower, upper = lower[kept[rows:] - rows], upper[kept[rows:] - rows]
     s, force, rate, offset = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     lowest, highest = lower.copy(), upper.copy()
-    kind, entries = System, _entries(left)
+    entries = _entries(left)
     if left.product is not None:
-        kind = Postponed
-        fitted(np.arange(size + 1), np.arange(size), left.product.diagonal, rows, d, s)
+        fitted(Sparse(np.arange(size + 1), np.arange(size), left.product.diagonal), rows, d, s)
     elif massless or (
         problem.velocities > 0 and len(kept) == len(problem.b) and not _has_diagonal(entries())
     ):
-        _fit_massless(problem, *entries(), s)
+        _fit_massless(problem, entries(), s)
     else:
-        fitted(*entries(), rows, d, s)
+        fitted(entries(), rows, d, s)
     if not measured(s, b, lowest, highest, rows, force, rate, offset):
         raise ValueError("A: its sizes, and those of b, are beyond what double precision can scale")
-    return kind(
+    return System(
         partial(_form, entries, s, rows, d), offset, problem.mu.copy(), d, lowest, highest, force, rate, kept,
         left.recover, left.condensed and left.condensed.scaled(s, rows, d),
         left.product and left.product.scaled(s, rows, d), left.demanded,
@@ -174,45 +153,43 @@ def _entries(left: Left) -> Callable[[], Sparse]:
 
 
 def _form(entries: Callable[[], Sparse], s: Array, rows: int, d: int) -> Form:
-    row_start, column, value = entries()
-    blocks, diagonal = np.zeros((rows // d, d, d)), np.zeros(len(s) - rows)
-    rescaled(row_start, column, s, value, blocks, diagonal)
-    return Form(row_start, column, value, blocks, diagonal)
+    made = Form(entries(), np.zeros((rows // d, d, d)), np.zeros(len(s) - rows))
+    rescaled(made.entries, s, made.blocks, made.diagonal)
+    return made
 
 
 def _load(problem: Problem, unit: Array) -> float:
     if len(unit) == 0 or problem.velocities == 0:
         return 1.0
     own = slice(problem.rows, problem.rows + problem.velocities)
-    row_start, _, value = compressed(problem.A[own, : problem.rows])
     lever = np.empty(problem.velocities)
-    largest(row_start, value, lever)
+    largest(compressed(problem.A[own, : problem.rows]), lever)
     loads = np.abs(problem.b[own])[lever > 0.0] / lever[lever > 0.0]
     return max(1.0, float(loads.max(initial=0.0) / unit.min()))
 
 
 @kernel
-def largest(row_start: Ints, value: Reals, out: Reals) -> None:
+def largest(A: Sparse, out: Reals) -> None:
     """Fill `out` with the largest size of each row's entries, or zero."""
     for i in range(len(out)):
         out[i] = 0.0
-        for k in range(row_start[i], row_start[i + 1]):
-            out[i] = max(out[i], abs(value[k]))
+        for k in range(A.start[i], A.start[i + 1]):
+            out[i] = max(out[i], abs(A.value[k]))
 
 
 def _has_diagonal(entries: Sparse) -> bool:
     """Whether inertia or compliance gives A a diagonal: only these say how large a rate is for a force."""
-    row_start, column, value = entries
-    own = column == np.arange(len(row_start) - 1).repeat(np.diff(row_start))
-    return bool(value[own].any())
+    own = entries.place == np.arange(len(entries.start) - 1).repeat(np.diff(entries.start))
+    return bool(entries.value[own].any())
 
 
-def _fit_massless(problem: Problem, row_start: Ints, column: Ints, value: Array, s: Array) -> None:
+def _fit_massless(problem: Problem, entries: Sparse, s: Array) -> None:
     """Fill s (N,) as without inertia: demanded rates and loads, each in their own units, are of one size."""
     first, last = problem.rows, problem.rows + problem.velocities
-    row = np.arange(len(s)).repeat(np.diff(row_start))
+    row, column = np.arange(len(s)).repeat(np.diff(entries.start)), entries.place
     inertia = (first <= np.minimum(row, column)) & (np.maximum(row, column) < last)
-    fitted(row_start, column, np.where(inertia, 0.0, value), problem.rows, problem.directions, s)
+    others = entries._replace(value=np.where(inertia, 0.0, entries.value))
+    fitted(others, problem.rows, problem.directions, s)
     limits = np.concatenate([problem.lower, problem.upper]) / np.tile(s[first:], 2)
     loads = np.concatenate([s[first:last] * problem.b[first:last], limits[np.isfinite(limits)]])
     demands = s * problem.b

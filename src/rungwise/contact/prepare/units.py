@@ -7,6 +7,7 @@ one. Forces are then s |s b| and rates |s b| / s.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,14 +22,34 @@ _GREATEST, _LEAST = 1e140, 1e-290
 first stays below the greatest double 1.8e308, the second above the least normal double 2.2e-308."""
 
 
-def compressed(A: Matrix) -> tuple[Ints, Ints, Array]:
-    """Starts of the rows, columns in order and values (copies) of the entries not zero in A, dense or CSR."""
+class Sparse(NamedTuple):
+    """A sparse matrix by rows, or by columns: where each begins (n + 1,), and the places and values of all
+    entries."""
+
+    start: Ints
+    place: Ints
+    value: Array
+
+    def scaled(self, s: Array) -> Sparse:
+        """Rows (or columns) times s (n,)."""
+        return self._replace(value=s.repeat(np.diff(self.start)) * self.value)
+
+    def part(self, which: Ints) -> Sparse:
+        """These rows (or columns)."""
+        length = np.diff(self.start)[which]
+        start = np.concatenate([[0], np.cumsum(length)])
+        taken = np.arange(start[-1]) + (self.start[which] - start[:-1]).repeat(length)
+        return Sparse(start, self.place[taken], self.value[taken])
+
+
+def compressed(A: Matrix) -> Sparse:
+    """The rows of A, dense or CSR: copies of the entries that are not zero, columns in order."""
     if sp.issparse(A):
         A = A if A.has_sorted_indices else A.sorted_indices()
-        return A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy()
-    start, column, value = np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size)
-    used = compress(A, start, column, value)
-    return start, column[:used], value[:used]
+        return Sparse(A.indptr.astype(np.int64), A.indices.astype(np.int64), A.data.copy())
+    made = Sparse(np.empty(len(A) + 1, np.int64), np.empty(A.size, np.int64), np.empty(A.size))
+    used = compress(A, made)
+    return Sparse(made.start, made.place[:used], made.value[:used])
 
 
 def part(A: Matrix, rows: Ints, columns: Ints) -> Matrix:
@@ -66,36 +87,36 @@ def gather(
 
 
 @kernel
-def expand(row_start: Ints, column: Ints, value: Reals, A: Reals) -> None:
-    """Fill A, zero before, from its rows."""
-    for i in range(len(A)):
-        for k in range(row_start[i], row_start[i + 1]):
-            A[i, column[k]] = value[k]
+def expand(A: Sparse, whole: Reals) -> None:
+    """Fill the whole of A (n, n), zero before, from its rows."""
+    for i in range(len(whole)):
+        for k in range(A.start[i], A.start[i + 1]):
+            whole[i, A.place[k]] = A.value[k]
 
 
 @kernel
-def compress(A: Reals, row_start: Ints, column: Ints, value: Reals) -> int:
-    """Fill the rows of A's entries that are not zero; returns how many."""
+def compress(whole: Reals, A: Sparse) -> int:
+    """Fill the rows of A with the entries that are not zero; returns how many."""
     used = 0
-    for i in range(A.shape[0]):
-        row_start[i] = used
-        for j in range(A.shape[1]):
-            if A[i, j] != 0.0:
-                column[used], value[used] = j, A[i, j]
+    for i in range(whole.shape[0]):
+        A.start[i] = used
+        for j in range(whole.shape[1]):
+            if whole[i, j] != 0.0:
+                A.place[used], A.value[used] = j, whole[i, j]
                 used += 1
-    row_start[len(row_start) - 1] = used
+    A.start[len(A.start) - 1] = used
     return used
 
 
 @kernel
-def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+def fitted(A: Sparse, rows: int, d: int, s: Reals) -> None:
     """Fill s (N,): one over the root of the mean diagonal, per contact; equilibrate it where that is zero."""
     size, least, some, every = len(s), math.inf, False, True
     for i in range(size):
         s[i] = 0.0
-        for k in range(row_start[i], row_start[i + 1]):
-            if column[k] == i:
-                s[i] = abs(value[k])
+        for k in range(A.start[i], A.start[i + 1]):
+            if A.place[k] == i:
+                s[i] = abs(A.value[k])
     for first in range(0, rows, d):
         mean = 0.0
         for i in range(first, first + d):
@@ -110,7 +131,7 @@ def fitted(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Re
         every = every and s[i] > 0.0
         s[i] = -1.0 / math.sqrt(s[i]) if s[i] > 0.0 else 1.0
     if not every:
-        equilibrate(row_start, column, value, rows, d, s)
+        equilibrate(A, rows, d, s)
     for i in range(size):
         s[i] = abs(s[i])
 
@@ -162,17 +183,17 @@ def _size_alone(i: int, s: Reals, b: Reals, lower: Reals, upper: Reals, rows: in
 
 
 @kernel
-def rescaled(row_start: Ints, column: Ints, s: Reals, value: Reals, blocks: Reals, diagonal: Reals) -> None:
-    """Scale the values by s on both sides, and gather the blocks of contacts and the others' diagonal."""
+def rescaled(A: Sparse, s: Reals, blocks: Reals, diagonal: Reals) -> None:
+    """Scale A by s on both sides, and gather the blocks of contacts and the others' diagonal."""
     d, rows = blocks.shape[1], blocks.shape[0] * blocks.shape[1]
     for i in range(len(s)):
-        for k in range(row_start[i], row_start[i + 1]):
-            j = column[k]
-            value[k] *= s[i] * s[j]
+        for k in range(A.start[i], A.start[i + 1]):
+            j = A.place[k]
+            A.value[k] *= s[i] * s[j]
             if i < rows and j < rows and i // d == j // d:
-                blocks[i // d, i % d, j % d] = value[k]
+                blocks[i // d, i % d, j % d] = A.value[k]
             elif i == j:
-                diagonal[i - rows] = value[k]
+                diagonal[i - rows] = A.value[k]
 
 
 @kernel
@@ -189,7 +210,7 @@ def settle(x: Reals, rows: int, lower: Reals, upper: Reals, share: float) -> Non
 
 
 @kernel
-def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
+def spread(A: Sparse, s: Reals) -> None:
     """Fill a first s where it is not fixed (negative), from neighbour to neighbour; one where nothing is
     fixed."""
     for i in range(len(s)):
@@ -199,8 +220,8 @@ def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
         reached = False
         for i in range(len(s)):
             largest = 0.0
-            for k in range(row_start[i], row_start[i + 1]):
-                largest = max(largest, abs(value[k] * s[column[k]]))
+            for k in range(A.start[i], A.start[i + 1]):
+                largest = max(largest, abs(A.value[k] * s[A.place[k]]))
             if s[i] == 0.0 and largest > 0.0:
                 s[i], reached = 1.0 / largest, True
     for i in range(len(s)):
@@ -209,18 +230,18 @@ def spread(row_start: Ints, column: Ints, value: Reals, s: Reals) -> None:
 
 
 @kernel
-def equilibrate(row_start: Ints, column: Ints, value: Reals, rows: int, d: int, s: Reals) -> None:
+def equilibrate(A: Sparse, rows: int, d: int, s: Reals) -> None:
     """Change s where it is not fixed (negative), so that the largest s_i |A_ij| s_j are about one.
 
     There are many such s. The one found starts from the fixed entries, and so follows their units.
     """
     size = len(s)
-    spread(row_start, column, value, s)
+    spread(A, s)
     for _ in range(_ROUNDS):
         for i in range(size):
             largest = 0.0
-            for k in range(row_start[i], row_start[i + 1]):
-                largest = max(largest, abs(value[k] * s[column[k]]))
+            for k in range(A.start[i], A.start[i + 1]):
+                largest = max(largest, abs(A.value[k] * s[A.place[k]]))
             if s[i] > 0.0 and largest > 0.0:
                 s[i] = math.sqrt(s[i] / largest)
         for first in range(0, rows, d):

@@ -91,7 +91,7 @@ def _of_whole(system: System, place: Ints, proof: Infeasible) -> Infeasible | No
 @np.errstate(all="ignore")  # iterates that run away are judged, not warned about
 def _search(system: System, start: Array, tol: float, work: Work, nodes: int) -> Found:
     best, least = start, natural(system, start)
-    if system.size > LARGEST_ROOT or len(system.value) > ENTRIES:
+    if system.size > LARGEST_ROOT or len(system.form.entries.value) > ENTRIES:
         return Found(best, least, 0, None)
     waiting, excluded, proving = [hull(system)], [], True
     A = newton.form(system)

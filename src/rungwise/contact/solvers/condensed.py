@@ -14,6 +14,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from rungwise.contact.linear import factorise, substitute_many
 from rungwise.contact.prepare.product import Condensed
+from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.problem import Array
 from rungwise.contact.solvers.factors import (
     FULL,
@@ -39,24 +40,23 @@ def solver(c: Condensed, rows: int, d: int, E: Array, L: Array) -> Factors | Non
     size, g = len(E), c.own.shape[0]
     M, P = np.empty((size, 3)), np.empty((size, 3))
     blocks = invert(E, L, c.front, rows, d, M, P)
-    back, across = (c.back_start, c.back_column, c.back_value), (c.across_start, c.across_row, c.across_value)
     if blocks == 0:
         return None
     if sp.issparse(c.own):
-        B, C = (sp.csr_array((value, at, start), shape=(size, g)) for start, at, value in (back, across))
+        B, C = (sp.csr_array(part[::-1], shape=(size, g)) for part in (c.back, c.across))
         G = c.own - C.T @ (diagonal_blocks(P, rows, d) @ B)
         within = factors(G) if G.nnz > FULL * g * g else diagonal_factors(G, _PIVOT)
     else:
         G = c.own.copy()
-        condense(P, rows, d, *back, *across, G, np.full(g, -1), np.empty(g, np.int64), np.empty(g))
+        condense(P, rows, d, c.back, c.across, G, np.full(g, -1), np.empty(g, np.int64), np.empty(g))
         within = _dense_factors(G)
     if within is None:
         return None
 
     def solve(right: Array) -> Array:
         x, drive = np.empty(size), np.zeros(g)
-        push(M, right, rows, d, *across, x, drive)
-        pull(P, within.solve(drive), rows, d, *back, x)
+        push(M, right, rows, d, c.across, x, drive)
+        pull(P, within.solve(drive), rows, d, c.back, x)
         return x
 
     return Factors(solve, blocks * within.sign, within.entries)
@@ -127,12 +127,8 @@ def condense(
     P: Reals,
     rows: int,
     d: int,
-    back_start: Ints,
-    back_column: Ints,
-    back_value: Reals,
-    across_start: Ints,
-    across_row: Ints,
-    across_value: Reals,
+    back: Sparse,
+    across: Sparse,
     G: Reals,
     place: Ints,
     used: Ints,
@@ -142,18 +138,18 @@ def condense(
     first = 0
     while first < len(P):
         width = d if first < rows else 1
-        count = _columns(back_column, back_start[first], back_start[first + width], place, used)
+        count = _columns(back.place, back.start[first], back.start[first + width], place, used)
         for i in range(first, first + width):
             for k in range(count):
                 sums[k] = 0.0
             for j in range(width):
                 if P[i, j] != 0.0:
-                    for k in range(back_start[first + j], back_start[first + j + 1]):
-                        sums[place[back_column[k]]] += P[i, j] * back_value[k]
-            for l in range(across_start[i], across_start[i + 1]):
-                row = G[across_row[l]]
+                    for k in range(back.start[first + j], back.start[first + j + 1]):
+                        sums[place[back.place[k]]] += P[i, j] * back.value[k]
+            for l in range(across.start[i], across.start[i + 1]):
+                row = G[across.place[l]]
                 for k in range(count):
-                    row[used[k]] -= across_value[l] * sums[k]
+                    row[used[k]] -= across.value[l] * sums[k]
         for k in range(count):
             place[used[k]] = -1
         first += width
@@ -201,36 +197,24 @@ def _invert(E: Reals, L: Reals, front: Reals, first: int, width: int, M: Reals) 
 
 
 @kernel
-def push(
-    M: Reals,
-    right: Reals,
-    rows: int,
-    d: int,
-    across_start: Ints,
-    across_row: Ints,
-    across_value: Reals,
-    x: Reals,
-    drive: Reals,
-) -> None:
+def push(M: Reals, right: Reals, rows: int, d: int, across: Sparse, x: Reals, drive: Reals) -> None:
     """x = M right; drive = C x."""
     for i in range(len(x)):
         first, width = (i // d * d, d) if i < rows else (i, 1)
         x[i] = 0.0
         for j in range(width):
             x[i] += M[i, j] * right[first + j]
-        for l in range(across_start[i], across_start[i + 1]):
-            drive[across_row[l]] += across_value[l] * x[i]
+        for l in range(across.start[i], across.start[i + 1]):
+            drive[across.place[l]] += across.value[l] * x[i]
 
 
 @kernel
-def pull(
-    P: Reals, v: Reals, rows: int, d: int, back_start: Ints, back_column: Ints, back_value: Reals, x: Reals
-) -> None:
+def pull(P: Reals, v: Reals, rows: int, d: int, back: Sparse, x: Reals) -> None:
     """x += P B v."""
     for i in range(len(x)):
         total = 0.0
-        for k in range(back_start[i], back_start[i + 1]):
-            total += back_value[k] * v[back_column[k]]
+        for k in range(back.start[i], back.start[i + 1]):
+            total += back.value[k] * v[back.place[k]]
         first, width = (i // d * d, d) if i < rows else (i, 1)
         for a in range(first, first + width):
             x[a] += P[a, i - first] * total

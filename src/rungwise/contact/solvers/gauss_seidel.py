@@ -21,11 +21,11 @@ import numpy as np
 from rungwise.contact.judge.natural import natural_map
 from rungwise.contact.prepare.islands import Islands, islands
 from rungwise.contact.prepare.product import FEW
-from rungwise.contact.prepare.system import System
-from rungwise.contact.prepare.units import expand
-from rungwise.contact.problem import Array
+from rungwise.contact.prepare.system import Form, System
+from rungwise.contact.prepare.units import Sparse, expand
+from rungwise.contact.problem import Array, Laws
 from rungwise.contact.solvers.measure import distance, rates, row_times
-from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.solvers.newton_dense import VECTORS, Scratch, descend_dense, scratch_for
 from rungwise.contact.solvers.one_contact import solve_contact
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
@@ -60,7 +60,7 @@ def accepts(system: System) -> bool:
         apart = islands(system)
         if apart is None or np.diff(apart.first).max() > _FEW_VELOCITIES:
             return False
-    return bool(accepts_rows(system.directions, system.blocks, system.diagonal))
+    return bool(accepts_rows(system.directions, system.form.blocks, system.form.diagonal))
 
 
 @kernel
@@ -81,20 +81,15 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     s, n = system, system.size
     if n > SMALL and (apart := islands(system)) is not None:
         best, sweeps = _solve_apart(apart, start, tol)
-        work.spend(sweeps * len(s.value))
+        work.spend(sweeps * len(s.form.entries.value))
         return best, sweeps
     x, best = start.copy(), start.copy()
     if 0 < n <= SMALL:
-        done = alternate(
-            s.row_start, s.column, s.value, s.dense(), s.blocks, s.diagonal, s.b, s.mu, s.lower, s.upper, x,
-            best, tol, *workspace(n),
-        )  # fmt: skip
+        done = alternate(s.form, s.dense(), s.b, s.laws, x, best, tol, DAMPINGS, scratch_for(n))
         return best, done
-    sweeps = sweep_until(
-        s.row_start, s.column, s.value, s.blocks, s.diagonal, s.b, 0.0, s.mu, s.lower, s.upper, x, best,
-        np.empty((3, max(s.size, 3))), tol, SWEEPS, _PATIENCE,
-    )  # fmt: skip
-    work.spend(sweeps * len(s.value))
+    scratch = np.empty((3, max(n, 3)))
+    sweeps = sweep_until(s.form, s.b, 0.0, s.laws, x, best, scratch, tol, SWEEPS, _PATIENCE)
+    work.spend(sweeps * len(s.form.entries.value))
     return best, sweeps
 
 
@@ -102,11 +97,9 @@ def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
     a, x = apart, apart.inwards(start)
     best = x.copy()
     n = min(int(np.diff(a.first).max()), SMALL)
-    done = each(
-        a.first, a.contacts, a.row_start, a.column, a.value, a.blocks, a.diagonal, a.b, a.mu, a.lower,
-        a.upper, x, best, a.goals(tol), DAMPINGS, np.empty(2 * n * n),
-        np.empty(max(VECTORS * n, 3 * len(x))), np.empty(4 * n, np.int64),
-    )  # fmt: skip
+    vectors = np.empty(max(VECTORS * n, 3 * len(x)))
+    scratch = Scratch(np.empty(2 * n * n), vectors, np.empty(4 * n, np.int64))
+    done = each(a.first, a.contacts, a.form, a.b, a.laws, x, best, a.goals(tol), DAMPINGS, scratch)
     return a.outwards(best), done
 
 
@@ -114,64 +107,51 @@ def smooth(system: System, start: Array, b: Array, shift: float, tol: float, swe
     """The best iterate of A + shift, with this offset b, in `sweeps` sweeps at most."""
     s = system
     x, best = start.copy(), start.copy()
-    sweep_until(
-        s.row_start, s.column, s.value, s.blocks, s.diagonal, b, shift, s.mu, s.lower, s.upper, x, best,
-        np.empty((3, max(s.size, 3))), tol, sweeps, sweeps,
-    )  # fmt: skip
+    scratch = np.empty((3, max(s.size, 3)))
+    sweep_until(s.form, b, shift, s.laws, x, best, scratch, tol, sweeps, sweeps)
     return best
-
-
-def workspace(n: int) -> tuple[Array, Array, Array, Ints]:
-    """Dampings and scratch for `alternate` with n unknowns."""
-    return DAMPINGS, np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64)
 
 
 @kernel
 def each(
     first: Ints,
     contacts: Ints,
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
-    blocks: Reals,
-    diagonal: Reals,
+    form: Form,
     b: Reals,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
+    laws: Laws,
     x: Reals,
     best: Reals,
     tol: Reals,
     dampings: Reals,
-    square: Reals,
-    vectors: Reals,
-    order: Ints,
+    scratch: Scratch,
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
-    square (2 n^2,), vectors (16 n or more,) and order (4 n,) are scratch, n the size of the largest island or
-    `SMALL` at most.
+    The scratch is flat: factors (2 n^2,), vectors (16 n or more,) and order (4 n,), n the size of the largest
+    island or `SMALL` at most.
     """
-    d, most = blocks.shape[1], 0
+    square, vectors, order = scratch
+    entries, d, most = form.entries, laws.d, 0
     for i in range(len(tol)):
         low, high, c, e = first[i], first[i + 1], contacts[i], contacts[i + 1]
         n, f, g = high - low, low - d * c, high - d * e
-        rows, own, free = row_start[low : high + 1], blocks[c:e], diagonal[f:g]
+        rows = Sparse(entries.start[low : high + 1], entries.place, entries.value)
+        own = Form(rows, form.blocks[c:e], form.diagonal[f:g])
+        its = Laws(laws.mu[c:e], d, laws.lower[f:g], laws.upper[f:g])
         if n > SMALL:
-            scratch = vectors[: 3 * max(n, 3)].reshape(3, max(n, 3))
             done = sweep_until(
-                rows, column, value, own, free, b[low:high], 0.0, mu[c:e], lower[f:g], upper[f:g],
-                x[low:high], best[low:high], scratch, tol[i], SWEEPS, _PATIENCE,
+                own, b[low:high], 0.0, its, x[low:high], best[low:high],
+                vectors[: 3 * max(n, 3)].reshape(3, max(n, 3)), tol[i], SWEEPS, _PATIENCE,
             )  # fmt: skip
         else:
             A = square[: n * n].reshape(n, n)
             for k in range(n * n):
                 square[k] = 0.0
-            expand(rows, column, value, A)
+            expand(rows, A)
+            factors = square[n * n : 2 * n * n].reshape(n, n)
             done = alternate(
-                rows, column, value, A, own, free, b[low:high], mu[c:e], lower[f:g], upper[f:g], x[low:high],
-                best[low:high], tol[i], dampings, square[n * n : 2 * n * n].reshape(n, n),
-                vectors[: VECTORS * n].reshape(VECTORS, n), order[: 4 * n],
+                own, A, b[low:high], its, x[low:high], best[low:high], tol[i], dampings,
+                Scratch(factors, vectors[: VECTORS * n].reshape(VECTORS, n), order[: 4 * n]),
             )  # fmt: skip
         most = max(most, done)
     return most
@@ -179,23 +159,15 @@ def each(
 
 @inner_kernel
 def alternate(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    form: Form,
     A: Reals,
-    blocks: Reals,
-    diagonal: Reals,
     b: Reals,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
+    laws: Laws,
     x: Reals,
     best: Reals,
     tol: float,
     dampings: Reals,
-    factors: Reals,
-    vectors: Reals,
-    order: Ints,
+    scratch: Scratch,
 ) -> int:
     """Improve x (N,), of which `best` is a copy, until its residual is within tol; returns sweeps and steps.
 
@@ -203,21 +175,19 @@ def alternate(
     these steps end on a kink: no start is worse than none. Where most contacts will stick, one step is tried
     first and often is enough (in the plane sweeps cost less).
     """
-    d, n, done = blocks.shape[1], len(x), 0
-    coupled = row_start[n] > row_start[0] + d * n
+    entries, vectors = form.entries, scratch.vectors
+    d, n, done = laws.d, len(x), 0
+    coupled = entries.start[n] > entries.start[0] + d * n
     least, near = math.inf, False
     if d == 3:
-        least = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+        least = distance(entries, b, 0.0, x, laws, vectors)
         near = least < _NEAR
     given = least
-    if d == 3 and not near and _mostly_sticks(x, vectors[0], mu):
+    if d == 3 and not near and _mostly_sticks(x, vectors[0], laws.mu):
         start = vectors[VECTORS - 1]
         copy(x, start)
-        done += descend_dense(
-            row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, 1, dampings, factors,
-            vectors, order,
-        )  # fmt: skip
-        found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+        done += descend_dense(entries, A, b, 0.0, laws, x, 0.3 * tol, 1, dampings, scratch)
+        found = distance(entries, b, 0.0, x, laws, vectors)
         if found < least:
             least = found
             copy(x, best)
@@ -235,17 +205,11 @@ def alternate(
             if not warm:
                 accuracy = _ROUGH if turn < 2 and coupled else _EXACT
                 for _ in range(1 << turn):
-                    _sweep(
-                        row_start, column, value, blocks, diagonal, b, 0.0, mu, lower, upper, accuracy, x,
-                        vectors[3],
-                    )  # fmt: skip
+                    _sweep(form, b, 0.0, laws, accuracy, x, vectors[3])
                 done += 1 << turn
             if warm or turn > 0:
-                done += descend_dense(
-                    row_start, column, value, A, b, 0.0, mu, d, lower, upper, x, 0.3 * tol, _STEPS, dampings,
-                    factors, vectors, order,
-                )  # fmt: skip
-            found = distance(row_start, column, value, b, 0.0, x, mu, d, lower, upper, vectors)
+                done += descend_dense(entries, A, b, 0.0, laws, x, 0.3 * tol, _STEPS, dampings, scratch)
+            found = distance(entries, b, 0.0, x, laws, vectors)
             reached = min(reached, found)
             if found < least:
                 least = found
@@ -274,16 +238,10 @@ def _mostly_sticks(x: Reals, y: Reals, mu: Reals) -> bool:
 
 @kernel
 def sweep_until(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
-    blocks: Reals,
-    diagonal: Reals,
+    form: Form,
     b: Reals,
     shift: float,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
+    laws: Laws,
     x: Reals,
     best: Reals,
     scratch: Reals,
@@ -295,14 +253,14 @@ def sweep_until(
 
     There are up to `sweeps` of them, or up to `patience` where the last rate of decrease would then suffice.
     """
-    d, y, out = blocks.shape[1], scratch[0], scratch[1]
+    y, out = scratch[0], scratch[1]
     least, before = math.inf, math.inf
     for done in range(1, patience + 1):
-        _sweep(row_start, column, value, blocks, diagonal, b, shift, mu, lower, upper, _EXACT, x, scratch[2])
+        _sweep(form, b, shift, laws, _EXACT, x, scratch[2])
         if done > 3 and done % _CHECK:
             continue
-        rates(row_start, column, value, b, shift, x, y)
-        found = natural_map(x, y, mu, d, lower, upper, out)
+        rates(form.entries, b, shift, x, y)
+        found = natural_map(x, y, laws, out)
         if found < least:
             least = found
             for i in range(len(x)):
@@ -319,32 +277,19 @@ def sweep_until(
 
 
 @inner_kernel
-def _sweep(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
-    blocks: Reals,
-    diagonal: Reals,
-    b: Reals,
-    shift: float,
-    mu: Reals,
-    lower: Reals,
-    upper: Reals,
-    accuracy: float,
-    x: Reals,
-    local: Reals,
-) -> None:
+def _sweep(form: Form, b: Reals, shift: float, laws: Laws, accuracy: float, x: Reals, local: Reals) -> None:
     """Solve each contact and limited row once, the slip of contacts in space to this relative accuracy."""
-    d, rows = blocks.shape[1], blocks.shape[1] * len(mu)
+    (entries, blocks, diagonal), (mu, d, lower, upper) = form, laws
+    rows = d * len(mu)
     for c in range(len(mu)):
         first = c * d
         for i in range(d):
-            total = b[first + i] + row_times(row_start, column, value, first + i, x)
+            total = b[first + i] + row_times(entries, first + i, x)
             for j in range(d):
                 total -= blocks[c, i, j] * x[first + j]
             local[i] = total
         solve_contact(blocks[c], shift, local, mu[c], accuracy, x[first : first + d])
     for j in range(len(lower)):
         i = rows + j
-        total = b[i] + row_times(row_start, column, value, i, x)
+        total = b[i] + row_times(entries, i, x)
         x[i] = min(max((diagonal[j] * x[i] - total) / (diagonal[j] + shift), lower[j]), upper[j])

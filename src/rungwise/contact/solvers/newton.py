@@ -28,10 +28,10 @@ from rungwise.contact.solvers.newton_dense import (
     CHORDS,
     HALVINGS,
     LEAST,
-    VECTORS,
     WINDOW,
     alart_curnier,
     descend_dense,
+    scratch_for,
 )
 from rungwise.contact.solvers.work import Work
 
@@ -99,7 +99,7 @@ def descend(
 
     def merit(x: Array) -> float:
         all_rates(s, x, b, shift, y)
-        return alart_curnier(x, y, s.mu, s.directions, s.lower, s.upper, rho, F, derivative)
+        return alart_curnier(x, y, s.laws, rho, F, derivative)
 
     size = earlier = merit(x)
     for done in range(steps):
@@ -138,11 +138,10 @@ def _descend_small(
     steps: int,
     dampings: tuple[float, ...],
 ) -> tuple[Array, int]:
-    s, n, x = system, system.size, start.copy()
+    x, scratch = start.copy(), scratch_for(system.size)
     done = descend_dense(
-        s.row_start, s.column, s.value, A, b, shift, s.mu, s.directions, s.lower, s.upper, x, tol, steps,
-        np.array(dampings), np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64),
-    )  # fmt: skip
+        system.form.entries, A, b, shift, system.laws, x, tol, steps, np.array(dampings), scratch
+    )
     return x, done
 
 

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
+import numpy as np
+
+from rungwise.contact.prepare.units import Sparse
+from rungwise.contact.problem import Array, Laws
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton_reduced import INTS, REALS, directions, factorise_reduced, solve_reduced
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel
@@ -14,39 +19,42 @@ LEAST = 1e-9
 """Damping of every step, in scaled units: where forces are not unique they still move little.
 Chosen by trial, to a decade."""
 VECTORS = 16
-"""Rows of scratch; the last is left alone."""
+"""Vectors of scratch; the last is left alone."""
+
+
+class Scratch(NamedTuple):
+    """Memory for steps in N unknowns: factors (N, N), vectors (16, N), order (4 N,)."""
+
+    factors: Array
+    vectors: Array
+    order: Ints
+
+
+def scratch_for(n: int) -> Scratch:
+    return Scratch(np.empty((n, n)), np.empty((VECTORS, n)), np.empty(4 * n, np.int64))
 
 
 @kernel
 def descend_dense(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    entries: Sparse,
     A: Reals,
     b: Reals,
     shift: float,
-    mu: Reals,
-    d: int,
-    lower: Reals,
-    upper: Reals,
+    laws: Laws,
     x: Reals,
     tol: float,
     steps: int,
     dampings: Reals,
-    factors: Reals,
-    vectors: Reals,
-    order: Ints,
+    scratch: Scratch,
 ) -> int:
-    """Move x (N,) by Newton steps while |F| falls; returns the steps. A (N, N) is the rows once more.
-
-    factors (N, N), vectors (16, N) and order (4 N,) are scratch.
-    """
+    """Move x (N,) by Newton steps while |F| falls; returns the steps. A (N, N) is the entries once more."""
+    factors, vectors, order = scratch
     n, rho = len(x), 1.0 / (1.0 + shift)
     y, F, trial, step, ahead = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
     slope, derivative = vectors[5:8].reshape(n, 3), vectors[8:11].reshape(n, 3)
-    u, place = vectors[11:15].reshape(n, REALS), order[n:].reshape(n, INTS)
-    rates(row_start, column, value, b, shift, x, y)
-    size = earlier = alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
+    ways, places = vectors[11:15].reshape(n, REALS), order[n:].reshape(n, INTS)
+    rates(entries, b, shift, x, y)
+    size = earlier = alart_curnier(x, y, laws, rho, F, slope)
     for done in range(steps):
         if size <= tol or not size < math.inf:
             return done
@@ -56,23 +64,22 @@ def descend_dense(
             earlier = size
         copy(slope, derivative)
         newer, length, damping = math.inf, 1.0, LEAST
-        left = directions(derivative, mu, d, place, u)
+        left = directions(derivative, laws.mu, laws.d, places, ways)
+        place, u = places[:left], ways[:left]
         for attempt in range(1 + len(dampings)):
             if attempt > 0:
                 damping = max(LEAST, dampings[attempt - 1] * size)
             if not factorise_reduced(
-                A, d, place, u, left, rho, 1.0 - rho * shift, damping, step, factors, order
+                A, laws.d, place, u, rho, 1.0 - rho * shift, damping, step, factors, order
             ):
                 continue
-            solve_reduced(
-                row_start, column, value, F, d, place, u, left, rho, damping, factors, order, ahead, step
-            )
+            solve_reduced(entries, F, laws.d, place, u, rho, damping, factors, order, ahead, step)
             length = 1.0
             for _ in range(HALVINGS if attempt == 0 else 1):
                 for i in range(n):
                     trial[i] = x[i] - length * step[i]
-                rates(row_start, column, value, b, shift, trial, y)
-                newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, slope)
+                rates(entries, b, shift, trial, y)
+                newer = alart_curnier(trial, y, laws, rho, ahead, slope)
                 if newer <= (1.0 - (1e-2 * length if attempt == 0 else 1e-4)) * size:
                     break
                 length, newer = 0.5 * length, math.inf
@@ -85,16 +92,14 @@ def descend_dense(
             x[i], F[i] = trial[i], ahead[i]
         # Again with the same factors, if these steps are likely to be enough.
         for _ in range(CHORDS if size * ratio**CHORDS <= tol < size else 0):
-            solve_reduced(
-                row_start, column, value, F, d, place, u, left, rho, damping, factors, order, ahead, step
-            )
+            solve_reduced(entries, F, laws.d, place, u, rho, damping, factors, order, ahead, step)
             for i in range(n):
                 trial[i] = x[i] - step[i]
-            rates(row_start, column, value, b, shift, trial, y)
-            newer = alart_curnier(trial, y, mu, d, lower, upper, rho, ahead, slope)
+            rates(entries, b, shift, trial, y)
+            newer = alart_curnier(trial, y, laws, rho, ahead, slope)
             if not newer < size:
-                rates(row_start, column, value, b, shift, x, y)
-                alart_curnier(x, y, mu, d, lower, upper, rho, F, slope)
+                rates(entries, b, shift, x, y)
+                alart_curnier(x, y, laws, rho, F, slope)
                 break
             size = newer
             for i in range(n):
@@ -105,10 +110,9 @@ def descend_dense(
 
 
 @kernel
-def alart_curnier(
-    x: Reals, y: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, rho: float, F: Reals, derivative: Reals
-) -> float:
+def alart_curnier(x: Reals, y: Reals, laws: Laws, rho: float, F: Reals, derivative: Reals) -> float:
     """Fill F (N,) and the rows of the projections' derivative (N, 3), within each block; returns |F|."""
+    mu, d, lower, upper = laws
     rows = d * len(mu)
     for k in range(len(mu)):
         _contact(x, y, mu[k], d, k * d, rho, F, derivative)

@@ -10,6 +10,7 @@ slip where the contact slides.
 from __future__ import annotations
 
 from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.prepare.units import Sparse
 from rungwise.contact.solvers.measure import row_times
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -56,7 +57,6 @@ def factorise_reduced(
     d: int,
     place: Ints,
     u: Reals,
-    m: int,
     rho: float,
     kept: float,
     damping: float,
@@ -64,8 +64,9 @@ def factorise_reduced(
     K: Reals,
     order: Ints,
 ) -> bool:
-    """Factors of l (I + damping - kept D + rho D A) u in K, False if it is singular; scratch (N,)."""
-    a, b = min(1, d - 1), d - 1
+    """Factors of l (I + damping - kept D + rho D A) u in K, False if it is singular; place (m, 3) and u
+    (m, 4) as `directions` filled them; scratch (N,)."""
+    m, a, b = len(place), min(1, d - 1), d - 1
     for p in range(m):
         first, line, part = place[p, 0], place[p, 1], rho * u[p, 3]
         row = A[line] if line >= 0 else scratch
@@ -85,14 +86,11 @@ def factorise_reduced(
 
 @inner_kernel
 def solve_reduced(
-    row_start: Ints,
-    column: Ints,
-    value: Reals,
+    A: Sparse,
     F: Reals,
     d: int,
     place: Ints,
     u: Reals,
-    m: int,
     rho: float,
     damping: float,
     K: Reals,
@@ -101,7 +99,7 @@ def solve_reduced(
     dx: Reals,
 ) -> None:
     """Fill dx (N,), from the factors in K; z (N,) is scratch."""
-    a, b, per, at_once = min(1, d - 1), d - 1, 1.0 / (1.0 + damping), 0.0
+    m, a, b, per, at_once = len(place), min(1, d - 1), d - 1, 1.0 / (1.0 + damping), 0.0
     for i in range(len(dx)):
         dx[i] = per * F[i]
     for p in range(m):
@@ -118,10 +116,9 @@ def solve_reduced(
     for p in range(m if at_once > 0.0 else 0):
         first, line = place[p, 0], place[p, 1]
         if line >= 0:
-            change = row_times(row_start, column, value, line, dx)
+            change = row_times(A, line, dx)
         else:
-            change = u[p, 1] * row_times(row_start, column, value, first + a, dx)
-            change += u[p, 2] * row_times(row_start, column, value, first + b, dx)
+            change = u[p, 1] * row_times(A, first + a, dx) + u[p, 2] * row_times(A, first + b, dx)
         z[p] -= rho * u[p, 3] * change
     substitute(K, m, order, z)
     for p in range(m):

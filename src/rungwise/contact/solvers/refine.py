@@ -25,7 +25,7 @@ from scipy.linalg import LinAlgError, lstsq
 from rungwise.contact.judge.natural import natural_map
 from rungwise.contact.judge.verdict import absolute, in_own_terms, own_units
 from rungwise.contact.prepare.system import System, uneliminated
-from rungwise.contact.problem import Array, Problem
+from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton_dense import alart_curnier
 from rungwise.kernel import Reals, kernel
@@ -71,9 +71,8 @@ def _own_step(p: Problem, A: Array, x: Array, y: Array, rate: Array, force: Arra
     """The next x (N,), with rates and forces counted in the units `rate` and `force`."""
     n, rows = len(x), p.rows
     F, derivative, J = np.empty(n), np.zeros((n, 3)), np.empty((n, n))
-    lower, upper = p.lower / force[rows:], p.upper / force[rows:]
-    own = x / force
-    alart_curnier(own, y / rate, p.mu, p.directions, lower, upper, 1.0, F, derivative)
+    own, laws = x / force, Laws(p.mu, p.directions, p.lower / force[rows:], p.upper / force[rows:])
+    alart_curnier(own, y / rate, laws, 1.0, F, derivative)
     jacobian(A * force / rate[:, None], derivative, rows, p.directions, 1.0, 1.0, 0.0, J)
     try:
         step = np.linalg.solve(J, F)
@@ -86,7 +85,7 @@ def _own_step(p: Problem, A: Array, x: Array, y: Array, rate: Array, force: Arra
             return None
     trial, ahead = x - step * force, own[rows:] - y[rows:] / rate[rows:]
     trial[:rows][(derivative[:rows] == 0.0).all(axis=1)] = 0.0
-    trial[rows:] = np.where(ahead < lower, p.lower, np.where(ahead > upper, p.upper, trial[rows:]))
+    trial[rows:] = np.where(ahead < laws.lower, p.lower, np.where(ahead > laws.upper, p.upper, trial[rows:]))
     return trial
 
 
@@ -115,13 +114,7 @@ def rate_error(problem: Problem, system: System, x: Array) -> float:
     actual, out = float((terms[kept] / system.rate).max(initial=0.0)), np.empty(len(kept))
     if not 0.0 < actual < SMALL:
         return 0.0
-    return (
-        natural_map(
-            x[kept] / system.force, y[kept] / system.rate, system.mu, system.directions, system.lower,
-            system.upper, out,
-        )
-        / actual
-    )  # fmt: skip
+    return natural_map(x[kept] / system.force, y[kept] / system.rate, system.laws, out) / actual
 
 
 def rate_terms(problem: Problem, x: Array) -> Array:
@@ -132,8 +125,8 @@ def rate_terms(problem: Problem, x: Array) -> Array:
 def _step(whole: System, x: Array) -> Array | None:
     n = whole.size
     y, F, derivative, J = np.empty(n), np.empty(n), np.zeros((n, 3)), np.empty((n, n))
-    rates(whole.row_start, whole.column, whole.value, whole.b, 0.0, x, y)
-    alart_curnier(x, y, whole.mu, whole.directions, whole.lower, whole.upper, 1.0, F, derivative)
+    rates(whole.form.entries, whole.b, 0.0, x, y)
+    alart_curnier(x, y, whole.laws, 1.0, F, derivative)
     jacobian(whole.dense(), derivative, whole.rows, whole.directions, 1.0, 1.0, 0.0, J)
     per_row = 1.0 / np.maximum(np.abs(J).max(axis=1), np.finfo(float).tiny)
     J *= per_row[:, None]

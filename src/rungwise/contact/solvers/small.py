@@ -14,14 +14,15 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from rungwise.contact.judge.verdict import Residuals, imbalance, judge_rows
+from rungwise.contact.judge.verdict import Residuals, Units, imbalance, judge_rows
 from rungwise.contact.prepare import schur
-from rungwise.contact.prepare.units import compress, expand, fitted, measured, rescaled, settle
-from rungwise.contact.problem import Array, Problem
+from rungwise.contact.prepare.system import Form
+from rungwise.contact.prepare.units import Sparse, compress, expand, fitted, measured, rescaled, settle
+from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.contact.solvers import gauss_seidel, pivoting
 from rungwise.contact.solvers.gauss_seidel import alternate
 from rungwise.contact.solvers.measure import distance
-from rungwise.contact.solvers.newton_dense import VECTORS, descend_dense
+from rungwise.contact.solvers.newton_dense import VECTORS, Scratch, descend_dense
 from rungwise.contact.solvers.refine import SMALL as LITTLE
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
@@ -40,7 +41,6 @@ _NOTHING = 2.0**-50
 """A force that is nearer to its limit than this share of the largest force is at its limit: the rest is
 rounding, at most eight units of double precision."""
 _REST = np.zeros(LARGEST)
-_COVERING = np.ones((1, 4 * MOST_LEFT))
 
 
 class Answer(NamedTuple):
@@ -69,8 +69,8 @@ def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | N
     x, y, found = np.empty(n), np.empty(n), np.empty(7)
     given = _REST[:n] if start is None else start
     solver, iterations = solve_dense(
-        A, problem.b, problem.mu, problem.directions, problem.velocities, problem.lower, problem.upper, given,
-        start is not None, tol, gauss_seidel.DAMPINGS, _COVERING, x, y, found,
+        A, problem.b, problem.laws, problem.velocities, given, start is not None, tol, gauss_seidel.DAMPINGS,
+        x, y, found,
     )  # fmt: skip
     if solver == REFUSED:
         return None
@@ -82,22 +82,19 @@ def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | N
 def solve_dense(
     A: Reals,
     b: Reals,
-    mu: Reals,
-    d: int,
+    laws: Laws,
     velocities: int,
-    lower: Reals,
-    upper: Reals,
     start: Reals,
     given: bool,
     tol: float,
     dampings: Reals,
-    covering: Reals,
     x: Reals,
     y: Reals,
     found: Reals,
 ) -> tuple[int, int]:
     """Fill x, its rates y (N,) and residuals (7,); returns the solver, or REFUSED, and its iterations. A
     start that was given is judged as it is, before it is improved."""
+    mu, d, lower, upper = laws
     n, rows, done = len(b), d * len(mu), -1
     kept, gone = _parted(lower, upper, rows)
     k, g = len(kept), len(gone)
@@ -111,58 +108,51 @@ def solve_dense(
             return REFUSED, done
         if schur.demanded(b, rows, velocities, lower, upper, kept, q) < LITTLE:
             return REFUSED, done
-    row_start, column, entry = np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k)
-    compress(M, row_start, column, entry)
+    rows_given = Sparse(np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k))
+    compress(M, rows_given)
     s, force, rate, offset = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-    value, lowest, highest = entry.copy(), lower[kept[rows:] - rows], upper[kept[rows:] - rows]
-    blocks, diagonal, matrix = np.zeros((len(mu), d, d)), np.zeros(k - rows), np.zeros((k, k))
-    fitted(row_start, column, value, rows, d, s)
-    if not measured(s, q, lowest, highest, rows, force, rate, offset):
+    entries = Sparse(rows_given.start, rows_given.place, rows_given.value.copy())
+    form = Form(entries, np.zeros((len(mu), d, d)), np.zeros(k - rows))
+    matrix = np.zeros((k, k))
+    scaled = Laws(mu, d, lower[kept[rows:] - rows], upper[kept[rows:] - rows])
+    fitted(entries, rows, d, s)
+    if not measured(s, q, scaled.lower, scaled.upper, rows, force, rate, offset):
         return REFUSED, done
-    rescaled(row_start, column, s, value, blocks, diagonal)
-    solver = _chosen(d, blocks, diagonal)
+    rescaled(entries, s, form.blocks, form.diagonal)
+    solver = _chosen(d, form.blocks, form.diagonal)
     if solver == REFUSED:
         return REFUSED, done
-    expand(row_start, column, value, matrix)
-    vectors, scratch, ints = np.empty((VECTORS, k)), np.empty((6, n)), np.empty(4 * k, np.int64)
-    factors, best = np.empty((k, k)), start[kept] / force
-    given_start, given_column, given_value = row_start, column, entry
+    expand(entries, matrix)
+    scratch = Scratch(np.empty((k, k)), np.empty((VECTORS, k)), np.empty(4 * k, np.int64))
+    terms, best, units = np.empty((6, n)), start[kept] / force, Units(kept, force, rate)
     if g > 0:
-        given_start, given_column, given_value = (
-            np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n),
-        )  # fmt: skip
-        compress(A, given_start, given_column, given_value)
+        rows_given = Sparse(np.empty(n + 1, np.int64), np.empty(n * n, np.int64), np.empty(n * n))
+        compress(A, rows_given)
     for attempt in range(_START if given else _SOLVE, _REFINE + 1):
         if attempt == _START:
             x[:] = start
         elif attempt == _REFINE:
             done += descend_dense(
-                row_start, column, value, matrix, offset, 0.0, mu, d, lowest, highest, best, _FINEST, _STEPS,
-                dampings, factors, vectors, ints,
-            )  # fmt: skip
-        elif distance(row_start, column, value, offset, 0.0, best, mu, d, lowest, highest, vectors) > tol:
+                entries, matrix, offset, 0.0, scaled, best, _FINEST, _STEPS, dampings, scratch
+            )
+        elif distance(entries, offset, 0.0, best, scaled, scratch.vectors) > tol:
             if solver == SWEPT:
-                done = alternate(
-                    row_start, column, value, matrix, blocks, diagonal, offset, mu, lowest, highest,
-                    best.copy(), best, _MARGIN * tol, dampings, factors, vectors, ints,
-                )  # fmt: skip
+                own, goal = best.copy(), _MARGIN * tol
+                done = alternate(form, matrix, offset, scaled, own, best, goal, dampings, scratch)
             else:
-                done = _pivot(matrix, offset, mu, d, lowest, highest, _MARGIN**2 * tol, covering, best)
+                done = _pivot(matrix, offset, scaled, _MARGIN**2 * tol, best)
         if attempt != _START:
-            settle(best, rows, lowest, highest, _NOTHING)
+            settle(best, rows, scaled.lower, scaled.upper, _NOTHING)
             for i in range(k):
                 x[kept[i]] = best[i] * force[i]
             if g > 0:
                 schur.recover(A, b, kept, gone, factor, unit, order, x)
-        judge_rows(
-            given_start, given_column, given_value, b, kept, force, rate, mu, d, lowest, highest, lower,
-            upper, gone, scale, x, y, scratch, found,
-        )  # fmt: skip
+        judge_rows(rows_given, b, units, scaled, laws, gone, scale, x, y, terms, found)
         if g > 0:
-            found[1] = _imbalance(A, b, kept, gone, rows, lower, upper, force, scale, x, y, scratch)
+            found[1] = _imbalance(A, b, units, gone, laws, scale, x, y, terms)
         if max(found[0], found[1]) <= tol or (attempt == _SOLVE and not found[0] <= _NEAR):
             break
-    if g > 0 and _hides_rates(b, rows, velocities, kept, rate, scratch[0]):
+    if g > 0 and _hides_rates(b, rows, velocities, kept, rate, terms[0]):
         return REFUSED, done
     return solver, done
 
@@ -188,25 +178,22 @@ def _parted(lower: Reals, upper: Reals, rows: int) -> tuple[Ints, Ints]:
 def _imbalance(
     A: Reals,
     b: Reals,
-    kept: Ints,
+    units: Units,
     gone: Ints,
-    rows: int,
-    lower: Reals,
-    upper: Reals,
-    force: Reals,
+    laws: Laws,
     scale: Reals,
     x: Reals,
     y: Reals,
     scratch: Reals,
 ) -> float:
     """The imbalance of free rows as the judge measures it; scratch (4, N), whose first row is left alone."""
-    size, own, terms = scratch[1], scratch[2], scratch[3]
+    size, own, terms, rows = scratch[1], scratch[2], scratch[3], laws.d * len(laws.mu)
     for i in range(len(x)):
         size[i] = abs(x[i])
-    for i in range(len(kept)):
-        j = kept[i] - rows
-        most = max(abs(lower[j]), abs(upper[j])) if j >= 0 else math.inf
-        size[kept[i]] += min(force[i], most)
+    for i in range(len(units.kept)):
+        j = units.kept[i] - rows
+        most = max(abs(laws.lower[j]), abs(laws.upper[j])) if j >= 0 else math.inf
+        size[units.kept[i]] += min(units.force[i], most)
     for i in range(len(gone)):
         own[i], terms[i] = y[gone[i]], abs(b[gone[i]])
         for j in range(len(x)):
@@ -234,16 +221,15 @@ def _chosen(d: int, blocks: Reals, diagonal: Reals) -> int:
 
 
 @allocating_kernel
-def _pivot(
-    A: Reals, b: Reals, mu: Reals, d: int, lower: Reals, upper: Reals, tol: float, covering: Reals, x: Reals
-) -> int:
+def _pivot(A: Reals, b: Reals, laws: Laws, tol: float, x: Reals) -> int:
     """Fill x (N,); returns the pivots."""
+    mu, d, lower, upper = laws
     m = pivoting.unfolded_size(len(mu), d, lower, upper)
     row, sign, origin = np.empty(m, np.int64), np.ones(m), np.zeros(len(b))
     M, q, z = np.zeros((m, m)), np.zeros(m), np.empty(m)
     pivoting.unfold_into(A, b, mu, d, lower, upper, row, sign, origin, M, q)
     done = pivoting.pivot(
-        M, q, covering[:, :m], tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64)
+        M, q, np.ones((1, m)), tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64)
     )
     pivoting.fold(row, sign, origin, z, x)
     return done

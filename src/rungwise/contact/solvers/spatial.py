@@ -13,8 +13,9 @@ import math
 import numpy as np
 
 from rungwise.contact.linear import factorise, solve_in_place, substitute
+from rungwise.contact.problem import Laws
 from rungwise.contact.solvers.gauss_seidel import DAMPINGS
-from rungwise.contact.solvers.small import MOST_LEFT, REFUSED, solve_dense
+from rungwise.contact.solvers.small import REFUSED, solve_dense
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem
@@ -73,8 +74,8 @@ def solve_spatial(
     solver = REFUSED
     if size > 0:
         solver, _ = solve_dense(
-            A, b, p.mu[:contacts].copy(), d, 0, -p.F[:limited], p.F[:limited].copy(), start, True,
-            _FINER * TOLERANCE, DAMPINGS, np.ones((1, 4 * MOST_LEFT)), x, y, found,
+            A, b, Laws(p.mu[:contacts].copy(), d, -p.F[:limited], p.F[:limited].copy()), 0, start, True,
+            _FINER * TOLERANCE, DAMPINGS, x, y, found,
         )  # fmt: skip
     v[:n] = drift
     for r in range(size):
