@@ -13,6 +13,7 @@ keeps the given forces as far as they solve the problem.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.step.mode_newton import flip, sign
@@ -36,6 +37,24 @@ which hides any error. Chosen by trial, to a decade."""
 WEDGED = 1e3
 """Forces may exceed the needs of loads and demanded rates by this factor, in wedges; more hides errors.
 Chosen by trial, to a decade."""
+
+
+class Yielding(NamedTuple):
+    """The problem in which forces yield about their last values, of n velocities and r rows.
+
+    unit (n,): units of velocities in which H has a unit diagonal; centre (r,): the last forces; give (r,):
+    the added yield of each row; push (2 r,): its force per approach; factors (n, n), order (n,): of the
+    equations of the modes; rate (r,), step (n,): scratch.
+    """
+
+    unit: Reals
+    centre: Reals
+    give: Reals
+    push: Reals
+    factors: Reals
+    order: Ints
+    rate: Reals
+    step: Reals
 
 
 @kernel
@@ -63,16 +82,14 @@ def solve_proximal(
     push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
     at += 2 * rows + n
     unit = flat[at : at + n]
+    soft = Yielding(unit, centre, give, push, factors, order, rate, step)
     for i in range(n):
         v[i] = 0.0
         unit[i] = 1.0 / math.sqrt(problem.H[i, i])
     collect(contacts, limited, force, tau, centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
-        if not _settle(
-            problem, n, contacts, limited, mode, rho, factored, unit, centre, give, push, factors, order, v,
-            force, tau, rate, step,
-        ):  # fmt: skip
+        if not _settle(problem, n, contacts, limited, mode, rho, factored, soft, v, force, tau):
             if rho >= MOST:
                 break
             rho, factored = min(100.0 * rho, MOST), False
@@ -104,35 +121,25 @@ def _settle(
     mode: Ints,
     rho: float,
     factored: bool,
-    unit: Reals,
-    centre: Reals,
-    give: Reals,
-    push: Reals,
-    factors: Reals,
-    order: Ints,
+    soft: Yielding,
     v: Reals,
     force: Reals,
     tau: Reals,
-    rate: Reals,
-    step: Reals,
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
-    belong to `mode` and `rho`; `unit` (n,): units of velocities in which H has a unit diagonal."""
+    belong to `mode` and `rho`."""
     for flips in range(2 * MAX_FLIPS):
         if not factored:
             _impose(problem, contacts, limited, mode, force, tau)
-            _give(problem, n, contacts, limited, rho, give)
-            _push(problem, contacts, limited, mode, give, push)
-            if not _factorise(problem, n, contacts, limited, unit, push, factors, order):
+            _give(problem, n, contacts, limited, rho, soft.give)
+            _push(problem, contacts, limited, mode, soft.give, soft.push)
+            if not _factorise(problem, n, contacts, limited, soft.unit, soft.push, soft.factors, soft.order):
                 return False
         for _ in range(2):
-            _correct(
-                problem, n, contacts, limited, unit, give, centre, push, factors, order, v, force, tau, rate,
-                step,
-            )  # fmt: skip
+            _correct(problem, n, contacts, limited, soft, v, force, tau)
         # Many flips at once may cycle.
         most = contacts + limited if flips < MAX_FLIPS else 1
-        if not flip(problem, n, contacts, limited, mode, v, force, tau, give, centre, most):
+        if not flip(problem, n, contacts, limited, mode, v, force, tau, soft.give, soft.centre, most):
             return True
         factored = False
     return False
@@ -294,19 +301,13 @@ def _correct(
     n: int,
     contacts: int,
     limited: int,
-    unit: Reals,
-    give: Reals,
-    centre: Reals,
-    push: Reals,
-    factors: Reals,
-    order: Ints,
+    soft: Yielding,
     v: Reals,
     force: Reals,
     tau: Reals,
-    rate: Reals,
-    step: Reals,
 ) -> None:
     """Take one Newton step of all equations of the modes, from the remainder of each."""
+    unit, centre, give, push, factors, order, rate, step = soft
     for i in range(n):
         step[i] = p.c[i]
         for j in range(n):
