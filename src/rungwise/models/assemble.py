@@ -19,18 +19,25 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
 from rungwise.system.terms import JOINT, Terms
 
 
+class Step(NamedTuple):
+    """A step of length h [time], whose equation holds at the part theta of it and has inertia times eps."""
+
+    h: float
+    theta: float
+    eps: float
+
+
 @kernel
 def assemble(
     rung: RecordArray,
-    h: float,
-    theta: float,
-    eps: float,
+    step: Step,
     terms: Terms,
     contacts: int,
     limited: int,
@@ -45,6 +52,7 @@ def assemble(
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
+    h, theta, eps = step
     problem.quantum[0] = terms.rounding[0] / h
     if rung[0].metric:
         _fill_metric(terms, free, n, problem)

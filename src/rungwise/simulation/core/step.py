@@ -15,7 +15,7 @@ from rungwise.contact.step import (
     solve_planar,
 )
 from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, inner_kernel, kernel
-from rungwise.models.assemble import assemble, deform, lean
+from rungwise.models.assemble import Step, assemble, deform, lean
 from rungwise.models.limit import (
     LIMIT,
     greatest_load,
@@ -135,8 +135,8 @@ def _solve_in_turn(
     status = NO_SOLUTION
     for _ in range(3):
         bounced = assemble(
-            rung, h, clock.theta, clock.eps, terms, contacts, limited, state.free, n, state.v, state.speed,
-            bounced, problem,
+            rung, Step(h, clock.theta, clock.eps), terms, contacts, limited, state.free, n, state.v,
+            state.speed, bounced, problem,
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.analysis import DATA
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.models.assemble import approach, assemble
+from rungwise.models.assemble import Step, approach, assemble
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.records import SPEED
@@ -216,8 +216,8 @@ class Assembly:
         state, work = self.state, self.workspace
         limited = int(state.clock[0]["limited"])
         bounced: Any = assemble(
-            self.rung, self.h, theta, eps, work.terms, count, limited, state.free, n, state.v, state.speed,
-            bounce, work.problem,
+            self.rung, Step(self.h, theta, eps), work.terms, count, limited, state.free, n, state.v,
+            state.speed, bounce, work.problem,
         )  # fmt: skip
         return trim(work.problem, n, count, limited), bool(bounced)
 
