@@ -67,7 +67,7 @@ class System:
     def form(self) -> Form:
         return self.make()
 
-    @property
+    @cached_property
     def laws(self) -> Laws:
         return Laws(self.mu, self.directions, self.lower, self.upper)
 

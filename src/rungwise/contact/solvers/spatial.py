@@ -13,7 +13,6 @@ import math
 import numpy as np
 
 from rungwise.contact.linear import factorise, solve_in_place, substitute
-from rungwise.contact.problem import Laws
 from rungwise.contact.solvers.gauss_seidel import DAMPINGS
 from rungwise.contact.solvers.small import REFUSED, solve_dense
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
@@ -74,7 +73,7 @@ def solve_spatial(
     solver = REFUSED
     if size > 0:
         solver, _ = solve_dense(
-            A, b, Laws(p.mu[:contacts].copy(), d, -p.F[:limited], p.F[:limited].copy()), 0, start, True,
+            A, b, (p.mu[:contacts].copy(), d, -p.F[:limited], p.F[:limited].copy()), 0, start, True,
             _FINER * TOLERANCE, DAMPINGS, x, y, found,
         )  # fmt: skip
     v[:n] = drift
