@@ -129,15 +129,24 @@ def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert all(slid[name]["acceleration_error"] < 5e-3 for name in ("dynamic-rigid", "dynamic-compliant"))
 
 
-def test_python_of_the_readme_runs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("page, printed", [("README.md", "dynamic-compliant goal"), ("docs/states.md", "")])
+def test_python_of_the_documentation_runs_and_prints(
+    page: str,
+    printed: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text("utf-8"), re.DOTALL)
+    text = (ROOT / page).read_text("utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert blocks
     monkeypatch.chdir(tmp_path)
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
-    assert "dynamic-compliant goal" in capsys.readouterr().out
+        exec(compile(block, page, "exec"), {})
+    said = capsys.readouterr().out
+    assert printed in said
+    if page != "README.md":
+        assert said == "".join(re.findall(r"```text\n(.*?)```", text, re.DOTALL))
 
 
 def test_every_scene_file_of_the_documentation_loads() -> None:

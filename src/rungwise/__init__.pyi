@@ -40,6 +40,7 @@ from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivit
 from .simulation.options import ModelError
 from .simulation.result import Run
 from .simulation.run import Simulation, simulate
+from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
 from .viewing.view import ViewError, view
@@ -78,6 +79,8 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "State",
+    "StateError",
     "Status",
     "StepSensitivity",
     "Touching",
@@ -92,6 +95,7 @@ __all__ = [
     "load_doomed_set",
     "load_run",
     "load_set",
+    "load_state",
     "read_problem",
     "run_sensitivity",
     "schema",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
+from rungwise.simulation.planar.workspace import recorded as memory
 from rungwise.simulation.result import Run
 
 Dimension = tuple[int, int, int]
@@ -180,13 +181,13 @@ def recorded(run: Run, units: Units) -> dict[str, Any]:
     rate = np.array([units.factor(over(place, TIME)) for place in where])
     force = np.array([units.factor(over(ENERGY, place)) for place in where])
     pairs = len(state.manifolds.points)
-    report["time"] = frames.time[cut] / units.time
-    report["q"] = frames.q[cut] / q
-    report["v"] = frames.v[cut] / rate
-    report["gap"] = frames.gap[cut] / units.length
-    report["mode"] = frames.mode[cut].copy()
+    report["time"] = memory(run.workspace, "time") / units.time
+    report["q"] = memory(run.workspace, "q") / q
+    report["v"] = memory(run.workspace, "v") / rate
+    report["gap"] = memory(run.workspace, "gaps") / units.length
+    report["mode"] = memory(run.workspace, "modes")
     if run.model.loads:
-        report["force"] = frames.force[cut, :pairs] / units.factor(FORCE)
+        report["force"] = memory(run.workspace, "force")[:, :pairs] / units.factor(FORCE)
         report["impulse"] = frames.impulse[cut, :pairs] / units.factor(times(FORCE, TIME))
     report["reaction"] = frames.reaction[cut] / force
     report["deformation"] = state.deformation / units.length

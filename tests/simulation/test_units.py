@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.simulation.planar.workspace import recorded as memory
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 
@@ -180,7 +181,7 @@ def test_random_scenes_run() -> None:
     for model in MOVING:
         runs = [taken(rw.load(random_scene(number)), model, None, Units()) for number in range(0, 200, 10)]
         long = [run for run in runs if run.steps > 5]
-        touching = [run for run in long if run.workspace is not None and run.workspace.frames.mode.any()]
+        touching = [run for run in long if run.workspace is not None and memory(run.workspace, "modes").any()]
         assert len(long) >= 10 and len(touching) >= 3, (model.name, len(long), len(touching))
 
 

@@ -11,12 +11,14 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate
 from rungwise.contact.step import ContactProblem
+from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
-from rungwise.simulation.planar.workspace import Workspace
+from rungwise.simulation.planar.workspace import Workspace, in_memory
+from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
     import xarray
@@ -28,18 +30,19 @@ if TYPE_CHECKING:
 class Run:
     """The end of a run and its record.
 
-    `motion` holds the preferred velocities (see `Simulation`); `final` maps body -> coordinate -> value;
-    `worst_residual` is the largest scaled residual of a step that counts as solved; `problem` is the problem
-    of the last step, where it had no solution, and `certificate` proves a jam or a missing support; `hard`
-    holds the saved hard steps, if asked for; `wall_s` is the time that steps took, without compilation;
-    `workspace` holds the arrays as the run left them; `notes` are remarks on changes, omissions and oddities,
-    a line each (see `simulation.remarks`).
+    `motion` holds the preferred velocities, `theta` is the theta in use (see `Simulation`); `final` maps
+    body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that counts as
+    solved; `problem` is the problem of the last step, where it had no solution, and `certificate` proves a
+    jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s` is the time that steps
+    took, without compilation; `workspace` holds the arrays as the run left them; `notes` are remarks on
+    changes, omissions and oddities, a line each (see `simulation.remarks`).
     """
 
     scene: Scene
     model: Rung
     parameters: dict[str, float]
     motion: dict[str, float]
+    theta: float
     outcome: Outcome
     reason: str
     time: float
@@ -72,14 +75,34 @@ class Run:
         """
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["gained"])
 
+    @property
+    def state(self) -> State:
+        """The state at the end of the run. Raises ValueError for a run that never began."""
+        if self.workspace is None:
+            raise ValueError(f"the run did not begin: {self.reason}")
+        return self._state(self.workspace.state.memory.copy(), digest(self.scene))
+
+    @property
+    def states(self) -> list[State]:
+        """The states of the recorded frames, in the order of `trajectory.time`."""
+        if self.workspace is None:
+            return []
+        count, scene = int(self.workspace.state.clock[0]["frames"]), digest(self.scene)
+        return [self._state(memory.copy(), scene) for memory in self.workspace.frames.memory[:count]]
+
+    def _state(self, memory: Reals, scene: str) -> State:
+        assert self.workspace is not None
+        clock, q, v = (in_memory(self.workspace.state, name, memory[None])[0] for name in ("clock", "q", "v"))
+        time = float(clock[0]["time"])
+        kept = Memory(memory, scene, self.model, self.theta)
+        return State(self.scene.template.coordinates, q, v, time, kept)
+
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
         if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        frames, clock = self.workspace.frames, self.workspace.state.clock[0]
-        labels = _pair_labels(self.scene)
-        data = trajectory.dataset(self.scene, self.model, frames, int(clock["frames"]), labels)
+        data = trajectory.dataset(self.scene, self.model, self.workspace, _pair_labels(self.scene))
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
 
     def summary(self) -> dict[str, object]:

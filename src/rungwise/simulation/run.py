@@ -22,7 +22,10 @@ from rungwise.simulation.options import MANY, ModelError, check_options, count, 
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.remarks import remarks
+from rungwise.simulation.restart import begin_at
 from rungwise.simulation.result import Run
+from rungwise.simulation.state import State, check_state
+from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
     from rungwise.simulation.hard import HardSteps
@@ -54,6 +57,8 @@ class Simulation:
             the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
             not given, nearest to zero: the slowest. See `simulation.planar.choice`.
+        state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
+            end of the run) are not part of it.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -71,6 +76,7 @@ class Simulation:
         duration: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
+        state: State | None = None,
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
@@ -82,6 +88,8 @@ class Simulation:
         stride = None if stride is None else count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
         preferred = preferences(self.scene, self.model, motion)
+        if state is not None:
+            check_state(state, self.scene)
         self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
@@ -128,13 +136,21 @@ class Simulation:
         if stride is None:
             steps = float(self._control[0]["duration"]) / float(self._control[0]["step"])
             stride = 1 if tol is not None else math.ceil(min(steps / frames, MANY))
-        self.workspace.state.clock["stride"] = stride
         self.workspace.state.prefer[:] = preferred
         template = self.scene.template
         conditions = template.conditions
         self._timed = template.timed_numbers()
         self._conditions = (conditions.code, conditions.constants, conditions.table)
-        code = loop.begin(self._bound.records, self._rung, self._control, self.workspace)
+        records = self._bound.records
+        if state is None:
+            start(records, self.workspace.state.q, self.workspace.state.v)
+            code = loop.begin(records, self._rung, self._control, self.workspace)
+        else:
+            end = float(self._control[0]["duration"])
+            if not state.time < end:
+                raise ModelError(f"time: the run ends at {end:g}, and the state is of {state.time:g}")
+            code = begin_at(state, self.scene, records, self._rung, self._control, self.workspace)
+        self.workspace.state.clock["stride"] = stride
         if code == Code.INVALID:
             self.outcome, self.reason = Code.INVALID, self._overlap()
 
@@ -142,6 +158,11 @@ class Simulation:
     def time(self) -> float:
         """Simulated time so far."""
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
+
+    @property
+    def state(self) -> State:
+        """The state that the run has come to. Raises ValueError for a run that cannot begin."""
+        return self.result().state
 
     @property
     def progress(self) -> float:
@@ -201,6 +222,7 @@ class Simulation:
             model=self.model,
             parameters=self.parameters,
             motion=self.motion,
+            theta=float(self._rung[0]["theta"]) if self.workspace is not None else self.theta,
             outcome=OUTCOMES[self.outcome],
             reason=self.reason or OUTCOMES[self.outcome].meaning,
             time=self.time,
@@ -235,7 +257,7 @@ class Simulation:
         slot = int(self.workspace.scratch.undefined[0])
         checks = self.scene.template.checks
         path = checks.paths[checks.slots.tolist().index(slot)]
-        value, now = self._bound.buffer[slot], self._bound.values[len(self.parameters)]
+        value, now = self._bound.buffer[slot], self.workspace.state.values[len(self.parameters)]
         return f"{path}: must be finite, not {value:g}, at t = {now:g}"
 
     def _explain(self) -> None:

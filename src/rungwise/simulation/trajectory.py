@@ -14,21 +14,21 @@ import numpy as np
 
 from rungwise.contact.step import NAMES
 from rungwise.plain import json_text
-from rungwise.simulation.planar.workspace import SCALARS
+from rungwise.simulation.planar.workspace import SCALARS, recorded
 
 if TYPE_CHECKING:
     import xarray
 
     from rungwise.models.ladder import Rung
     from rungwise.scene import Scene
-    from rungwise.simulation.planar.workspace import Frames
+    from rungwise.simulation.planar.workspace import Workspace
 
 MEASURES = ("along", "across", "angle")
 STORE = "trajectory.zarr"
 SUMMARY = "run.json"
 
 
-def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[str]) -> xarray.Dataset:
+def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -> xarray.Dataset:
     """Recorded frames with named coordinates.
 
     Variables over `time`: position and velocity per coordinate, gap per contact, mode per contact point (two
@@ -46,12 +46,12 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     points = [f"{pair}/{k}" for pair in pairs for k in (0, 1)]
     measures = [f"{joint}.{measure}" for joint in template.joints for measure in MEASURES]
     points += [f"{name}/{side}" for name in (*template.coordinates, *measures) for side in ("lower", "upper")]
-    cut = slice(0, count)
+    frames, cut = workspace.frames, slice(0, int(workspace.state.clock[0]["frames"]))
     variables: dict[str, Any] = {
-        "position": (("time", "coordinate"), frames.q[cut]),
-        "velocity": (("time", "coordinate"), frames.v[cut]),
-        "gap": (("time", "contact"), frames.gap[cut]),
-        "mode": (("time", "point"), frames.mode[cut].astype(np.int8), {"flags": list(NAMES)}),
+        "position": (("time", "coordinate"), recorded(workspace, "q")),
+        "velocity": (("time", "coordinate"), recorded(workspace, "v")),
+        "gap": (("time", "contact"), recorded(workspace, "gaps")),
+        "mode": (("time", "point"), recorded(workspace, "modes").astype(np.int8), {"flags": list(NAMES)}),
     }
     if measures:
         variables["joint_position"] = (("time", "measure"), frames.joint[cut])
@@ -60,14 +60,15 @@ def dataset(scene: Scene, model: Rung, frames: Frames, count: int, pairs: list[s
     if model.loads:
         variables["drive_force"] = (("time", "coordinate"), frames.reaction[cut])
         impacts = model.inertia > 0.0 and not model.compliant
-        name, values = ("contact_impulse", frames.impulse) if impacts else ("contact_force", frames.force)
-        variables[name] = (("time", "point", "direction"), values[cut])
+        name = "contact_impulse" if impacts else "contact_force"
+        values = frames.impulse[cut] if impacts else recorded(workspace, "force")
+        variables[name] = (("time", "point", "direction"), values)
     for k, name in enumerate(SCALARS):
         variables[name] = (("time",), frames.scalars[cut, k])
     return xr.Dataset(
         {name: (value[0], np.array(value[1]), *value[2:]) for name, value in variables.items()},
         coords={
-            "time": np.array(frames.time[cut]),
+            "time": recorded(workspace, "time"),
             "coordinate": _labels(template.coordinates),
             "contact": _labels(contacts),
             "point": _labels(points),

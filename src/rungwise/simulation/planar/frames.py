@@ -19,7 +19,7 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
     clock.since += 1
     if not always and clock.since < clock.stride:
         return
-    if clock.frames == frames.time.shape[0]:
+    if clock.frames == frames.memory.shape[0]:
         if clock.frames % 2 == 0:
             for slot in range(state.impulse.shape[0]):
                 for i in range(state.impulse.shape[1]):
@@ -28,12 +28,7 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
         clock.frames = (clock.frames + 1) // 2
         clock.stride *= 2
     k = clock.frames
-    frames.time[k] = clock.time
-    copy(state.q, frames.q[k])
-    copy(state.v, frames.v[k])
-    copy(state.manifolds.gaps, frames.gap[k])
-    copy(state.modes, frames.mode[k])
-    copy(state.force, frames.force[k])
+    copy(state.memory, frames.memory[k])
     copy(state.impulse, frames.impulse[k])
     copy(state.reaction, frames.reaction[k])
     if records.joints.shape[0] > 0:
@@ -49,18 +44,13 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
 @rare_kernel
 def _thin(frames: Frames) -> None:
     """Drop every other frame; impulses of a dropped frame go to the next one kept."""
-    count = frames.time.shape[0]
+    count = frames.memory.shape[0]
     for k in range(2, count, 2):
         for slot in range(frames.impulse.shape[1]):
             for i in range(frames.impulse.shape[2]):
                 frames.impulse[k, slot, i] += frames.impulse[k - 1, slot, i]
     for k in range(1, (count + 1) // 2):
-        frames.time[k] = frames.time[2 * k]
-        copy(frames.q[2 * k], frames.q[k])
-        copy(frames.v[2 * k], frames.v[k])
-        copy(frames.gap[2 * k], frames.gap[k])
-        copy(frames.mode[2 * k], frames.mode[k])
-        copy(frames.force[2 * k], frames.force[k])
+        copy(frames.memory[2 * k], frames.memory[k])
         copy(frames.impulse[2 * k], frames.impulse[k])
         copy(frames.reaction[2 * k], frames.reaction[k])
         copy(frames.joint[2 * k], frames.joint[k])

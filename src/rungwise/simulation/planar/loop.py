@@ -41,7 +41,7 @@ from rungwise.simulation.planar.verdicts import (
 from rungwise.simulation.planar.workspace import ROUNDING, Conditions, State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
-from rungwise.system.planar.place import place, start
+from rungwise.system.planar.place import place
 from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART, METRIC
 
@@ -54,10 +54,10 @@ PAUSE = 2.0
 
 @kernel
 def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> int:
-    """State at t = 0; returns RUNNING, a verdict that holds at once, or INVALID when bodies overlap."""
+    """Prepare a run from q and v at t = 0; returns RUNNING, or INVALID when bodies overlap or joints are open
+    there."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    start(records, state.q, state.v)
     copy(state.q, state.start)
     n = state.q.shape[0]
     clock.free = 0
@@ -91,10 +91,10 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
             clock.smallest = min(clock.smallest, reach)
             clock.reach = max(clock.reach, reach)
     clock.thin = thinnest(records)
-    extent, pose = clock.reach, state.placed.pose
+    clock.extent, pose = clock.reach, state.placed.pose
     for b in range(records.bodies.shape[0]):
-        extent = max(extent, abs(pose[b, 0]), abs(pose[b, 1]))
-    terms.rounding[0] = ROUNDING * extent
+        clock.extent = max(clock.extent, abs(pose[b, 0]), abs(pose[b, 1]))
+    terms.rounding[0] = ROUNDING * clock.extent
     terms.pause[0] = PAUSE * control[0].step
     terms.low[0] = control[0].error if control[0].error > 0.0 else math.inf
     clock.margin = control[0].tolerance
@@ -137,7 +137,7 @@ def advance(
     """
     state = workspace.state
     clock = state.clock[0]
-    if clock.steps == 0 and clock.frames == 0:
+    if clock.frames == 0:
         clock.outcome = judge(conditions, state, workspace.scratch)
         record(records, rung, workspace, True)
     for _ in range(turns):

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.nearby import look
-from rungwise.simulation.planar.workspace import Snapshot, State, Workspace
+from rungwise.simulation.planar.verdicts import RUNNING
+from rungwise.simulation.planar.workspace import ROUNDING, Snapshot, State, Workspace
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART
@@ -67,6 +68,22 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
             state.deformation[slot, i] = saved.deformation[slot, i]
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
+
+
+@kernel
+def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
+    """Go on from the memory of an accepted step of the same scene, rung and parameters, in a workspace that
+    was prepared; steps count from here."""
+    state = workspace.state
+    copy(memory, state.memory)
+    place(records, state.q, state.placed, False)
+    look(records, workspace, state.v)
+    copy(memory, state.memory)
+    clock = state.clock[0]
+    workspace.terms.rounding[0] = ROUNDING * clock.extent
+    clock.steps = clock.attempts = clock.frames = clock.since = 0
+    clock.outcome = RUNNING
+    clock.worst_residual = 0.0
 
 
 @kernel

@@ -14,6 +14,7 @@ from rungwise.simulation.planar.loop import begin, run_step
 from rungwise.simulation.planar.memory import clear
 from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
 from rungwise.simulation.planar.workspace import Conditions, Workspace
+from rungwise.system.planar.place import start
 
 RESULT = record_type("outcome steps attempts", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""
@@ -106,6 +107,7 @@ def _run(
         return INVALID
     _set_control(options, place)
     clear(workspace, programs.blank)
+    start(place.records, state.q, state.v)
     if begin(place.records, rung, control, workspace) == INVALID:
         return INVALID
     outcome = judge(conditions, state, scratch)

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+import math
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.contact.step import ContactProblem, allocate_problem
+from rungwise.contact.step import STICK, ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
 from rungwise.simulation.core import state as core
 from rungwise.system.planar.corners import Course, allocate_course
-from rungwise.system.planar.manifold import Manifolds, allocate_manifolds
+from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds
 from rungwise.system.planar.place import Placement, allocate_placement
 from rungwise.system.planar.seams import Seams, allocate_seams
 from rungwise.system.terms import Terms, allocate_terms
@@ -26,17 +28,18 @@ ROUNDING = 1e-12
 
 CLOCK = record_type(
     core.COUNTS + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps",
-    core.TIMES + " taken next margin near least_gap worst_residual reach smallest thin gained leap leap_time"
+    core.TIMES
+    + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
 contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
-lever arm, `smallest` the least reach of a shape, `thin` the thickness of the thinnest pair. `gained` is
-energy that bounces added. In the step of `leap_step` up to `leap_time` the servo of coordinate `leaper` moved
-it by `leap`, farther than in any other (kinematic rung). `jumps` counts jumps of velocity without a
-collision, the first at `jump_time`; `shake` is the last acceleration, in the norm of the inertia. `stray` is
-the widest gap of a contact that carried load in the step to its end (see `planar.strays`), of `stray_step`
-from `stray_time`."""
+lever arm, `extent` the farthest distance at the start, `smallest` the least reach of a shape, `thin` the
+thickness of the thinnest pair. `gained` is energy that bounces added. In the step of `leap_step` up to
+`leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
+`jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
+acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
+to its end (see `planar.strays`), of `stray_step` from `stray_time`."""
 
 CONTROL = record_type("", "step longest duration tolerance error jam")
 """step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
@@ -54,9 +57,11 @@ class State(core.State):
     each pair of shapes, then two travel limits for each coordinate and for each measure of a joint; the
     deformations and modes of the first ones are those of the manifolds, in the same memory. `prefer` (n,):
     preferred velocities in multiples of the pace (see `planar.choice`), zero for the slowest motion; `wish`
-    the same as velocities, while a motion is chosen.
+    the same as velocities, while a motion is chosen. `memory` is all that a step hands on to the next, in one
+    array: the clock, `values`, `start`, `recent`, and what belongs to slots and limited rows are views of it.
     """
 
+    memory: Reals
     values: Reals
     q: Reals
     pushes: Reals
@@ -108,14 +113,10 @@ class Snapshot(Block):
 
 
 class Frames(Block):
-    """Recorded states; when full, every other frame is dropped and the stride doubles."""
+    """Recorded states, each the memory of the run then, with the impulses of slots since the frame before;
+    when full, every other frame is dropped and the stride doubles."""
 
-    time: Reals
-    q: Reals
-    v: Reals
-    gap: Reals
-    mode: Ints
-    force: Reals
+    memory: Reals
     impulse: Reals
     reaction: Reals
     joint: Reals
@@ -145,6 +146,49 @@ class Workspace(Block):
     frames: Frames
 
 
+def recorded(workspace: Workspace, name: str) -> NDArray[Any]:
+    """A field of the memory over the recorded frames (see `in_memory`)."""
+    memories = workspace.frames.memory[: int(workspace.state.clock[0]["frames"])]
+    return in_memory(workspace.state, name, memories)
+
+
+def in_memory(state: State, name: str, memories: Reals) -> NDArray[Any]:
+    """A field of memories (m, w) of a state like this one, by its name in `State`, in `Manifolds` or in the
+    clock. Pickled states are copies whose fields are no views any more: the order of the fields decides."""
+    if name in (CLOCK.names or ()):
+        return np.asarray(in_memory(state, "clock", memories)[:, 0][name])
+    m, values = state.manifolds, state.values
+    first = (
+        len(values) - 1 - sum(part.size for part in (state.q, state.v, m.gaps, state.pushes, state.impulses))
+    )
+    fields = {
+        "clock": state.clock, "before": values[:first], "q": state.q, "v": state.v, "gaps": m.gaps,
+        "pushes": state.pushes, "impulses": state.impulses, "after": values[-1:], "start": state.start,
+        "recent": state.recent, "features": m.features, "points": m.points, "deformation": state.deformation,
+        "modes": state.modes, "force": state.force,
+    }  # fmt: skip
+    if name == "values":
+        at = state.clock.nbytes // 8
+        return np.ascontiguousarray(memories[:, at : at + len(values)])
+    at = sum(field.nbytes // 8 for field in list(fields.values())[: list(fields).index(name)])
+    own = fields[name]
+    part = np.ascontiguousarray(memories[:, at : at + own.nbytes // 8])
+    return part.view(own.dtype).reshape(len(part), *own.shape)
+
+
+def _in_one_array(
+    fields: dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]],
+) -> tuple[Reals, dict[str, NDArray[Any]]]:
+    """An array of zeros, and fields of these shapes and types, whose elements are 8 bytes long or several
+    times that, as views of it."""
+    length = {name: math.prod(shape) * np.dtype(kind).itemsize // 8 for name, (shape, kind) in fields.items()}
+    memory, views, at = np.zeros(sum(length.values())), {}, 0
+    for name, (shape, kind) in fields.items():
+        views[name] = memory[at : at + length[name]].view(kind).reshape(shape)
+        at += length[name]
+    return memory, views
+
+
 def allocate(records: Records, values: Reals, parameters: int, frames: int, noted: bool = False) -> Workspace:
     """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them.
 
@@ -156,28 +200,49 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
     at = parameters + 1
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
-    carried = core.state_arrays(n, slots)
+    memory, carried = _in_one_array(
+        {  # in the order of `in_memory`
+            "clock": ((1,), CLOCK),
+            "values": (values.shape, np.float64),
+            "start": ((n,), np.float64),
+            "recent": ((2, contacts), np.float64),
+            "features": ((2 * pairs,), np.int64),
+            "points": ((2 * pairs, 5), np.float64),
+            "deformation": ((slots, d), np.float64),
+            "modes": ((slots,), np.int64),
+            "force": ((slots, d), np.float64),
+            "limited_mode": ((limited,), np.int64),
+            "limited_force": ((limited,), np.float64),
+        }
+    )
+    carried["values"][:], carried["features"][:], carried["limited_mode"][:] = values, ABSENT, STICK
+    values = carried["values"]
     state = State(
-        clock=np.zeros(1, CLOCK),
+        clock=carried["clock"],
         v=values[at + n : at + 2 * n],
-        **carried,
+        **core.state_arrays(n, slots, d)
+        | {name: carried[name] for name in ("deformation", "modes", "force")},
+        memory=memory,
         values=values,
         q=values[at : at + n],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
-        recent=np.zeros((2, contacts)),
-        start=np.zeros(n),
+        recent=carried["recent"],
+        start=carried["start"],
         prefer=np.zeros(n),
         placed=allocate_placement(records),
         manifolds=allocate_manifolds(
             records,
+            features=carried["features"],
+            points=carried["points"],
             deformation=carried["deformation"][: 2 * pairs],
             modes=carried["modes"][: 2 * pairs],
             gaps=values[at + 2 * n : at + 2 * n + contacts],
         ),
     )
     scratch = Scratch(
-        **core.scratch_arrays(n, rows, limited, notes),
+        **core.scratch_arrays(n, rows, limited, notes)
+        | {name: carried[name] for name in ("limited_mode", "limited_force")},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
         probe=np.zeros((2, 5)),
@@ -205,12 +270,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         for _ in range(2)
     )
     recorded = Frames(
-        time=np.zeros(frames),
-        q=np.zeros((frames, n)),
-        v=np.zeros((frames, n)),
-        gap=np.zeros((frames, contacts)),
-        mode=np.zeros((frames, slots), np.int64),
-        force=np.zeros((frames, slots, d)),
+        memory=np.zeros((frames, len(memory))),
         impulse=np.zeros((frames, slots, d)),
         reaction=np.zeros((frames, n)),
         joint=np.zeros((frames, len(records.measures))),
