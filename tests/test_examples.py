@@ -141,8 +141,9 @@ def test_python_of_the_documentation_runs_and_prints(
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     assert blocks
     monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
     for block in blocks:
-        exec(compile(block, page, "exec"), {})
+        exec(compile(block, page, "exec"), names)
     said = capsys.readouterr().out
     assert printed in said
     if page != "README.md":

@@ -38,6 +38,7 @@ from .simulation.batch import Batch, Results
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.options import ModelError
+from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
 from .simulation.run import Simulation, simulate
 from .simulation.state import State, StateError, load_state
@@ -54,6 +55,7 @@ __all__ = [
     "OUTCOMES",
     "QUASISTATIC_COMPLIANT",
     "QUASISTATIC_RIGID",
+    "Answers",
     "Batch",
     "Between",
     "Closure",
@@ -61,6 +63,7 @@ __all__ = [
     "ContactSolution",
     "DoomedSet",
     "FeasibleSet",
+    "Geometry",
     "InvalidScene",
     "Kind",
     "Label",
@@ -81,16 +84,19 @@ __all__ = [
     "Solutions",
     "State",
     "StateError",
+    "States",
     "Status",
     "StepSensitivity",
     "Touching",
     "ViewError",
+    "ask",
     "between",
     "doomed_set",
     "extreme_motions",
     "feasible_set",
     "force_closure",
     "form_closure",
+    "geometry",
     "load",
     "load_doomed_set",
     "load_run",

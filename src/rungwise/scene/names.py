@@ -43,7 +43,7 @@ class Names:
         if text is None:
             return Code()
         try:
-            return compile_expression(text, self._of_state, self._listed_state, condition=True)
+            return compile_expression(text, self.of_state, self._listed_state, condition=True)
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
 
@@ -52,7 +52,8 @@ class Names:
         names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
         return listed(names)
 
-    def _of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
+    def of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
+        """The slot of a name, or of a function of names, that conditions read; None if there is none."""
         time = len(self.parameters)
         n, contacts = len(self.coordinates), len(self.contacts)
         if function in ("", "speed") and len(dotted) == 1:

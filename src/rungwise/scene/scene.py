@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -23,6 +23,9 @@ from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
 from rungwise.scene.values import shown
+
+if TYPE_CHECKING:
+    import rungwise
 
 MAX_FILE = 2_000_000
 LIBRARY = files("rungwise.scene") / "library"
@@ -69,6 +72,14 @@ class Scene:
                 raise SceneError(f"parameters: unknown {shown(name)}; valid: {', '.join(known) or 'none'}")
             values[name] = _parameter(f"parameters.{name}", value, known[name])
         return values
+
+    def goal(
+        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
+    ) -> rungwise.Answers:
+        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
+        import rungwise
+
+        return rungwise.ask(self, "goal", states, parameters)
 
     def bind(self, given: Mapping[str, float] | None = None) -> Bound:
         """All numbers at these parameters. Raises InvalidScene, naming the field, when the scene is

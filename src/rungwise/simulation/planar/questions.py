@@ -1,0 +1,49 @@
+"""Questions about many states: gaps, poses, and values of conditions' terms."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Reals, copy, kernel
+from rungwise.scene.expression import evaluate
+from rungwise.scene.records import Records
+from rungwise.simulation.planar.nearby import look
+from rungwise.simulation.planar.verdicts import time_slot
+from rungwise.simulation.planar.workspace import Conditions, Workspace
+from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.place import place
+
+
+@kernel
+def answer(
+    records: Records,
+    terms: Conditions,
+    workspace: Workspace,
+    q: Reals,
+    v: Reals,
+    rest: Reals,
+    values: Reals,
+    gaps: Reals,
+    poses: Reals,
+) -> None:
+    """At each state, fill in the terms' values (m, k), gaps of contacts (m, c) and poses of bodies
+    (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c) holds the time, and forces and impulses of contacts."""
+    state = workspace.state
+    clock, contacts = state.clock[0], gaps.shape[1]
+    for i in range(q.shape[0]):
+        copy(q[i], state.q)
+        copy(v[i], state.v)
+        state.values[time_slot(state)] = rest[i, 0]
+        copy(rest[i, 1 : 1 + contacts], state.pushes)
+        copy(rest[i, 1 + contacts :], state.impulses)
+        state.manifolds.features[:] = ABSENT
+        clock.margin, clock.tried, clock.next = math.inf, 0.0, 0.0
+        place(records, state.q, state.placed, False)
+        look(records, workspace, state.v)
+        copy(state.manifolds.gaps, gaps[i])
+        copy(state.placed.pose, poses[i])
+        code, constants, table = terms
+        for k in range(values.shape[1]):
+            values[i, k] = evaluate(
+                code, constants, table[k, 0], table[k, 1], state.values, workspace.scratch.stack
+            )

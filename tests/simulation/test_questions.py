@@ -1,0 +1,131 @@
+"""Conditions, gaps and poses at given states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+
+from .conftest import MOVING
+from .random_scenes import random_scene
+
+SCENE = rw.load("two_finger")
+"""Fingers come down at x = -+1/2 from y = 2, and meet the faces of a triangle of slope 1."""
+
+
+def test_the_goal_of_a_run_is_the_goal_of_its_last_state() -> None:
+    for v2 in (0.4, 0.7, 1.0):
+        run = rw.simulate(SCENE, rw.QUASISTATIC_RIGID, parameters={"v2": v2})
+        found = SCENE.goal(run.states, {"v2": v2})
+        assert not found.holds[:-1].any() and bool(found.holds[-1]) == (str(run.outcome) == "goal")
+        assert (found.holds == (found.margin >= 0.0)).all()
+        doomed = rw.ask(SCENE, "doomed", run.states, {"v2": v2})
+        assert bool(doomed.holds[-1]) == (str(run.outcome) == "doomed")
+
+
+def test_forces_and_impulses_are_those_of_the_run() -> None:
+    run = rw.simulate(SCENE, rw.DYNAMIC_COMPLIANT, parameters={"v2": 0.7}, frames=50)
+    found = rw.ask(
+        SCENE, "force(finger1, part) >= 0 and impulse(part, finger1) >= 0", run.states, {"v2": 0.7}
+    )
+    pushed = run.trajectory.contact_force.sel(direction="normal").values[:, :2].sum(axis=1)
+    assert found.values[:, 0] == pytest.approx(pushed, abs=1e-9)
+    assert found.values[-1, 1] > 0.0 and found.units == ("force", "impulse")
+    assert rw.ask(SCENE, "force(finger1, part) > 0", rw.State.of(SCENE)).holds.tolist() == [False]
+
+
+def test_gaps_and_poses() -> None:
+    """A finger above the middle of a face of slope 1: the nearest point is the triangle's apex at first."""
+    heights = np.linspace(0.0, 2.0, 9)
+    places = np.stack([heights, np.zeros(9), np.zeros(9)], axis=1)
+    found = rw.geometry(SCENE, places)
+    exact = np.where(heights < 0.5, np.hypot(0.5, 1.0 - heights), (1.5 - heights) / np.sqrt(2.0))
+    gaps = found.gaps[:, found.contacts.index(("finger1", "part"))]
+    assert gaps[:7] == pytest.approx(exact[:7], abs=1e-12)
+    assert (found.collides == ((heights > 1.5) & (heights < 2.0))).all()
+    assert found.poses[:, found.bodies.index("finger1"), 1] == pytest.approx(2.0 - heights)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_gaps_at_states_are_the_gaps_of_the_run(model: rw.Rung) -> None:
+    """Whatever order they are asked in."""
+    for name in ("four_finger", "blocks", "two_link"):
+        scene = rw.load(name)
+        simulation = rw.Simulation(scene, model, stride=1, frames=100)
+        simulation._turn = 60
+        simulation.advance()
+        run = simulation.result()
+        gaps, states = run.trajectory.gap.values, run.states
+        near = gaps < 1e-3
+        found = rw.geometry(scene, states).gaps
+        assert found[near] == pytest.approx(gaps[near], abs=1e-12)
+        assert (found >= gaps - 1e-12).all()
+        assert np.array_equal(rw.geometry(scene, states[::-1]).gaps[::-1], found)
+        assert np.array_equal(rw.geometry(scene, np.array([s.q for s in states])).gaps, found)
+
+
+def test_random_scenes_are_asked() -> None:
+    for number in range(0, 200, 5):
+        scene = rw.load(random_scene(number))
+        found = rw.geometry(scene, rw.State.of(scene))
+        assert np.isfinite(found.poses).all() and not np.isnan(found.gaps).any()
+
+
+def test_terms_have_units_and_scales() -> None:
+    text = (
+        "not (gap(part, finger1) < 0.2 or part.x3 * part.x3 > 1) and force(finger1, part) >= 2"
+        " and 0 <= t <= 3 and speed(part.x3) / 2 <= sqrt(v1 * v1) and mu <= 0.5 and part.x3 ** 3 < mu"
+    )
+    found = rw.ask(SCENE, text, rw.State.of(SCENE))
+    assert found.units == (
+        "length", "length^2", "force", "time", "time", "speed", "number", "length^3",
+    )  # fmt: skip
+    assert found.terms[:2] == ("gap(part, finger1) < 0.2", "part.x3 * part.x3 > 1")
+    length, time = found.scales[0], found.scales[3]
+    assert found.scales[1] == pytest.approx(length**2) and found.scales[5] == pytest.approx(length / time)
+    assert found.margin[0] == pytest.approx((found.values / found.scales)[0, 2]) and not found.holds[0]
+    hinged = rw.load("four_finger")
+    assert rw.ask(hinged, "abs(part.angle) <= 0.2 and speed(part.angle) < 1", rw.State.of(hinged)).units == (
+        "angle", "angular speed",
+    )  # fmt: skip
+
+
+def test_a_margin_does_not_depend_on_units_of_length() -> None:
+    def margin(size: float) -> np.ndarray[Any, Any]:
+        block = {
+            "role": "object", "mass": 1.0, "shape": {"kind": "box", "width": size, "height": size},
+            "motion": {"kind": "free"}, "pose": {"x": 3.0 * size},
+        }  # fmt: skip
+        wall = {"role": "obstacle", "shape": {"kind": "box", "width": size, "height": size}}
+        scene = rw.load(
+            {
+                "name": "block", "bodies": {"block": block, "wall": wall},
+                "contacts": [{"between": ["block", "wall"]}],
+                "goal": f"gap(block, wall) <= {0.1 * size} and abs(block.angle) <= 0.1 and t >= 0",
+            }
+        )  # fmt: skip
+        turned = rw.State.of(scene, {"block.angle": 0.5})
+        found = scene.goal([rw.State.of(scene), turned])
+        assert found.units == ("length", "angle", "time")
+        return found.margin
+
+    assert margin(1e-6) == pytest.approx(margin(1.0), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "condition, states, text",
+    [
+        ("part.x4 > 0", rw.State.of(SCENE), r"condition: unknown name part\.x4; valid: "),
+        ("unsafe", rw.State.of(SCENE), r"unsafe: the scene states none"),
+        ("goal", np.zeros((2, 2)), r"states: must have the shape \(m, 3\), not \(2, 2\)"),
+        ("goal", np.full((2, 3), np.nan), r"states: row 0 is not finite"),
+        ("goal", 7, r"states: must be states, or an array of places, not 7"),
+        ("goal", [7], r"state: must be a State, not 7"),
+    ],
+)
+def test_wrong_input(condition: str, states: Any, text: str) -> None:
+    with pytest.raises((rw.SceneError, rw.StateError), match=text):
+        rw.ask(SCENE, condition, states)
