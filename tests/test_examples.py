@@ -66,6 +66,8 @@ def test_sensitivities_of_a_push_are_the_differences_of_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     example = script("examples/sensitivity.py", monkeypatch)
+    monkeypatch.setattr(example, "STEP", 2.0 * example.STEP)
+    monkeypatch.setattr(example, "STEPS", example.STEPS // 2)
     assert example.main(["--json"], models=(rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)) == 0
     rigid, compliant = json.loads(capsys.readouterr().out)["rows"]
     assert rigid["derivatives"] == pytest.approx([1.5, 0.0, 0.0], abs=1e-9)

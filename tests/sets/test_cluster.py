@@ -150,20 +150,21 @@ def test_a_worker_that_fails_is_named(farm: Farm, monkeypatch: pytest.MonkeyPatc
         grasp(cluster=farm.address)
 
 
-def test_no_scheduler_is_one_line() -> None:
-    for address in ("tcp://127.0.0.1:9", "nonsense"):
-        done = subprocess.run(
-            [
-                sys.executable, "-m", "rungwise", "sets", "two_finger", "--model", "kinematic",
-                "--over", "v2", "--cluster", address,
-            ],
-            capture_output=True, text=True, timeout=120,
-        )  # fmt: skip
-        assert done.returncode == 2 and done.stdout == ""
-        assert (
-            done.stderr.startswith("rungwise: cluster: no scheduler answers at")
-            and done.stderr.count("\n") == 1
-        )
+def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    done = subprocess.run(
+        [
+            sys.executable, "-m", "rungwise", "sets", "two_finger", "--model", "kinematic",
+            "--over", "v2", "--cluster", "nonsense",
+        ],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 2 and done.stdout == ""
+    assert (
+        done.stderr.startswith("rungwise: cluster: no scheduler answers at") and done.stderr.count("\n") == 1
+    )
+    monkeypatch.setattr(module, "CONNECT_S", 0.5)
+    with pytest.raises(rw.SetError, match=r"cluster: no scheduler answers at 'tcp://127\.0\.0\.1:9"):
+        grasp(cluster="tcp://127.0.0.1:9")
 
 
 def test_tasks_take_their_share_of_time() -> None:

@@ -107,7 +107,8 @@ def test_states_by_hand() -> None:
     state = rw.State.of(scene, {"part.x3": 0.1}, time=0.5)
     run = rw.simulate(scene, rw.QUASISTATIC_RIGID, state=state)
     assert run.states[0].time == 0.5 and run.states[0]["part.x3"] == 0.1 == state["part.x3"]
-    assert rw.State.of(scene).time == 0.0
+    assert repr(state) == "State(time=0.5, finger1.x1=0, finger2.x2=0, part.x3=0.1)"
+    assert repr(run.state).endswith(", of a quasistatic-rigid run)")
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,12 @@ class State:
                 values[names.index(name)] = _finite(f"state.{field}.{name}", value)
         return cls(names, places, speeds, _finite("state.time", time))
 
+    def __repr__(self) -> str:
+        places = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.names[:8], self.q, strict=False))
+        more = ", ..." if len(self.names) > 8 else ""
+        run = "" if self.memory is None else f", of a {self.memory.model.name} run"
+        return f"State(time={self.time:.6g}, {places}{more}{run})"
+
     def __getitem__(self, name: str) -> float:
         """The place of a coordinate."""
         if name not in self.names:
