@@ -32,7 +32,8 @@ def begin_at(
     now, memory = workspace.state, state.memory
     if memory is not None and memory.scene != digest(scene):
         memory = None  # its contacts belong to other shapes
-    _check_travel(state, records)
+    if memory is None:
+        _check_travel(state, records)
     now.q[:], now.v[:] = state.q, state.v
     code = Code(begin(records, rung, control, workspace))
     if memory is not None and _continues(memory, rung, len(scene.template.parameters), workspace):
