@@ -120,12 +120,23 @@ def test_a_margin_does_not_depend_on_units_of_length() -> None:
     [
         ("part.x4 > 0", rw.State.of(SCENE), r"condition: unknown name part\.x4; valid: "),
         ("unsafe", rw.State.of(SCENE), r"unsafe: the scene states none"),
+        (5, rw.State.of(SCENE), r"condition: must be text, not 5"),
         ("goal", np.zeros((2, 2)), r"states: must have the shape \(m, 3\), not \(2, 2\)"),
         ("goal", np.full((2, 3), np.nan), r"states: row 0 is not finite"),
         ("goal", 7, r"states: must be states, or an array of places, not 7"),
         ("goal", [7], r"state: must be a State, not 7"),
     ],
 )
-def test_wrong_input(condition: str, states: Any, text: str) -> None:
+def test_wrong_input(condition: Any, states: Any, text: str) -> None:
     with pytest.raises((rw.SceneError, rw.StateError), match=text):
         rw.ask(SCENE, condition, states)
+
+
+def test_scenes_without_motion_and_no_states() -> None:
+    still = rw.load(
+        {"name": "wall", "bodies": {"wall": {"role": "obstacle", "shape": {"kind": "halfplane"}}}}
+    )
+    found = rw.geometry(still, rw.State.of(still))
+    assert found.gaps.shape == (1, 0) and found.poses.tolist() == [[[0.0, 0.0, 0.0]]]
+    assert found.collides.tolist() == [False]
+    assert rw.ask(SCENE, "goal", []).holds.shape == (0,) and rw.geometry(SCENE, []).gaps.shape == (0, 2)

@@ -68,6 +68,8 @@ def ask(
     StateError for wrong input.
     """
     template = scene.template
+    if not isinstance(condition, str):
+        raise SceneError(f"condition: must be text, not {shown(condition)}")
     text = getattr(scene.file, condition) if condition in ("goal", "unsafe", "doomed") else condition
     if text is None:
         raise SceneError(f"{condition}: the scene states none")
@@ -165,7 +167,10 @@ class _Place:
                 memory = state.memory.values[None]
                 rest[i, 1 : 1 + contacts] = in_memory(self.workspace.state, "pushes", memory)[0]
                 rest[i, 1 + contacts :] = in_memory(self.workspace.state, "impulses", memory)[0]
-        q, v = (np.array([getattr(state, name) for state in many]).reshape(-1, n) for name in ("q", "v"))
+        q, v = (
+            np.array([getattr(state, name) for state in many], float).reshape(len(many), n)
+            for name in ("q", "v")
+        )
         return q, v, rest
 
 
