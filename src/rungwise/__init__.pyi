@@ -37,6 +37,7 @@ from .sets.store import SetError
 from .simulation.batch import Batch, Results
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
+from .simulation.inputs import Schedule, ScheduleError, Segment
 from .simulation.options import ModelError
 from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
@@ -77,6 +78,9 @@ __all__ = [
     "Rung",
     "Scene",
     "SceneError",
+    "Schedule",
+    "ScheduleError",
+    "Segment",
     "Sensitivity",
     "SetError",
     "Simulation",

@@ -19,6 +19,7 @@ WHOLE: dict[str, Any] = {
     "name": "whole",
     "about": "every part of a scene, with every field",
     "parameters": {"p": {"default": 0.5, "range": [0.0, 1.0], "unit": "N*s/m", "about": "any"}},
+    "inputs": ["p"],
     "gravity": [0.0, -9.81],
     "bodies": {
         "tip": {

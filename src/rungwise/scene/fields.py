@@ -336,11 +336,16 @@ class Potential(Strict):
 
 
 class SceneFile(Strict):
-    """A whole scene as written: see `Scene` for one that has been read and checked."""
+    """A whole scene as written: see `Scene` for one that has been read and checked.
+
+    `inputs` are parameters that a schedule may change during a run: timed numbers follow them, all others
+    keep the values of the start.
+    """
 
     name: Name
     about: Text = ""
     parameters: dict[Name, Parameter] = {}
+    inputs: tuple[Name, ...] = ()
     gravity: Pair = (0.0, 0.0)
     bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
     joints: Annotated[dict[Name, Joint], Field(max_length=500)] = {}

@@ -11,8 +11,7 @@ from rungwise.scene.expression import STACK
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import SERVO
 from rungwise.scene.scene import Bound
-from rungwise.simulation.planar.verdicts import time_slot
-from rungwise.simulation.planar.workspace import Workspace
+from rungwise.simulation.planar.workspace import Workspace, time_slot
 from rungwise.system.planar.terms import target
 
 HALVINGS = 60

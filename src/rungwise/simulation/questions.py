@@ -109,7 +109,7 @@ class _Place:
     def __init__(self, scene: Scene, parameters: Mapping[str, float] | None) -> None:
         self.scene, self.bound = scene, scene.bind(parameters)
         records = self.bound.records
-        self.workspace: Workspace = allocate(records, self.bound.values, len(scene.template.parameters), 3)
+        self.workspace: Workspace = allocate(records, self.bound.values, scene.template, 3)
         control = np.zeros(1, CONTROL)
         control["step"], control["tolerance"] = records.world[0]["step"], records.world[0]["tolerance"]
         start(records, self.workspace.state.q, self.workspace.state.v)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
+from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, State, digest
 
@@ -30,18 +31,18 @@ if TYPE_CHECKING:
 class Run:
     """The end of a run and its record.
 
-    `motion` holds the preferred velocities, `theta` is the theta in use (see `Simulation`); `final` maps
-    body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that counts as
-    solved; `problem` is the problem of the last step, where it had no solution, and `certificate` proves a
-    jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s` is the time that steps
-    took, without compilation; `workspace` holds the arrays as the run left them; `notes` are remarks on
-    changes, omissions and oddities, a line each (see `simulation.remarks`).
-    """
+    `motion` holds the preferred velocities, `inputs` the schedule, `theta` is the theta in use (see
+    `Simulation`); `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual
+    of a step that counts as solved; `problem` is the problem of the last step, where it had no solution, and
+    `certificate` proves a jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s`
+    is the time that steps took, without compilation; `workspace` holds the arrays as the run left them;
+    `notes` are remarks on changes, omissions and oddities, a line each (see `simulation.remarks`)."""
 
     scene: Scene
     model: Rung
     parameters: dict[str, float]
     motion: dict[str, float]
+    inputs: tuple[Segment, ...]
     theta: float
     outcome: Outcome
     reason: str
@@ -94,7 +95,7 @@ class Run:
         assert self.workspace is not None
         clock, q, v = (in_memory(self.workspace.state, name, memory[None])[0] for name in ("clock", "q", "v"))
         time = float(clock[0]["time"])
-        kept = Memory(memory, scene, self.model, self.theta)
+        kept = Memory(memory, scene, self.model, self.theta, self.inputs)
         return State(self.scene.template.coordinates, q, v, time, kept)
 
     @cached_property
@@ -112,6 +113,7 @@ class Run:
             "model": self.model.name,
             "parameters": self.parameters,
             "motion": self.motion,
+            "inputs": [asdict(segment) for segment in self.inputs],
             "outcome": str(self.outcome),
             "reason": self.reason,
             "time": self.time,

@@ -15,9 +15,11 @@ from zipfile import BadZipFile
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, Record
 from rungwise.models.ladder import Rung, rung
 from rungwise.scene.values import shown
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.planar.workspace import CLOCK
 
 if TYPE_CHECKING:
     from rungwise.scene import Scene
@@ -32,14 +34,20 @@ class Memory:
     """What a run hands on from step to step beside q and v: contact modes, forces, deformations and the
     features that carry them, the starts of servos, the length of the next step, work and impulses.
 
-    `values` (w,) is the memory of the run as kernels read it; `scene` is the digest of the scene's text, and
-    `model` and `theta` are the run's.
+    `values` (w,) is the memory of the run as kernels read it; `scene` is the digest of the scene's text;
+    `model`, `theta` and the schedule of `inputs` are the run's.
     """
 
     values: Reals
     scene: str
     model: Rung
     theta: float
+    inputs: tuple[Segment, ...] = ()
+
+    @property
+    def clock(self) -> Record:
+        """The clock of the run (see `planar.workspace.CLOCK`)."""
+        return self.values[: CLOCK.itemsize // 8].view(CLOCK)[0]
 
 
 @dataclass(frozen=True, eq=False)

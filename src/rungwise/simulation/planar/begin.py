@@ -1,0 +1,36 @@
+"""Beginning a run at places and speeds that no run has left."""
+
+from __future__ import annotations
+
+from rungwise.kernel import RecordArray, kernel
+from rungwise.scene.records import SERVO, Records
+from rungwise.simulation.planar.loop import CLOSED, begin
+from rungwise.simulation.planar.verdicts import INVALID
+from rungwise.simulation.planar.workspace import Workspace
+
+
+@kernel
+def begin_by_hand(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> int:
+    """Prepare a run from the q, v and time of the state; returns RUNNING, or INVALID when bodies overlap,
+    joints are open or a place is outside its travel. Servos that follow a speed pass through the state."""
+    state = workspace.state
+    if outside_travel(records, workspace) >= 0:
+        return INVALID
+    code = begin(records, rung, control, workspace)
+    for i in range(state.q.shape[0]):
+        c = records.coordinates[i]
+        if c.drive == SERVO and not c.has_target:
+            state.start[i] = state.q[i] - c.target_speed * state.clock[0].time
+    return code
+
+
+@kernel
+def outside_travel(records: Records, workspace: Workspace) -> int:
+    """The first coordinate whose place is outside its travel, or -1."""
+    q = workspace.state.q
+    for i in range(q.shape[0]):
+        c = records.coordinates[i]
+        slack = CLOSED * abs(q[i])
+        if not c.lower - slack <= q[i] <= c.upper + slack:
+            return i
+    return -1
