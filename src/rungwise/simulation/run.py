@@ -16,13 +16,12 @@ from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.simulation import trajectory
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.remarks import remarks
-from rungwise.simulation.restart import begin_at
+from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state
 from rungwise.system.planar.place import start
@@ -145,14 +144,16 @@ class Simulation:
         if state is None:
             start(records, self.workspace.state.q, self.workspace.state.v)
             code = loop.begin(records, self._rung, self._control, self.workspace)
+            if code == Code.INVALID:
+                self.reason = out_of_place(self.scene, records, self.workspace)
         else:
             end = float(self._control[0]["duration"])
             if not state.time < end:
-                raise ModelError(f"time: the run ends at {end:g}, and the state is of {state.time:g}")
-            code = begin_at(state, self.scene, records, self._rung, self._control, self.workspace)
+                raise ModelError(f"duration: the run ends at {end:g}, and the state is of {state.time:g}")
+            self.reason = begin_at(state, self.scene, records, self._rung, self._control, self.workspace)
         self.workspace.state.clock["stride"] = stride
-        if code == Code.INVALID:
-            self.outcome, self.reason = Code.INVALID, self._overlap()
+        if self.reason:
+            self.outcome = Code.INVALID
 
     @property
     def time(self) -> float:
@@ -236,20 +237,6 @@ class Simulation:
             hard=self.hard,
             notes=self._notes(),
         )
-
-    def _overlap(self) -> str:
-        assert self.workspace is not None
-        gaps = self.workspace.state.manifolds.gaps
-        measures = self._bound.records.measures
-        places = self.workspace.scratch.measures
-        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
-        off = np.maximum(low - places, places - high)
-        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
-            worst = int(np.argmax(off))
-            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
-            return f"joints.{name} is off by {off[worst]:.3g} at the start"
-        a, b = self.scene.template.contacts[int(np.argmin(gaps))]
-        return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
 
     def _undefined(self) -> str:
         """Which number that depends on time is not finite, and when."""
