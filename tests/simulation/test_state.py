@@ -199,7 +199,7 @@ def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_st
                 assert lifted.time == state.time
 
 
-def arm(**joint: Any) -> rw.Scene:
+def arm() -> rw.Scene:
     """An arm in a hinge, whose servo turns it, and a block on a slide, whose servo pulls it."""
     drive = {"kind": "servo", "stiffness": 1e3, "damping": 10.0, "target_speed": "rate"}
     return rw.load(
@@ -213,7 +213,7 @@ def arm(**joint: Any) -> rw.Scene:
                 "wall": {"role": "obstacle", "shape": {"kind": "point", "at": [0.0, "high"]}},
                 "arm": {
                     "role": "robot", "mass": 1.0, "shape": {"kind": "capsule", "length": 0.4, "radius": 0.05},
-                    "pose": {"x": 0.2, "y": 1.0}, "motion": {"kind": "free"},
+                    "pose": {"x": 0.2, "y": "high"}, "motion": {"kind": "free"},
                 },
                 "block": {
                     "role": "object", "mass": 1.0, "shape": {"kind": "disc", "radius": "wide"},

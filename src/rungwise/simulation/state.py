@@ -8,6 +8,7 @@ import os
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -141,7 +142,8 @@ def load_state(file: str | Path) -> State:
     if not isinstance(file, str | os.PathLike):
         raise StateError(f"file: must be a path, not {shown(file)}")
     try:
-        with np.load(file, allow_pickle=False) as saved:
+        # from memory: numpy leaves files that are torn open
+        with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as saved:
             return _from_arrays(saved)
     except FileNotFoundError:
         raise
