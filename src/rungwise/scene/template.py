@@ -59,7 +59,7 @@ class Template:
 
     The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
     contacts, and the goal's tolerance. `speeds` (of drives) and `timed` (all others) are the programs that
-    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input. """
+    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input."""
 
     counts: tuple[int, ...]
     buffer: NDArray[np.float64]

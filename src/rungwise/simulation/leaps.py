@@ -42,6 +42,8 @@ def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -
     Angles count by the levers of their coordinates.
     """
     clock = workspace.state.clock[0]
+    if not clock["leap"]:
+        return None
     i, moved, end = int(clock["leaper"]), float(clock["leap"]), float(clock["leap_time"])
     if abs(moved) * bound.records.coordinates["lever"][i] <= least:
         return None

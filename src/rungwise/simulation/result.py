@@ -81,7 +81,7 @@ class Run:
         """The state at the end of the run. Raises ValueError for a run that never began."""
         if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        return self._state(self.workspace.state.memory.copy(), digest(self.scene))
+        return self._state(self.workspace.state.memory, digest(self.scene))
 
     @property
     def states(self) -> list[State]:
@@ -89,14 +89,15 @@ class Run:
         if self.workspace is None:
             return []
         count, scene = int(self.workspace.state.clock[0]["frames"]), digest(self.scene)
-        return [self._state(memory.copy(), scene) for memory in self.workspace.frames.memory[:count]]
+        return [self._state(memory, scene) for memory in self.workspace.frames.memory[:count]]
 
     def _state(self, memory: Reals, scene: str) -> State:
         assert self.workspace is not None
-        clock, q, v = (in_memory(self.workspace.state, name, memory[None])[0] for name in ("clock", "q", "v"))
-        time = float(clock[0]["time"])
         kept = Memory(memory, scene, self.model, self.theta, self.inputs)
-        return State(self.scene.template.coordinates, q, v, time, kept)
+        q, v, time = (
+            in_memory(self.workspace.state, name, kept.values[None])[0] for name in ("q", "v", "time")
+        )
+        return State(self.scene.template.coordinates, q, v, float(time), kept)
 
     @cached_property
     def trajectory(self) -> xarray.Dataset:

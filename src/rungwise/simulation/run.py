@@ -16,7 +16,6 @@ from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.simulation import trajectory
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
@@ -24,7 +23,7 @@ from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.inputs import begin_inputs
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.remarks import remarks
-from rungwise.simulation.restart import begin_at
+from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state, digest
 from rungwise.system.planar.place import start
@@ -97,7 +96,7 @@ class Simulation:
         if state is not None:
             check_state(state, self.scene)
         self.inputs = self._schedule(inputs, state)
-        self._begins_inputs = inputs is not None
+        self._begins_inputs = inputs is not None or not self.inputs
         self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
@@ -155,14 +154,19 @@ class Simulation:
             start(records, self.workspace.state.q, self.workspace.state.v)
             begin_inputs(self._inputs, self._bound.buffer, self.workspace)
             code = loop.begin(records, self._rung, self._control, self.workspace)
+            if code == Code.INVALID:
+                self.reason = out_of_place(self.scene, records, self.workspace)
         else:
             end = float(self._control[0]["duration"])
             if not state.time < end:
-                raise ModelError(f"time: the run ends at {end:g}, and the state is of {state.time:g}")
-            code = begin_at(state, self.scene, records, self._rung, self._control, self.workspace)
+                raise ModelError(f"duration: the run ends at {end:g}, and the state is of {state.time:g}")
+            self.reason = begin_at(
+                state, self.scene, records, self._rung, self._control, self._inputs, self._bound.buffer,
+                self._begins_inputs, self.workspace,
+            )  # fmt: skip
         self.workspace.state.clock["stride"] = stride
-        if code == Code.INVALID:
-            self.outcome, self.reason = Code.INVALID, self._overlap()
+        if self.reason:
+            self.outcome = Code.INVALID
 
     def _schedule(self, inputs: Schedule | None, state: State | None) -> tuple[Segment, ...]:
         """The schedule given, or else the schedule that the state's run followed."""
@@ -264,20 +268,6 @@ class Simulation:
             hard=self.hard,
             notes=self._notes(),
         )
-
-    def _overlap(self) -> str:
-        assert self.workspace is not None
-        gaps = self.workspace.state.manifolds.gaps
-        measures = self._bound.records.measures
-        places = self.workspace.scratch.measures
-        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
-        off = np.maximum(low - places, places - high)
-        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
-            worst = int(np.argmax(off))
-            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
-            return f"joints.{name} is off by {off[worst]:.3g} at the start"
-        a, b = self.scene.template.contacts[int(np.argmin(gaps))]
-        return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
 
     def _undefined(self) -> str:
         """Which number that depends on time is not finite, and when."""

@@ -124,7 +124,7 @@ class Assembly:
             self.put(start.moved("q", h * trial))
         if len(r.joints):
             joints.rows(
-                r, state.placed.pose, state.q, begun, start.time + theta * h, h,
+                r, state.placed.pose, state.q, begun, state.start, start.time + theta * h, h,
                 bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms, row,
             )  # fmt: skip
             if trial is not None:

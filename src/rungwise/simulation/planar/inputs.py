@@ -47,7 +47,7 @@ class Inputs(Block):
 def begin_inputs(inputs: Inputs, buffer: Reals, workspace: Workspace) -> None:
     """Begin the schedule now, at its first segment that lasts."""
     clock = workspace.state.clock[0]
-    clock.segment, clock.opened = 0, clock.time
+    clock.segment, clock.opened = 0, clock.time if inputs.durations.shape[0] > 0 else 0.0
     _enter(inputs, buffer, False, workspace)
 
 
@@ -90,7 +90,7 @@ def _enter(inputs: Inputs, buffer: Reals, looks: bool, workspace: Workspace) -> 
         _set_levels(inputs, state, clock.time if held else clock.switch)
         clock.segment += 1
     if clock.segment == inputs.durations.shape[0]:
-        clock.switched, clock.switch = clock.time, math.inf
+        clock.switched, clock.switch = 0.0, math.inf
         clock.varies = inputs.timed[0]
     else:
         _set_levels(inputs, state, clock.time)
@@ -129,8 +129,9 @@ def set_numbers(inputs: Inputs, buffer: Reals, h: float, theta: float, workspace
         return
     _set_time(inputs, clock.time + 0.5 * h, workspace.state)
     scratch.undefined[0] = _evaluate(inputs.speeds, buffer, workspace)
-    _set_time(inputs, clock.time + theta * h, workspace.state)
-    scratch.undefined[0] = max(_evaluate(inputs.numbers, buffer, workspace), scratch.undefined[0])
+    if scratch.undefined[0] < 0:
+        _set_time(inputs, clock.time + theta * h, workspace.state)
+        scratch.undefined[0] = _evaluate(inputs.numbers, buffer, workspace)
 
 
 @kernel

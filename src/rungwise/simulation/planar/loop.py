@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.controlled import controlled_step, until_contact
@@ -66,8 +66,9 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     there."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    copy(state.q, state.start)
     n = state.q.shape[0]
+    state.start[:] = 0.0
+    copy(state.q, state.start[:n])
     clock.free = 0
     for i in range(n):
         clock.chooses |= state.prefer[i] != 0.0
@@ -108,23 +109,28 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.margin = control[0].tolerance
     clock.next = control[0].step
     look(records, workspace, state.v)
-    if clock.least_gap < -max(CLOSED * clock.reach, terms.rounding[0]) or _comes_apart(records, workspace):
-        return INVALID
-    return RUNNING
+    apart = _comes_apart(records, workspace)
+    return INVALID if apart or clock.least_gap < -slack(workspace) else RUNNING
+
+
+@inner_kernel
+def slack(workspace: Workspace) -> float:
+    """Overlap, or opening of a joint, that counts as rounding at the start."""
+    return float(max(CLOSED * workspace.state.clock[0].reach, workspace.terms.rounding[0]))
 
 
 @kernel
 def _comes_apart(records: Records, workspace: Workspace) -> bool:
-    """Whether a joint is open at the start, or outside its travel."""
+    """Whether a joint is open at the start, or outside its travel; measures the joints."""
     state, places = workspace.state, workspace.scratch.measures
     measures, apart = records.measures, False
     joints.values(records, state.placed.pose, state.q, workspace.scratch.row, places)
     for m in range(measures.shape[0]):
-        slack = max(CLOSED * state.clock[0].reach, workspace.terms.rounding[0])
+        most = slack(workspace)
         if measures[m].which == ANGLE:
-            slack /= records.joints[measures[m].joint].lever
+            most /= records.joints[measures[m].joint].lever
         low, high = (0.0, 0.0) if measures[m].held else (measures[m].lower, measures[m].upper)
-        apart |= not low - slack <= places[m] <= high + slack
+        apart |= not low - most <= places[m] <= high + most
     return apart
 
 

@@ -56,14 +56,16 @@ ROOM = 1_000_000
 
 
 class State(core.State):
-    """q (n,), start (n,) is q at t = 0; levels (u,) are the inputs before the present segment; the gaps of
+    """q (n,); levels (u,) are the inputs before the present segment; the gaps of
     the manifolds, `pushes` and `impulses` (contacts,) are what conditions read, `recent` (2, contacts) the
     normal forces of the last two steps. Slots are two for each pair of shapes, then two travel limits for
     each coordinate and for each measure of a joint; the deformations and modes of the first ones are those of
     the manifolds, in the same memory. `prefer` (n,): preferred velocities in multiples of the pace (see
     `planar.choice`), zero for the slowest motion; `wish` the same as velocities, while a motion is chosen.
     `memory` is all that a step hands on to the next, in one array: the clock, `values`, `start`, `levels`,
-    `recent`, and what belongs to slots and limited rows are views of it."""
+    `recent`, and what belongs to slots and limited rows are views of it. `start` (n + measures,): where
+    servos without target are led from at t = 0, coordinates first, then measures of joints; for other
+    coordinates q at the start."""
 
     memory: Reals
     values: Reals
@@ -219,7 +221,7 @@ def allocate(
         {  # in the order of `in_memory`
             "clock": ((1,), CLOCK),
             "values": (values.shape, np.float64),
-            "start": ((n,), np.float64),
+            "start": ((n + len(records.measures),), np.float64),
             "levels": ((inputs,), np.float64),
             "recent": ((2, contacts), np.float64),
             "features": ((2 * pairs,), np.int64),
