@@ -199,7 +199,7 @@ def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_st
                 assert lifted.time == state.time
 
 
-def arm() -> rw.Scene:
+def arm(turned: dict[str, Any] | None = None) -> rw.Scene:
     """An arm in a hinge, whose servo turns it, and a block on a slide, whose servo pulls it."""
     drive = {"kind": "servo", "stiffness": 1e3, "damping": 10.0, "target_speed": "rate"}
     return rw.load(
@@ -214,6 +214,7 @@ def arm() -> rw.Scene:
                 "arm": {
                     "role": "robot", "mass": 1.0, "shape": {"kind": "capsule", "length": 0.4, "radius": 0.05},
                     "pose": {"x": 0.2, "y": "high"}, "motion": {"kind": "free"},
+                    **(turned or {}),
                 },
                 "block": {
                     "role": "object", "mass": 1.0, "shape": {"kind": "disc", "radius": "wide"},
@@ -279,6 +280,19 @@ def test_servos_are_led_on_without_a_jump(model: rw.Rung) -> None:
         frames = np.array([each.q for each in run.states])
         assert np.abs(np.diff(frames, axis=0)).max() < 0.02
     assert by_hand["block.s"] == 0.0 and of_run["block.s"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_a_run_from_the_scenes_start_by_hand_is_the_run_of_the_scene(model: rw.Rung) -> None:
+    """Also where joints with servos are turned there."""
+    places = {"x": 0.2 * np.cos(0.3) - 0.2, "y": 0.2 * np.sin(0.3), "angle": 0.3}
+    turned = {"coordinates": {name: {"start": float(place)} for name, place in places.items()}}
+    for scene in (arm(), arm(turned)):
+        run = rw.simulate(scene, model, duration=1.0)
+        again = rw.simulate(scene, model, state=rw.State.of(scene), duration=1.0)
+        assert again.trajectory.identical(run.trajectory)
+        moved = run.final["arm"]["angle"] - run.states[0]["arm.angle"]
+        assert moved == pytest.approx(0.2, abs=1e-9 if model == rw.KINEMATIC else 0.02)
 
 
 @pytest.mark.parametrize("field", ["q", "v", "time"])
@@ -363,7 +377,11 @@ def test_places_by_hand_are_a_mapping(field: str, value: Any) -> None:
         rw.State.of(rw.load("two_finger"), **{field: value})
 
 
-@pytest.mark.parametrize("value", [10**400, -(10**400), np.inf, 1j, True, np.True_, None, "1", [1.0]])
+@pytest.mark.parametrize(
+    "value",
+    [10**400, -(10**400), np.inf, 1j, True, np.True_, None, "1", [1.0]],
+    ids=lambda value: repr(value)[:5],
+)
 def test_numbers_by_hand_are_finite_reals(value: Any) -> None:
     scene = rw.load("two_finger")
     for change in ({"q": {"part.x3": value}}, {"v": {"part.x3": value}}, {"time": value}):

@@ -151,9 +151,8 @@ def _hand_on(memory: Memory, compliant: bool, workspace: Workspace) -> None:
 def _start_servos(state: State, records: Records, before: Before | None, workspace: Workspace) -> None:
     """Let servos that follow a speed pass through the state, or go on from where they have led before."""
     speeds = _followed(records)
-    if before is None:
-        places = np.concatenate([state.q, workspace.scratch.measures])
-        workspace.state.start[:] = places - speeds * state.time
+    if before is None:  # led from where it is
+        workspace.state.start[:] -= speeds * state.time
     else:
         workspace.state.start[:] = before.start + (_followed(before.records) - speeds) * state.time
 

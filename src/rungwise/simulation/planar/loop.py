@@ -67,7 +67,6 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
     n = state.q.shape[0]
-    state.start[:] = 0.0
     copy(state.q, state.start[:n])
     clock.free = 0
     for i in range(n):
@@ -110,6 +109,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.next = control[0].step
     look(records, workspace, state.v)
     apart = _comes_apart(records, workspace)
+    copy(workspace.scratch.measures, state.start[n:])
     return INVALID if apart or clock.least_gap < -slack(workspace) else RUNNING
 
 

@@ -64,8 +64,8 @@ class State(core.State):
     `planar.choice`), zero for the slowest motion; `wish` the same as velocities, while a motion is chosen.
     `memory` is all that a step hands on to the next, in one array: the clock, `values`, `start`, `levels`,
     `recent`, and what belongs to slots and limited rows are views of it. `start` (n + measures,): where
-    servos without target are led from at t = 0, coordinates first, then measures of joints; for other
-    coordinates q at the start."""
+    servos without target are led from at t = 0, coordinates first, then measures of joints; of all
+    others the place at the start."""
 
     memory: Reals
     values: Reals
