@@ -41,6 +41,7 @@ from .simulation.inputs import Schedule, ScheduleError, Segment
 from .simulation.options import ModelError
 from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
+from .simulation.rollout import Rollouts, rollout
 from .simulation.run import Simulation, simulate
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
@@ -73,6 +74,7 @@ __all__ = [
     "Piece",
     "Problem",
     "Results",
+    "Rollouts",
     "Run",
     "RunSensitivity",
     "Rung",
@@ -107,6 +109,7 @@ __all__ = [
     "load_set",
     "load_state",
     "read_problem",
+    "rollout",
     "run_sensitivity",
     "schema",
     "sensitivity",

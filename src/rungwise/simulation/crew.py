@@ -25,8 +25,9 @@ from rungwise.simulation.planar.samples import (
     Samples,
     run_samples,
 )
-from rungwise.simulation.planar.workspace import CLOCK, CONTROL, Workspace, allocate
+from rungwise.simulation.planar.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS
+from rungwise.simulation.state import Memory, digest
 
 CHUNK = 256
 """Runs of one compiled call: long enough that Python does not count, short enough for progress."""
@@ -59,7 +60,7 @@ class Crew:
         step, tol, duration, self.theta = check_options(step, tol, duration, theta)
         self._preferred = preferences(scene, model, motion)
         template = scene.template
-        self.parameters = scene.parameters(parameters)
+        self.parameters, self.digest = scene.parameters(parameters), digest(scene)
         self._columns = np.array([template.parameters.index(name) for name in self.over], np.int64)
         self._until, self._ramps = tuple(until), np.array(ramps, np.int64)
         conditions = template.conditions
@@ -73,7 +74,7 @@ class Crew:
         self._options["step"] = math.nan if step is None else step
         self._options["duration"] = math.nan if duration is None else duration
         self._options["tol"] = 0.0 if tol is None else tol
-        self._options["longest"] = 1.0 / LONGEST
+        self._options["longest"] = LONGEST
         self._options["jam"] = JAM * CLOSER**LOOKS
         self._options["budget"] = BUDGET
         self.threads = threads_of(threads)
@@ -142,6 +143,18 @@ class Crew:
         finally:
             self._places.put(place)
         return last - first
+
+    def goes_on(self, memory: Memory, parameters: Mapping[str, float]) -> bool:
+        """Whether a run with these parameters goes on from the memory as if it had not been interrupted."""
+        template, given = self.scene.template, self.parameters | dict(parameters)
+        free = template.inputs if memory.inputs else ()
+        kept = in_memory(self.workspace.state, "values", memory.values[None])[0]
+        same = all(
+            given[name] == value
+            for name, value in zip(template.parameters, kept, strict=False)
+            if name not in free
+        )
+        return bool(same and memory.model.record(memory.theta) == self._rung)
 
     @property
     def workspace(self) -> Workspace:

@@ -50,8 +50,8 @@ def read_schedule(scene: Scene, given: Schedule) -> tuple[Segment, ...]:
     if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
         raise ScheduleError(f"inputs: must be a list of segments, not {shown(given)}")
     segments = tuple(_segment(scene, f"inputs.{k}", each) for k, each in enumerate(given))
-    if not 0 < len(segments) <= MOST:
-        raise ScheduleError(f"inputs: must have 1 to {MOST} segments, not {len(segments)}")
+    if len(segments) > MOST:
+        raise ScheduleError(f"inputs: must have at most {MOST} segments, not {len(segments)}")
     return segments
 
 

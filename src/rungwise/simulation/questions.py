@@ -24,7 +24,8 @@ from rungwise.simulation.state import FARTHEST, State, StateError, check_state, 
 from rungwise.system.planar.place import start, turns
 
 States: TypeAlias = "State | Sequence[State] | Reals"
-"""One state, many, or places (m, n) of all coordinates, at rest at t = 0."""
+"""One state, many, or an array: places (m, n) of all coordinates, at rest, or places and velocities
+(m, 2 n), at t = 0."""
 LARGEST = 700.0
 """Largest logarithm of a scale, whatever the powers: its exponential is finite."""
 SMALLEST = 5e-324
@@ -166,10 +167,12 @@ class _Place:
         """States as kernels take them. Raises StateError."""
         n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
         if isinstance(states, np.ndarray):
-            q = _places(states, n)
+            moving = _finite_rows(states, n)
+            m = len(moving)
             return Rows(
-                q, np.zeros_like(q), np.zeros((len(q), 1 + 2 * contacts)), np.zeros((len(q), contacts))
-            )
+                moving[:, :n].copy(), moving[:, n:].copy(), np.zeros((m, 1 + 2 * contacts)),
+                np.zeros((m, contacts)),
+            )  # fmt: skip
         many = [states] if isinstance(states, State) else states
         if not isinstance(many, Sequence):
             raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
@@ -190,20 +193,28 @@ class _Place:
         return rows
 
 
-def _places(places: NDArray[Any], n: int) -> Reals:
-    """An array of places (m, n) as floats. Raises StateError."""
-    if places.dtype.kind not in "iuf":
-        raise StateError(f"states: must be an array of real numbers, not of {places.dtype}")
-    if places.ndim != 2 or places.shape[1] != n:
-        raise StateError(f"states: must have the shape (m, {n}), not {places.shape}")
-    q = np.array(places, float, order="C")
+def rows_of(states: NDArray[Any], n: int) -> Reals:
+    """Places and velocities (m, 2 n) from an array of places (m, n), at rest, or of both. Raises
+    StateError."""
+    if states.dtype.kind not in "iuf":
+        raise StateError(f"states: must be an array of real numbers, not of {states.dtype}")
+    if states.ndim != 2 or states.shape[1] not in (n, 2 * n):
+        raise StateError(f"states: must have the shape (m, {n}) or (m, {2 * n}), not {states.shape}")
+    rows = np.zeros((len(states), 2 * n))
+    rows[:, : states.shape[1]] = states
+    return rows
+
+
+def _finite_rows(states: NDArray[Any], n: int) -> Reals:
+    """The same, where every number is finite and within bounds. Raises StateError."""
+    rows = rows_of(states, n)
     for wrong, words in (
-        (~np.isfinite(q), "is not finite"),
-        (np.abs(q) > FARTHEST, f"is not within -{FARTHEST:g}..{FARTHEST:g}"),
+        (~np.isfinite(rows), "is not finite"),
+        (np.abs(rows[:, :n]) > FARTHEST, f"is not within -{FARTHEST:g}..{FARTHEST:g}"),
     ):
         if wrong.any():
             raise StateError(f"states: row {int(np.flatnonzero(wrong.any(axis=1))[0])} {words}")
-    return q
+    return rows
 
 
 def _scaled(values: Reals, scales: Reals) -> Reals:

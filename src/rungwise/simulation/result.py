@@ -104,7 +104,7 @@ class Run:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
         if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        data = trajectory.dataset(self.scene, self.model, self.workspace, _pair_labels(self.scene))
+        data = trajectory.dataset(self.scene, self.model, self.workspace, pair_labels(self.scene))
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
 
     def summary(self) -> dict[str, object]:
@@ -134,7 +134,7 @@ class Run:
         return trajectory.save(folder, self.trajectory, self.summary())
 
 
-def _pair_labels(scene: Scene) -> list[str]:
+def pair_labels(scene: Scene) -> list[str]:
     """A label for each pair of shapes: the contact's bodies, numbered where a body has several shapes."""
     template = scene.template
     contact_of = rec.views(template.buffer, template.counts).pairs["contact"]

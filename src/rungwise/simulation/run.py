@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,7 +185,7 @@ class Simulation:
         began = 0.0 if state is None else state.time
         if state is not None and state.memory is not None and not self._begins_inputs:
             began = float(state.memory.clock["opened"])
-        return began + sum(segment.duration for segment in self.inputs)
+        return reduce(add, (segment.duration for segment in self.inputs), began)
 
     @property
     def time(self) -> float:

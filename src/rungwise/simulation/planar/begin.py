@@ -13,14 +13,17 @@ from rungwise.simulation.planar.workspace import Workspace
 def begin_by_hand(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> int:
     """Prepare a run from the q, v and time of the state; returns RUNNING, or INVALID when bodies overlap,
     joints are open or a place is outside its travel. Servos that follow a speed pass through the state."""
-    state = workspace.state
+    state, measures = workspace.state, records.measures
+    n, time = state.q.shape[0], state.clock[0].time
     if outside_travel(records, workspace) >= 0:
         return INVALID
     code = begin(records, rung, control, workspace)
-    for i in range(state.q.shape[0]):
-        c = records.coordinates[i]
-        if c.drive == SERVO and not c.has_target:
-            state.start[i] = state.q[i] - c.target_speed * state.clock[0].time
+    for i in range(n):
+        if records.coordinates[i].drive == SERVO and not records.coordinates[i].has_target:
+            state.start[i] -= records.coordinates[i].target_speed * time
+    for m in range(measures.shape[0]):
+        if measures[m].drive == SERVO and not measures[m].has_target:
+            state.start[n + m] -= measures[m].target_speed * time
     return code
 
 

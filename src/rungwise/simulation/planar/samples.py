@@ -23,8 +23,8 @@ RESULT = record_type("outcome steps attempts switches", "time margin worst_resid
 `switches` are the segments of its schedule that ended."""
 
 OPTIONS = record_type("", "step duration tol longest jam budget")
-"""nan: the scene's own step or duration. tol 0: fixed steps; longest: in parts of the duration; jam: in parts
-of the goal's tolerance; budget: greatest number of steps of a run."""
+"""nan: the scene's own step or duration. tol 0: fixed steps; longest: how often it goes into the duration;
+jam: in parts of the goal's tolerance; budget: greatest number of steps of a run."""
 
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
@@ -187,7 +187,7 @@ def _run(
     began = clock.time
     control[0].longest = control[0].step
     if options[0].tol > 0.0:
-        control[0].longest = options[0].longest * control[0].duration
+        control[0].longest = control[0].duration / options[0].longest
     outcome = judge(conditions, state, workspace.scratch)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
     switch_inputs(inputs, place.buffer, 0.0, workspace)
