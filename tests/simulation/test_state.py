@@ -316,7 +316,12 @@ def test_arrays_of_states_are_read_only() -> None:
     own = rw.State(scene.template.coordinates, places, places)
     places[0] = 1.0
     assert own["finger1.x1"] == 0.0
-    for array in (run.state.q, run.state.v, run.state.memory.values, run.states[0].q, own.q, own.v):
+    copied = pickle.loads(pickle.dumps(run.state))
+    assert np.array_equal(copied.memory.values, run.state.memory.values, equal_nan=True)
+    for array in (
+        run.state.q, run.state.v, run.state.memory.values, run.states[0].q, own.q, own.v,
+        copied.q, copied.memory.values,
+    ):  # fmt: skip
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
 
@@ -327,12 +332,17 @@ def test_memories_that_are_none_of_the_scene_are_refused() -> None:
     memory = state.memory
     assert memory is not None
     for values in (memory.values[:-1], np.zeros(0), np.append(memory.values, 0.0)):
-        wrong = replace(state, memory=replace(memory, values=values))
+        other = replace(state, memory=replace(memory, values=values))
         with pytest.raises(rw.StateError, match=rf"state\.memory: has {len(values)} numbers, and a run of "):
-            rw.simulate(scene, rw.DYNAMIC_RIGID, state=wrong)
+            rw.simulate(scene, rw.DYNAMIC_RIGID, state=other)
         with pytest.raises(rw.StateError, match=r"state\.memory: has "):
-            scene.goal(wrong)
-    for none in (5, memory.values, replace(memory, values=np.zeros((2, 2)))):
+            scene.goal(other)
+    wrong = [{"values": np.zeros((2, 2))}, {"scene": 5}, {"model": "kinematic"}, {"theta": "1"}]
+    values = memory.values.copy()
+    values[rw.Simulation(scene, rw.DYNAMIC_RIGID).workspace.state.clock.nbytes // 8] = -1.0  # v1
+    with pytest.raises(rw.StateError, match=r"state\.memory: parameters\.v1: -1 is outside 1e-06 to 1e\+06"):
+        rw.simulate(scene, rw.KINEMATIC, state=replace(state, memory=replace(memory, values=values)))
+    for none in (5, memory.values, *(replace(memory, **change) for change in wrong)):
         with pytest.raises(rw.StateError, match=r"state\.memory: must be null, or the memory of "):
             rw.simulate(scene, rw.DYNAMIC_RIGID, state=replace(state, memory=none))  # type: ignore[arg-type]
 

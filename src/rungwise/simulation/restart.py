@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.kernel import Reals, RecordArray
 from rungwise.outcome import Code
-from rungwise.scene import Scene
+from rungwise.scene import Scene, SceneError
 from rungwise.scene.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs, set_all
@@ -124,9 +124,12 @@ def _before(state: State, scene: Scene, memory: Memory, workspace: Workspace) ->
         in_memory(workspace.state, name, memory.values[None])[0] for name in ("values", "gaps", "start")
     )
     parameters = dict(zip(scene.template.parameters, values.tolist(), strict=False))
-    for name in scene.template.inputs:
+    for name in scene.template.inputs if memory.inputs else ():
         parameters[name] = scene.file.parameters[name].default
-    records = scene.bind(parameters).records
+    try:
+        records = scene.bind(parameters).records
+    except SceneError as error:
+        raise StateError(f"state.memory: {error}") from None
     placed, measures = allocate_placement(records), np.zeros(len(records.measures))
     place(records, state.q.copy(), placed, True)
     joints.values(records, placed.pose, state.q.copy(), np.zeros(len(state.q)), measures)

@@ -59,6 +59,9 @@ class Memory:
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", _frozen(self.values))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Memory, (self.values, self.scene, self.model, self.theta)
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -80,6 +83,9 @@ class State:
     def __post_init__(self) -> None:
         for name in ("q", "v"):
             object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return State, (self.names, self.q, self.v, self.time, self.memory)
 
     @classmethod
     def of(
@@ -205,8 +211,7 @@ def check_state(state: State, scene: Scene) -> None:
         if abs(value) > FARTHEST:
             raise StateError(f"state.q.{name}: must be within -{FARTHEST:g}..{FARTHEST:g}, not {value:g}")
     _finite("state.time", state.time)
-    memory = state.memory
-    if memory is not None and not (isinstance(memory, Memory) and _is_row(memory.values)):
+    if state.memory is not None and not _is_memory(state.memory):
         raise StateError("state.memory: must be null, or the memory of a run's state")
 
 
@@ -235,6 +240,16 @@ def memory_of(state: State, scene: str, like: planar.State) -> Memory | None:
 def _listed(names: object) -> str:
     are_names = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
     return (", ".join(names) or "none") if are_names else shown(names)  # type: ignore[arg-type]
+
+
+def _is_memory(memory: object) -> bool:
+    return (
+        isinstance(memory, Memory)
+        and _is_row(memory.values)
+        and isinstance(memory.scene, str)
+        and isinstance(memory.model, Rung)
+        and isinstance(memory.theta, int | float)
+    )
 
 
 def _is_row(values: object) -> bool:
