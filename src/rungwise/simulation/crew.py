@@ -115,8 +115,8 @@ class Crew:
         )
         signals = np.zeros(1, np.int64)
         spans = [(at, min(at + chunk, m)) for at in range(0, m, chunk)]
-        if len(spans) == 1 and on_progress is None:
-            self._chunk(samples, *spans[0], signals)
+        if m == 1 and on_progress is None:
+            self._chunk(samples, 0, 1, signals)
             return samples
         with ThreadPoolExecutor(self.threads) as pool:
             waiting = {pool.submit(self._chunk, samples, *span, signals) for span in spans}
