@@ -1,8 +1,8 @@
 """Pressure under a body that lies on a support: its centre, and how great a torque friction may have.
 
-At a centre of pressure p, friction of the coefficient mu under the load N has at most the force mu N, and in a
-turn about p the torque mu N c, c the mean distance of the load from p. Source: Goyal, Ruina, Papadopoulos,
-Wear 143 (1991) 307-330; the ellipsoid between the two is that of Lee and Cutkosky, J. Eng. Ind. 113 (1991)
+Friction of the coefficient mu under the load N has at most the force mu N, and in a turn about the centre of
+pressure p the torque mu N c, c the mean distance of the load from p. Source: Goyal, Ruina, Papadopoulos, Wear
+143 (1991) 307-330; the ellipsoid between the two is that of Lee and Cutkosky, J. Eng. Ind. 113 (1991)
 320-327.
 """
 

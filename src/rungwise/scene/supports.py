@@ -52,9 +52,7 @@ def _write(writer: Writer, index: int, support: Support, path: str) -> None:
     record["centre_given"] = support.centre is not None
     for field in ("friction", "load", "gravity"):
         value = getattr(support, field)
-        writer.put(
-            "supports", index, field, 0.0 if value is None else value, f"{path}.{field}", at_least=0.0
-        )
+        writer.put("supports", index, field, 0.0 if value is None else value, f"{path}.{field}", at_least=0.0)
     for k, value in enumerate(support.centre or (0.0, 0.0)):
         writer.put("supports", index, ("centre_x", "centre_y")[k], value, f"{path}.centre.{k}")
     path += ".pressure"
