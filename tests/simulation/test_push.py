@@ -282,3 +282,20 @@ def test_a_torque_free_support_only_opposes_the_centre_of_pressure() -> None:
     body = part({"pressure": foot}, coordinates={"angle": {"speed": 3.0}, "x": {"speed": 0.2}})
     v = twist(rw.simulate(scene({"p": body}, duration=0.2), "dynamic-rigid"))
     np.testing.assert_allclose(v, [0.0, 0.0, 3.0], atol=1e-12)
+
+
+def test_the_scene_is_pushed_to_its_pose_on_all_rungs_with_forces() -> None:
+    given = rw.load("push")
+    said = {rung.name: str(rw.simulate(given, rung).outcome) for rung in rw.LADDER if rung.moves}
+    assert said == dict.fromkeys(FORCES, "goal") | {"kinematic": "missed"}
+
+
+@pytest.mark.parametrize("model", FORCES)
+def test_the_scene_turned_over(model: str) -> None:
+    """A push above the middle of the box is the mirror image of one below."""
+    ends = []
+    for sign in (1.0, -1.0):
+        over = {"offset": 0.03 * sign, "press_y": 0.01 * sign, "angle": 0.2 * sign, "near": 0.0}
+        end = rw.simulate("push", model, parameters=over, step=5e-3).final["box"]
+        ends.append([end["x"], sign * end["y"], sign * end["angle"]])
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
