@@ -299,3 +299,34 @@ def test_the_scene_turned_over(model: str) -> None:
         end = rw.simulate("push", model, parameters=over, step=5e-3).final["box"]
         ends.append([end["x"], sign * end["y"], sign * end["angle"]])
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
+
+
+def test_a_body_on_a_slope_rests_up_to_its_friction_and_no_further() -> None:
+    for slope, rests in ((0.99 * 0.4 * G, True), (1.01 * 0.4 * G, False)):
+        load = [slope * math.cos(1.0), slope * math.sin(1.0)]
+        for model in FORCES:
+            run = rw.simulate(scene({"p": part({})}, gravity=load, duration=0.2), model)
+            if rests:
+                assert run.final["p"] == {"x": 0.0, "y": 0.0, "angle": 0.0}
+            elif model.startswith("quasistatic"):
+                assert str(run.outcome) == "unsupported" and run.certificate is not None
+            else:
+                moved = 0.5 * 0.01 * 0.4 * G * 0.2 * (0.2 + 1e-3)
+                assert math.hypot(run.final["p"]["x"], run.final["p"]["y"]) == pytest.approx(moved, rel=1e-9)
+
+
+def test_a_jam_between_a_rod_and_a_wall_is_proved() -> None:
+    wall = {"role": "obstacle", "shape": {"kind": "halfplane", "normal": [-1, 0]}, "pose": {"x": 0.15}}
+    bodies = {"p": part({}), "w": wall, "f": pusher(-0.1, 0.03, 0.2, 0.0)}
+    for model, kind in (("kinematic", "kinematic"), ("dynamic-rigid", "frictional")):
+        run = rw.simulate(scene(bodies, 0.3), model)
+        assert str(run.outcome) == "jammed" and run.certificate is not None, run.reason
+        assert run.certificate.kind == kind
+
+
+def test_runs_on_supports_go_on_bit_for_bit() -> None:
+    for model in ("kinematic", *FORCES):
+        whole = rw.simulate("push", model, step=1e-2, parameters={"near": 0.0})
+        for state in (whole.states[100], whole.states[357]):
+            rest = rw.simulate("push", model, step=1e-2, parameters={"near": 0.0}, state=state)
+            assert rest.final == whole.final

@@ -16,8 +16,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rungwise.contact.step import BACKWARD, FORWARD, NO_SOLUTION, SOLVED, STICK, ContactProblem, solve_planar
-from rungwise.kernel import Reals, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
@@ -67,6 +69,18 @@ def solve_supported(
             _hand_over(contacts, limited, terms, scratch)
             return SOLVED, max(found, apart), stage
     return NO_SOLUTION, found, stage
+
+
+def without_law(problem: ContactProblem, terms: Terms, free: Ints) -> ContactProblem:
+    """A trimmed problem in which each row of a surface may have any force within its own limit.
+
+    The rows yield, so that certificates read no more of them than this interval; all solutions of the law are
+    among those of this problem, and a proof that there is none holds for the law."""
+    for r in np.flatnonzero(terms.surface[: len(problem.F)] != APART):
+        problem.S[r] = terms.limited[r, free[: len(problem.c)]]
+        problem.R_s[r] = (problem.S[r] ** 2 / np.diagonal(problem.H)).sum()
+        problem.F[r], problem.w_s[r] = terms.limit[r], 0.0
+    return problem
 
 
 @kernel
