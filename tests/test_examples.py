@@ -131,7 +131,15 @@ def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert all(slid[name]["acceleration_error"] < 5e-3 for name in ("dynamic-rigid", "dynamic-compliant"))
 
 
-@pytest.mark.parametrize("page, printed", [("README.md", "dynamic-compliant goal"), ("docs/states.md", "")])
+@pytest.mark.parametrize(
+    "page, printed",
+    [
+        ("README.md", "dynamic-compliant goal"),
+        ("docs/states.md", ""),
+        ("docs/push.md", ""),
+        ("docs/pivot.md", ""),
+    ],
+)
 def test_python_of_the_documentation_runs_and_prints(
     page: str,
     printed: str,

@@ -259,3 +259,76 @@ def test_a_point_needs_no_mass_where_no_force_moves_it() -> None:
     driven = {"motion": SLIDE, "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1.0}}}}
     assert bound({"shape": {"kind": "point"}, **driven}).coordinates[0]["mass"] == 0.0
     assert bound({"shape": {"kind": "point"}, "motion": {"kind": "fixed"}}).bodies[0]["mass"] == 0.0
+
+
+def support(shape: Any, **fields: Any) -> tuple[float, float, float, float]:
+    """Greatest force, ratio and centre of pressure (from the centre of mass) of a body on a support."""
+    given = {"friction": 0.5, "load": 4.0} | fields
+    record = bound({"shape": shape, "mass": 1.0, "inertia": 1.0, "support": given}).supports[0]
+    return tuple(float(record[field]) for field in ("force", "ratio", "centre_x", "centre_y"))  # type: ignore[return-value]
+
+
+def mean_distance(shapes: list[Geometry], x: float, y: float) -> float:
+    """Mean distance of areas from a point, on a grid of cells."""
+    total = area = 0.0
+    for drawn in shapes:
+        low_x, low_y, high_x, high_y = drawn.bounds
+        a = low_x + (np.arange(1000) + 0.5) * (high_x - low_x) / 1000
+        b = low_y + (np.arange(1000) + 0.5) * (high_y - low_y) / 1000
+        grid_x, grid_y = np.meshgrid(a, b)
+        inside = shapely.contains_xy(drawn, grid_x, grid_y)
+        mean = float(np.hypot(grid_x - x, grid_y - y)[inside].mean())
+        total, area = total + mean * drawn.area, area + drawn.area
+    return total / area
+
+
+def test_pressure_in_closed_form() -> None:
+    square = (math.sqrt(2.0) + math.asinh(1.0)) / 6.0
+    for shape, more, c in (
+        ({"kind": "disc", "radius": 0.3}, {}, 0.2),
+        ({"kind": "disc", "radius": 0.3, "at": [7.0, 2.0]}, {"centre": [7.3, 2.0]}, 3.2 / (3.0 * math.pi)),
+        ({"kind": "disc", "radius": 0.3}, {"pressure": {"kind": "ring", "radius": 0.1}}, 0.1),
+        ({"kind": "box", "width": 2.0, "height": 2.0}, {}, 2.0 * square),
+        ({"kind": "box", "width": 3.0, "height": 4.0}, {},
+         (5.0 + 9.0 / 8.0 * math.asinh(4.0 / 3.0) + 16.0 / 6.0 * math.asinh(3.0 / 4.0)) / 6.0),
+        ({"kind": "box", "width": 1.0, "height": 1.0}, {"centre": [0.5, 0.5]}, 2.0 * square),
+        ({"kind": "point"}, {"pressure": {"kind": "ratio", "ratio": 0.0}}, 0.0),
+    ):  # fmt: skip
+        force, ratio, _, _ = support(shape, **more)
+        assert force == 2.0
+        assert ratio == pytest.approx(c, rel=1e-11), shape
+
+
+def test_pressure_of_outlines_about_any_point() -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(6):
+        angle, radius = float(rng.uniform(-3.0, 3.0)), float(rng.uniform(0.05, 0.6))
+        at, place = rng.uniform(-1.0, 1.0, 2), rng.uniform(-1.5, 1.5, 2)
+        trapeze = polygon(TRAPEZE, radius=radius, angle=angle, at=at.tolist())
+        disc = {"kind": "disc", "radius": 0.5, "at": [2.0, 1.0]}
+        drawn = [
+            shapely.Polygon(turned(TRAPEZE, angle) + at).buffer(radius, quad_segs=200),
+            shapely.Point(2.0, 1.0).buffer(0.5, quad_segs=200),
+        ]
+        _, found, x, y = support([trapeze, disc], centre=place.tolist())
+        assert found == pytest.approx(mean_distance(drawn, *place), rel=2e-4)
+        records = bound({"shape": [trapeze, disc]})
+        centre = np.array([records.bodies[0]["centre_x"], records.bodies[0]["centre_y"]])
+        np.testing.assert_allclose([x, y], place - centre, atol=1e-12)
+
+
+def test_pressure_lies_under_the_outline_or_on_its_points() -> None:
+    box = {"kind": "box", "width": 1.0, "height": 1.0, "at": [1.0, 0.0]}
+    _, _, x, y = support(box)
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=1e-15)
+    feet = {"kind": "points", "points": [[0.0, 0.0], [3.0, 0.0]], "weights": [2.0, 1.0]}
+    _, ratio, x, y = support(box, pressure=feet)
+    assert (ratio, x, y) == pytest.approx((4.0 / 3.0, 0.0, 0.0), abs=1e-15)
+    assert support(box, pressure=feet, centre=[0.0, 0.0])[1:] == pytest.approx((1.0, -1.0, 0.0))
+
+
+def test_the_load_of_a_support_is_a_force_or_the_weight() -> None:
+    body = {"shape": {"kind": "disc", "radius": 1.0}, "density": 2.0}
+    given = {"friction": 0.5, "gravity": 10.0}
+    record = bound(body | {"support": given}).supports[0]
+    assert float(record["force"]) == pytest.approx(0.5 * 10.0 * 2.0 * math.pi)

@@ -78,6 +78,37 @@ WHOLE: dict[str, Any] = {
             },
             "motion": {"kind": "free"},
             "coordinates": {"x": {"drive": {"kind": "force", "force": 1.0}}},
+            "support": {
+                "friction": 0.5,
+                "load": 9.81,
+                "pressure": {"kind": "uniform"},
+                "centre": [0.0, 0.1],
+            },
+        },
+        "cup": {
+            "role": "object",
+            "shape": {"kind": "disc", "radius": 0.1},
+            "pose": {"x": 30.0},
+            "motion": {"kind": "free"},
+            "support": {"friction": 0.5, "gravity": 9.81, "pressure": {"kind": "ring", "radius": 0.1}},
+        },
+        "stool": {
+            "role": "object",
+            "shape": {"kind": "disc", "radius": 0.1},
+            "pose": {"x": 40.0},
+            "motion": {"kind": "free"},
+            "support": {
+                "friction": 0.5,
+                "load": 9.81,
+                "pressure": {"kind": "points", "points": [[0.1, 0.0], [-0.1, 0.0]], "weights": [1.0, 2.0]},
+            },
+        },
+        "ball": {
+            "role": "object",
+            "shape": {"kind": "disc", "radius": 0.1},
+            "pose": {"x": 50.0},
+            "motion": {"kind": "free"},
+            "support": {"friction": 0.5, "load": 9.81, "pressure": {"kind": "ratio", "ratio": 0.1}},
         },
         "wedge": {
             "role": "obstacle",
@@ -471,7 +502,7 @@ def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
 )
 def test_wrong_value(path: Path, kind: str) -> None:
     for value in WRONG[kind]:
-        if value is None and path[-1] in ("drive", "coordinate"):
+        if value is None and path[-1] in ("drive", "coordinate", "support"):
             continue
         message = refusal(put(path, value))
         assert names_the_field(message, path), (value, message)
@@ -521,6 +552,7 @@ def test_choices_are_listed(path: Path, choices: tuple[str, ...]) -> None:
             "shape": "point disc capsule box polygon outline halfplane",
             "motion": "fixed slide hinge free",
             "drive": "speed servo force",
+            "pressure": "uniform ring points ratio",
         }
         choices = tuple(next(unions[part] for part in reversed(path) if part in unions).split())
     for choice in choices:
@@ -556,6 +588,7 @@ def test_wrong_number_of_entries() -> None:
 
 
 TIP, ARM, PART, WEDGE, CROSS = (("bodies", name) for name in ("tip", "arm", "part", "wedge", "cross"))
+CUP, STOOL, BALL = (("bodies", name, "support") for name in ("cup", "stool", "ball"))
 SERVO = (*ARM, "coordinates", "turn", "drive")
 POSITIVE: tuple[Path, ...] = (
     ("tolerance",),
@@ -568,6 +601,7 @@ POSITIVE: tuple[Path, ...] = (
     (*CROSS, "shape", 0, "radius"),
     ("contacts", 0, "stiffness"),
     ("contacts", 0, "tangential_stiffness"),
+    (*CUP, "pressure", "radius"),
 )
 NOT_NEGATIVE: tuple[Path, ...] = (
     (*PART, "shape", "radius"),
@@ -585,6 +619,11 @@ NOT_NEGATIVE: tuple[Path, ...] = (
     ("contacts", 0, "damping"),
     ("contacts", 0, "tangential_damping"),
     ("potentials", 0, "stiffness"),
+    (*PART, "support", "friction"),
+    (*PART, "support", "load"),
+    (*CUP, "gravity"),
+    (*STOOL, "pressure", "weights", 0),
+    (*BALL, "pressure", "ratio"),
 )
 
 
@@ -690,6 +729,53 @@ def test_expressions_that_are_not_finite(path: Path) -> None:
             "parameters.lambda: the name is taken by the expression language",
         ),
         ((*TIP, "mass"), "t", "bodies.tip.mass: unknown name t; valid: p"),
+        (
+            (*TIP, "support"),
+            {"friction": 0.5, "load": 1},
+            "bodies.tip.support: is for bodies whose motion is free, not slide; dry_friction is for single",
+        ),
+        (
+            (*BALL, "gravity"),
+            9.81,
+            "bodies.ball.support: needs either load, a force, or gravity, an acceleration",
+        ),
+        (
+            BALL,
+            {"friction": 0.5},
+            "bodies.ball.support: needs either load, a force, or gravity, an acceleration",
+        ),
+        (
+            (*STOOL, "pressure", "points"),
+            [],
+            "bodies.stool.support.pressure.points: must have at least 1, not 0",
+        ),
+        (
+            (*STOOL, "pressure", "weights"),
+            [1],
+            "bodies.stool.support.pressure: weights must be as many as points, 2, not 1",
+        ),
+        (
+            (*STOOL, "pressure", "weights"),
+            [0, "p - p"],
+            "bodies.stool.support.pressure: one of the weights must be greater than 0",
+        ),
+        (
+            ("bodies", "ball"),
+            {
+                "role": "object",
+                "shape": {"kind": "point"},
+                "motion": {"kind": "free"},
+                "mass": 1,
+                "inertia": 1,
+                "support": {"friction": 0.5, "load": 1},
+            },
+            "bodies.ball.support.pressure: uniform pressure needs a shape with area; valid without: ring,",
+        ),
+        (
+            ("bodies", "ball", "coordinates"),
+            {"angle": {"dry_friction": 0.1}},
+            "bodies.ball.coordinates.angle.dry_friction: the body has a support; give one of them",
+        ),
         (
             (*SERVO[:-1], "drive"),
             {"kind": "servo", "stiffness": 1, "target_speed": "t"},

@@ -35,6 +35,8 @@ JOINT = {
     "at": LENGTH, "stiffness": (0, 1, -2), "damping": (0, 1, -1),
     "angular_stiffness": ENERGY, "angular_damping": (2, 1, -1),
 }  # fmt: skip
+SUPPORT = {"load": FORCE, "gravity": (1, 0, -2), "centre": LENGTH}
+PRESSURE = dict.fromkeys(("radius", "points", "ratio"), LENGTH)
 CONTACT = {
     f"{which}{kind}": (0, 1, -2 if kind == "stiffness" else -1)
     for which in ("", "tangential_", "coupling_")
@@ -102,6 +104,8 @@ class _Scaler:
         self.fields(body, BODY)
         self.fields(body["pose"], {"x": LENGTH, "y": LENGTH})
         self.fields(body["motion"], {"pivot": LENGTH})
+        self.fields(body.get("support", {}), SUPPORT)
+        self.fields(body.get("support", {}).get("pressure", {}), PRESSURE)
         for shape in body["shape"] if isinstance(body["shape"], list) else [body["shape"]]:
             self.fields(shape, SHAPE)
         turning = body["motion"]["kind"] == "hinge"

@@ -28,6 +28,12 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "centre": [float(record["x"]), float(record["y"])],
             "coordinates": {},
         }
+    for record in records.supports:
+        bodies[template.bodies[int(record["body"])]]["support"] = {
+            "force": float(record["force"]),
+            "ratio": float(record["ratio"]),
+            "centre": [float(record["centre_x"]), float(record["centre_y"])],
+        }
     for name, record in zip(template.coordinates, records.coordinates, strict=True):
         body_name, coordinate = name.split(".")
         given = file.bodies[body_name].coordinates.get(coordinate)
@@ -96,6 +102,12 @@ def describe_text(report: Mapping[str, Any]) -> str:
             f" mass {body['mass']:.6g}"
             f"  inertia {body['inertia']:.6g}  centre ({x:.6g}, {y:.6g})"
         )
+        if "support" in body:
+            x, y = body["support"]["centre"]
+            lines.append(
+                f"    {name} lies on a support: friction up to {body['support']['force']:.6g}, torque up to"
+                f" {body['support']['ratio']:.6g} times that, about ({x:.6g}, {y:.6g}) from the centre"
+            )
         for coordinate, c in body["coordinates"].items():
             drive = f"  drive {c['drive']}" if c["drive"] else ""
             lines.append(

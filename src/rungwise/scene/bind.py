@@ -20,6 +20,7 @@ from rungwise.scene.faults import (
     OUT_OF_TRAVEL,
 )
 from rungwise.scene.numbers import evaluate_numbers, out_of_bounds
+from rungwise.scene.pressure import press
 from rungwise.scene.records import FREE, HALFPLANE, HINGE, SERVO, SLIDE, SPEED, Records
 from rungwise.scene.solids import mass, outline, width
 from rungwise.scene.template import Bounds, Numbers
@@ -42,6 +43,8 @@ def bind(
         if not (definite and c.coupling_damping**2 <= c.damping * c.tangential_damping):
             return NOT_POSITIVE, k
     fault, place = _derive(records)
+    if fault == BOUND:
+        fault, place = _supports(records)
     return _joints(records) if fault == BOUND else (fault, place)
 
 
@@ -128,6 +131,18 @@ def _centre_frame(body: Record, shapes: RecordArray, vertices: RecordArray) -> N
             reach = max(reach, math.hypot(vertices[k].x, vertices[k].y))
         shapes[i].reach = math.inf if shapes[i].kind == HALFPLANE else reach + shapes[i].radius
         shapes[i].width = width(shapes[i], vertices)
+
+
+@kernel
+def _supports(records: Records) -> tuple[int, int]:
+    """Friction of each support. Returns (fault, index)."""
+    supports = records.supports
+    for k in range(supports.shape[0]):
+        body = records.bodies[supports[k].body]
+        fault = press(supports[k], body, records.shapes, records.vertices, records.spots)
+        if fault != BOUND:
+            return fault, k
+    return BOUND, 0
 
 
 @kernel

@@ -28,6 +28,7 @@ from rungwise.scene.names import Names, listed
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.outline import convex_pieces
 from rungwise.scene.pairing import matched, shape_pairs
+from rungwise.scene.supports import spot_count, supports, write_supports
 from rungwise.scene.template import SceneError, Template, block_of
 from rungwise.scene.values import Number, shown
 from rungwise.scene.writer import INF, Writer
@@ -59,6 +60,7 @@ class _Builder:
             raise SceneError(
                 f"contacts: more than {MAX_PAIRS} pairs of shapes may touch; name fewer bodies in between"
             )
+        supported = supports(scene).values()
         counts = (
             1,
             len(self.bodies),
@@ -71,6 +73,8 @@ class _Builder:
             len(scene.potentials) * len(self.coordinates),
             len(scene.joints),
             3 * len(scene.joints),
+            len(supported),
+            sum(spot_count(support) for support in supported),
         )
         for place, name in enumerate(scene.inputs):
             if name not in self.parameters or name in scene.inputs[:place]:
@@ -93,6 +97,7 @@ class _Builder:
         self._unused_contacts()
         for index in range(len(self.joints)):
             write_joint(self.writer, self.scene, index)
+        write_supports(self.writer, self.scene)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
         for place, (name, paths) in enumerate(self.writer.readers.items()):

@@ -13,7 +13,9 @@ from __future__ import annotations
     OUT_OF_TRAVEL,
     NO_JOINT_AXIS,
     NOT_POSITIVE,
-) = range(10)
+    NO_AREA,
+    NO_WEIGHT,
+) = range(12)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",
@@ -23,7 +25,9 @@ FAULTS = {
     " (give inertia, or a shape with area)",
     NO_JOINT_AXIS: "the axis has no length",
     NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
+    NO_AREA: "uniform pressure needs a shape with area; valid without: ring, points, ratio",
+    NO_WEIGHT: "one of the weights must be greater than 0",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
 """Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,
-coordinate, joint or contact."""
+coordinate, joint, contact or support."""

@@ -6,41 +6,16 @@ Every `Number` is a number or an expression of the scene's parameters (see `expr
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from rungwise.scene.kinds import kinds
 from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit, shown
 
 ONE, MANY = "<one>", "<many>"
 """Tags of a field that takes one value or a list; pydantic puts them into the place of an error."""
-
-
-def _kinds(*models: type[BaseModel]) -> BeforeValidator:
-    """Require a mapping whose field `kind` is the kind of one of `models`."""
-    kinds = [get_args(model.model_fields["kind"].annotation)[0] for model in models]
-    valid = ", ".join(kinds)
-
-    def known(value: object) -> object:
-        if isinstance(value, models):
-            return value
-        if not isinstance(value, dict):
-            raise PydanticCustomError(
-                "mapping", "must be a mapping with a kind, not {given}; valid: {valid}",
-                {"given": shown(value), "valid": valid},
-            )  # fmt: skip
-        if "kind" not in value:
-            raise PydanticCustomError("kind", "is required; valid: {valid}", {"valid": valid})
-        if value["kind"] not in kinds:
-            raise PydanticCustomError(
-                "kind",
-                "unknown kind {given}; valid: {valid}",
-                {"given": shown(value["kind"]), "valid": valid},
-            )
-        return value
-
-    return BeforeValidator(known)
 
 
 class Strict(BaseModel):
@@ -144,7 +119,7 @@ class HalfPlane(Strict):
 Shape = Annotated[
     Point | Disc | Capsule | Box | Polygon | Outline | HalfPlane,
     Field(discriminator="kind"),
-    _kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
+    kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
 ]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
@@ -181,7 +156,7 @@ class Force(Strict):
     force: Number
 
 
-Drive = Annotated[Speed | Servo | Force, Field(discriminator="kind"), _kinds(Speed, Servo, Force)]
+Drive = Annotated[Speed | Servo | Force, Field(discriminator="kind"), kinds(Speed, Servo, Force)]
 
 
 class Fixed(Strict):
@@ -211,7 +186,7 @@ class Free(Strict):
 
 
 Motion = Annotated[
-    Fixed | Slide | Hinge | Free, Field(discriminator="kind"), _kinds(Fixed, Slide, Hinge, Free)
+    Fixed | Slide | Hinge | Free, Field(discriminator="kind"), kinds(Fixed, Slide, Hinge, Free)
 ]
 
 
@@ -244,6 +219,71 @@ class Pose(Strict):
     angle: Number = 0.0
 
 
+class Uniform(Strict):
+    """The load is spread evenly over the outline of the body's shapes."""
+
+    kind: Literal["uniform"] = "uniform"
+
+
+class Ring(Strict):
+    """The load rests on a thin ring of this radius about the centre of pressure."""
+
+    kind: Literal["ring"]
+    radius: Number
+
+
+class Points(Strict):
+    """The load rests on points of the body's frame, each with its part of the weights (default: equal)."""
+
+    kind: Literal["points"]
+    points: Annotated[tuple[Pair, ...], Field(min_length=1, max_length=64)]
+    weights: Annotated[tuple[Number, ...], Field(min_length=1, max_length=64)] | None = None
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Points:
+        if self.weights is not None and len(self.weights) != len(self.points):
+            raise PydanticCustomError(
+                "support",
+                "weights must be as many as points, {points}, not {weights}",
+                {"points": len(self.points), "weights": len(self.weights)},
+            )
+        return self
+
+
+class Ratio(Strict):
+    """The greatest friction torque over the greatest friction force, a length."""
+
+    kind: Literal["ratio"]
+    ratio: Number
+
+
+Pressure = Annotated[
+    Uniform | Ring | Points | Ratio, Field(discriminator="kind"), kinds(Uniform, Ring, Points, Ratio)
+]
+
+
+class Support(Strict):
+    """Dry friction with a plane parallel to the scene, on which a free body lies.
+
+    Friction force f and torque m about the centre of pressure oppose the twist there, in the ellipsoid
+    |f|^2 + (m / c)^2 <= (friction * load)^2; c follows from `pressure`. The load is given as a force, or as
+    the acceleration of `gravity` normal to the plane. `centre`, in the body's frame, is the centre of
+    pressure.
+    """
+
+    friction: Number
+    load: Number | None = None
+    gravity: Number | None = None
+    pressure: Pressure = Uniform()
+    centre: Pair | None = None
+
+    @model_validator(mode="after")
+    def _has_one_load(self) -> Support:
+        if (self.load is None) == (self.gravity is None):
+            raise PydanticCustomError("support", "needs either load, a force, or gravity, an acceleration")
+        return self
+
+
 class Body(Strict):
     """A rigid body. Mass, centre and inertia (about it) follow from outline and density if not given."""
 
@@ -258,6 +298,7 @@ class Body(Strict):
     inertia: Number | None = None
     force: Pair = (0.0, 0.0)
     torque: Number = 0.0
+    support: Support | None = None
 
     @property
     def shapes(self) -> tuple[Shape, ...]:

@@ -15,6 +15,7 @@ FIXED, SLIDE, HINGE, FREE = 0, 1, 2, 3
 NO_DRIVE, SPEED, SERVO, FORCE = 0, 1, 2, 3
 ALONG, ACROSS, ANGLE = 0, 1, 2
 POLYGON, BOX, CAPSULE, HALFPLANE = 0, 1, 2, 3
+UNIFORM, RING, POINTS, RATIO = 0, 1, 2, 3
 
 WORLD = record_type("", "gravity_x gravity_y tolerance duration step")
 BODY = record_type(
@@ -64,6 +65,15 @@ MEASURE = record_type(
 )
 """One of the three coordinates of b in the frame of a (along and across the axis, angle), held or free."""
 
+SUPPORT = record_type(
+    "body pressure centre_given weighed first end row",
+    "friction load gravity ratio centre_x centre_y force",
+)
+"""`weighed`: the load is gravity times mass; spots first..end of the pressure. Bound: force, the greatest of
+friction; ratio, its greatest torque over that; centre, from the centre of mass. `row`: the first of its rows
+in the terms of a run, -1 if there is none."""
+SPOT = record_type("", "x y weight")
+
 
 class Records(Block):
     """Views of one buffer. Kernels get the whole, as one pointer, unless a record or one array will do."""
@@ -79,9 +89,13 @@ class Records(Block):
     terms: NDArray[np.void]
     joints: NDArray[np.void]
     measures: NDArray[np.void]
+    supports: NDArray[np.void]
+    spots: NDArray[np.void]
 
 
-DTYPES = (WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM, JOINT, MEASURE)
+DTYPES = (
+    WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM, JOINT, MEASURE, SUPPORT, SPOT
+)  # fmt: skip
 
 
 def allocate(counts: tuple[int, ...]) -> NDArray[np.float64]:

@@ -120,6 +120,8 @@ class Scene:
             return f"bodies.{template.bodies[int(records.shapes[index]['body'])]}.shape"
         if fault == faults.NOT_POSITIVE:
             return f"contacts between {' and '.join(template.contacts[index])}"
+        if fault in (faults.NO_AREA, faults.NO_WEIGHT):
+            return f"bodies.{template.bodies[int(records.supports[index]['body'])]}.support.pressure"
         if fault == faults.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
@@ -175,6 +177,7 @@ _COMPLETE = {
     "keyword",
     "range",
     "joint",
+    "support",
 }
 """Errors whose text does not go on with the given value."""
 

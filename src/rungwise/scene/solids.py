@@ -97,7 +97,7 @@ def mass(body: Record, shapes: RecordArray, vertices: RecordArray) -> None:
     """
     area = first_x = first_y = second = 0.0
     for s in range(body.first_shape, body.end_shape):
-        a, mx, my, m2 = _moments(shapes[s], vertices)
+        a, mx, my, m2 = moments(shapes[s], vertices)
         area, first_x, first_y, second = area + a, first_x + mx, first_y + my, second + m2
     if not body.centre_given:
         body.centre_x, body.centre_y = 0.0, 0.0
@@ -128,7 +128,7 @@ def _mean(shape: Record, vertices: RecordArray) -> tuple[float, float]:
 
 
 @kernel
-def _moments(shape: Record, vertices: RecordArray) -> tuple[float, float, float, float]:
+def moments(shape: Record, vertices: RecordArray) -> tuple[float, float, float, float]:
     """Area, first moments and polar second moment about the body's origin."""
     area = mx = my = second = 0.0
     if shape.kind == HALFPLANE:

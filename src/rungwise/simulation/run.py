@@ -18,6 +18,7 @@ from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
+from rungwise.simulation.core.support import without_law
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
@@ -310,7 +311,8 @@ class Simulation:
             self._give_up()
             return
         if self.outcome == Code.JAMMED:
-            self.certificate = certify_infeasible(self.problem, not clock["surfaces"])
+            terms, free = self.workspace.terms, self.workspace.state.free
+            self.certificate = certify_infeasible(without_law(self.problem, terms, free))
         else:
             self.certificate = certify_unsupported(self.problem, self._resisting())
         if self.certificate is not None:

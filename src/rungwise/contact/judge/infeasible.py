@@ -27,15 +27,14 @@ _SOLVES = 1e-9
 trial, to a decade."""
 
 
-def certify_infeasible(problem: ContactProblem, frictional: bool = True) -> Certificate | None:
+def certify_infeasible(problem: ContactProblem) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
-    Without `frictional`, only a kinematic certificate is looked for: for a problem that is one linear piece
-    of a law. The search for a frictional certificate ends after `MAX_NODES` partial modes. There is none for
-    a problem whose numbers, in its natural units, are beyond the range of floating point.
+    The search for a frictional certificate ends after `MAX_NODES` partial modes. There is none for a problem
+    whose numbers, in its natural units, are beyond the range of floating point.
     """
     with np.errstate(all="ignore"):
-        for certificate in (_kinematic(problem), _frictional(problem) if frictional else None):
+        for certificate in (_kinematic(problem), _frictional(problem)):
             if certificate is not None and check(problem, certificate):
                 return certificate
     return None

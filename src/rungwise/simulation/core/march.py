@@ -29,6 +29,7 @@ from rungwise.simulation.core.step import (
     end_velocity,
     solve_step,
 )
+from rungwise.simulation.core.support import without_law
 from rungwise.simulation.core.system import Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
@@ -196,7 +197,7 @@ class March:
             self.certificate = certify_unsupported(problem, resisting)
             self.outcome = Code.UNSUPPORTED
         else:
-            self.certificate = certify_infeasible(problem, not clock["surfaces"])
+            self.certificate = certify_infeasible(without_law(problem, terms, self.state.free))
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED

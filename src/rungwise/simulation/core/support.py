@@ -6,7 +6,8 @@ for the rows i of one limit surface, at most three. Algorithm: semismooth Newton
 projection on the unit ball. Each of its linear pieces is a step's problem with force-limited rows, which the
 chain solves: while the body sticks, the rows as they are (a box, about the ball); while it slips, the row
 along the force, limited, and across it rows that yield, u_across + rho t_across = 0. Where directions do not
-settle, all rows yield by the power of the solution before (Weiszfeld's iteration, which descends). Source:
+settle, or a piece has no solution, all rows yield by the power of the solution before (Weiszfeld's iteration,
+which descends), for a few turns, and Newton goes on from there. Source:
 Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart and Curnier, Comput. Methods Appl.
 Mech. Eng. 92 (1991) 353-375.
 """
@@ -15,15 +16,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rungwise.contact.step import BACKWARD, FORWARD, NO_SOLUTION, SOLVED, STICK, ContactProblem, solve_planar
-from rungwise.kernel import Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
 STUCK, SLIPS, YIELDS = 0, 1, 2
 """Pieces of the law that a problem is made of."""
-DIRECTIONS, ROUNDS = 12, 200
-"""Problems after which directions count as not settled, and after which the law counts as not met."""
+DIRECTIONS, TURNS, ROUNDS = 8, 4, 200
+"""Problems after which directions count as not settled, of one iteration before the other has its turn, and
+after which the law counts as not met."""
+LOOSE = 1e3
+"""Limit of a row that yields, over its own: far above what the law allows, and finite, so that the chain can
+tell great forces from the forces of a singular mode."""
 EXACT = 1e-10
 """Distance of t from its projection, in the ball of radius 1, up to which the law is met."""
 
@@ -40,7 +47,7 @@ def solve_supported(
         row.scale = 0.0
     _measure(limited, n, state.v, False, terms, state, scratch)
     _aim(limited, False, terms, scratch)
-    status, found, stage = NO_SOLUTION, math.inf, 0
+    status, found, stage, loosened = NO_SOLUTION, math.inf, 0, False
     for turn in range(ROUNDS):
         _fill(contacts, limited, n, terms, state, scratch, problem)
         status, found, stage = solve_planar(
@@ -48,15 +55,32 @@ def solve_supported(
             scratch.limited_force, scratch.matrix, scratch.order,
         )  # fmt: skip
         if status != SOLVED:
-            break
+            if loosened or not _loosen(limited, terms, scratch):
+                break
+            loosened = True
+            continue
+        loosened = False
         for i in range(n):
             scratch.v_new[state.free[i]] = scratch.x[i]
         _measure(limited, n, scratch.v_new, True, terms, state, scratch)
-        apart = _aim(limited, turn >= DIRECTIONS, terms, scratch)
+        unsettled = turn >= DIRECTIONS and (turn - DIRECTIONS) % (2 * TURNS) < TURNS
+        apart = _aim(limited, unsettled, terms, scratch)
         if apart <= EXACT:
             _hand_over(contacts, limited, terms, scratch)
             return SOLVED, max(found, apart), stage
     return NO_SOLUTION, found, stage
+
+
+def without_law(problem: ContactProblem, terms: Terms, free: Ints) -> ContactProblem:
+    """A trimmed problem in which each row of a surface may have any force within its own limit.
+
+    The rows yield, so that certificates read no more of them than this interval; all solutions of the law are
+    among those of this problem, and a proof that there is none holds for the law."""
+    for r in np.flatnonzero(terms.surface[: len(problem.F)] != APART):
+        problem.S[r] = terms.limited[r, free[: len(problem.c)]]
+        problem.R_s[r] = (problem.S[r] ** 2 / np.diagonal(problem.H)).sum()
+        problem.F[r], problem.w_s[r] = terms.limit[r], 0.0
+    return problem
 
 
 @kernel
@@ -156,6 +180,20 @@ def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> float
     return worst
 
 
+@rare_kernel
+def _loosen(limited: int, terms: Terms, scratch: Scratch) -> bool:
+    """Let the surfaces that slip yield by their last power; returns whether anything slips."""
+    slips = False
+    for first in range(limited):
+        size, lead, power = leads(first, limited, terms), scratch.support[first], 0.0
+        for j in range(size):
+            power += scratch.support[_member(first, j, terms)].power ** 2
+        if size > 0 and lead.piece == SLIPS:
+            slips = True
+            lead.piece, lead.yields = (YIELDS, math.sqrt(power)) if power > 0.0 else (STUCK, 0.0)
+    return slips
+
+
 @kernel
 def _fill(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
@@ -169,7 +207,7 @@ def _fill(
             r = _member(first, m, terms)
             unit = terms.limit[r if lead.piece == STUCK else first]
             p.R_s[r] = p.w_s[r] = 0.0
-            p.F[r] = math.inf if lead.piece == YIELDS else unit
+            p.F[r] = LOOSE * unit if lead.piece == YIELDS else unit
             scratch.limited_force[r], scratch.mode[contacts + r] = 0.0, STICK
             for i in range(n):
                 p.S[r, i] = 0.0

@@ -70,8 +70,8 @@ class Assembly:
             raise ModelError(simulation.reason)
         if simulation.workspace.state.clock[0]["surfaces"]:
             raise ModelError(
-                "dry_friction: along several coordinates of a body it is no law that is differentiated yet;"
-                " leave it out, or give it along one"
+                "support, or dry_friction along several coordinates of a body: no law that is differentiated"
+                " yet; leave it out, or give dry_friction along one"
             )
         self._simulation = simulation
         self.workspace, self.state = simulation.workspace, simulation.workspace.state

@@ -47,6 +47,9 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
 
 @kernel
 def gather(records: Records, workspace: Workspace) -> int:
+    """Fill the rows that depend on where the bodies are; returns how many contacts there are."""
+    if records.supports.shape[0] > 0:
+        planar.turn_supports(records, workspace.state.placed.pose, workspace.terms)
     state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
     contacts = planar.gather(
         records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,

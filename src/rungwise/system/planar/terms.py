@@ -8,7 +8,7 @@ from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
 from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
-from rungwise.system.planar.place import X, Y
+from rungwise.system.planar.place import COS, SIN, X, Y
 from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
 
 
@@ -39,6 +39,7 @@ def constants(records: Records, terms: Terms) -> int:
             terms.account[count] = SUPPORT
             terms.surface[count] = c.body if _slides_any_way(records.bodies[c.body], coordinates) else APART
             count += 1
+    count = _supports(records, count, terms)
     for p in range(potentials.shape[0]):
         for i in range(n):
             for j in range(n):
@@ -46,6 +47,39 @@ def constants(records: Records, terms: Terms) -> int:
                 if a.acts and b.acts:
                     terms.stiffness[i, j] += potentials[p].stiffness * a.factor * b.factor
     return count
+
+
+@kernel
+def _supports(records: Records, count: int, terms: Terms) -> int:
+    """Rows of the supports, from row `count`; returns how many rows there are then. A row of the angle is one
+    of length c, so that the greatest force is the same in all directions."""
+    supports, bodies, coordinates = records.supports, records.bodies, records.coordinates
+    for k in range(supports.shape[0]):
+        support = supports[k]
+        i, free = bodies[support.body].coordinate, False
+        for j in range(3):
+            free |= coordinates[i + j].drive != SPEED
+        support.row = count if free and support.force > 0.0 else -1
+        for j in range(3):
+            length = 1.0 if j < 2 else support.ratio
+            if support.row >= 0 and length > 0.0:
+                terms.limited[count, i + j] = length
+                terms.limit[count] = support.force
+                terms.account[count], terms.surface[count] = SUPPORT, support.body
+                count += 1
+    return count
+
+
+@kernel
+def turn_supports(records: Records, pose: Reals, terms: Terms) -> None:
+    """Rows of the supports where the bodies are: rates of the centre of pressure."""
+    for k in range(records.supports.shape[0]):
+        support = records.supports[k]
+        if support.row >= 0:
+            turn = records.bodies[support.body].coordinate + 2
+            c, s = pose[support.body, COS], pose[support.body, SIN]
+            terms.limited[support.row, turn] = -(s * support.centre_x + c * support.centre_y)
+            terms.limited[support.row + 1, turn] = c * support.centre_x - s * support.centre_y
 
 
 @kernel
