@@ -191,6 +191,14 @@ def test_a_state_within_a_schedule_goes_on_with_it_on_other_rungs() -> None:
             assert run.time == 1.5 and run.final["finger1"]["x1"] == pytest.approx(1.0, rel=1e-9)
 
 
+def test_conditions_at_states_read_the_inputs_there() -> None:
+    scene = slider(SPEED)
+    run = rw.simulate(scene, "kinematic", inputs=SEGMENTS, stride=1)
+    found = rw.ask(scene, "u >= 0", run.states)
+    assert found.holds.all() != found.holds.any()
+    assert found.values[-1, 0] == 2.0 and rw.ask(scene, "u >= 0", rw.State.of(scene)).values[0, 0] == 0.3
+
+
 WRONG = [
     ("x", "inputs: must be a list of segments, not 'x'"),
     ([5], "inputs.0: must be a mapping of fields, not 5; valid: inputs, duration, until, ramp"),

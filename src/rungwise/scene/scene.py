@@ -245,7 +245,7 @@ def _read(source: str | Path) -> object:
     return read_yaml("scene", source, f" and no scene that ships; valid: {', '.join(shipped())}")
 
 
-def read_yaml(field: str, source: str | Path, missing: str = "") -> object:
+def read_yaml(field: str, source: str | Path, missing: str = "") -> Any:
     """Content of a YAML file of plain values. Raises SceneError that begins with `field`; `missing` follows
     where there is no such file."""
     path, text = Path(source), f"{field}: {str(source)[:200]!r}"

@@ -95,7 +95,7 @@ def _leap(
 
 def _target(scene: Scene, bound: Bound, workspace: Workspace, i: int, time: float) -> float:
     """Position that the servo of coordinate i wants at a time; the numbers that depend on time stay there."""
-    values = bound.values.copy()
+    values = workspace.state.values.copy()
     values[time_slot(workspace.state)] = time
     evaluate_numbers(scene.template.timed_numbers(), values, np.zeros(STACK), bound.buffer)
     return float(target(bound.records.coordinates[i], workspace.state.start[i], time))

@@ -111,8 +111,8 @@ def geometry(scene: Scene, states: States, parameters: Mapping[str, float] | Non
 
 
 class Rows(NamedTuple):
-    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c), times, forces and impulses; `overlaps`
-    (m, c) of contacts in the states' own runs."""
+    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c + u), times, forces, impulses and inputs;
+    `overlaps` (m, c) of contacts in the states' own runs."""
 
     q: Reals
     v: Reals
@@ -125,7 +125,8 @@ class _Place:
 
     def __init__(self, scene: Scene, parameters: Mapping[str, float] | None) -> None:
         self.scene, self.bound = scene, scene.bind(parameters)
-        records = self.bound.records
+        records, template = self.bound.records, scene.template
+        self.columns = np.array([template.parameters.index(name) for name in template.inputs], np.int64)
         self.workspace: Workspace = allocate(records, self.bound.values, scene.template, 3)
         control = np.zeros(1, CONTROL)
         control["step"], control["tolerance"] = records.world[0]["step"], records.world[0]["tolerance"]
@@ -160,37 +161,44 @@ class _Place:
         poses = np.zeros((m, len(records.bodies), 4))
         programs = Programs([term.code for term in terms])
         conditions = (programs.code, programs.constants, programs.table)
-        answer(records, conditions, self.workspace, rows.q, rows.v, rows.rest, *found, poses)
+        answer(
+            records, conditions, self.workspace, rows.q, rows.v, rows.rest, self.columns, *found, poses
+        )  # fmt: skip
         return *found, poses
 
     def rows(self, states: States) -> Rows:
         """States as kernels take them. Raises StateError."""
-        n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
+        n = len(self.scene.template.coordinates)
         if isinstance(states, np.ndarray):
             moving = _finite_rows(states, n)
-            m = len(moving)
-            return Rows(
-                moving[:, :n].copy(), moving[:, n:].copy(), np.zeros((m, 1 + 2 * contacts)),
-                np.zeros((m, contacts)),
-            )  # fmt: skip
+            rows = self._at_rest(len(moving))
+            rows.q[:], rows.v[:] = moving[:, :n], moving[:, n:]
+            return rows
         many = [states] if isinstance(states, State) else states
         if not isinstance(many, Sequence):
             raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
-        m, own, like = len(many), digest(self.scene), self.workspace.state
-        rows = Rows(
-            np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 1 + 2 * contacts)), np.zeros((m, contacts))
-        )
+        rows, own, like = self._at_rest(len(many)), digest(self.scene), self.workspace.state
         for i, state in enumerate(many):
             check_state(state, self.scene)
             rows.q[i], rows.v[i], rows.rest[i, 0] = state.q, state.v, state.time
             memory = memory_of(state, own, like)
             if memory is not None:
-                gaps, pushes, impulses = (
-                    in_memory(like, name, memory.values[None])[0] for name in ("gaps", "pushes", "impulses")
+                gaps, pushes, impulses, values = (
+                    in_memory(like, name, memory.values[None])[0]
+                    for name in ("gaps", "pushes", "impulses", "values")
                 )
-                rows.rest[i, 1:] = np.concatenate([pushes, impulses])
+                rows.rest[i, 1 : 1 + 2 * len(pushes)] = np.concatenate([pushes, impulses])
+                if memory.inputs:
+                    rows.rest[i, 1 + 2 * len(pushes) :] = values[self.columns]
                 rows.overlaps[i] = np.maximum(-gaps, 0.0)
         return rows
+
+    def _at_rest(self, m: int) -> Rows:
+        """m states without forces, with the inputs of the scene's start."""
+        n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
+        rest = np.zeros((m, 1 + 2 * contacts + len(self.columns)))
+        rest[:, 1 + 2 * contacts :] = self.bound.values[self.columns]
+        return Rows(np.zeros((m, n)), np.zeros((m, n)), rest, np.zeros((m, contacts)))
 
 
 def rows_of(states: NDArray[Any], n: int) -> Reals:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, copy, kernel
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.nearby import look
@@ -21,20 +21,25 @@ def answer(
     q: Reals,
     v: Reals,
     rest: Reals,
+    columns: Ints,
     values: Reals,
     gaps: Reals,
     poses: Reals,
 ) -> None:
     """At each state, fill in the terms' values (m, k), gaps of contacts (m, c) and poses of bodies
-    (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c) holds the time, and forces and impulses of contacts."""
+    (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c + u) holds the time, forces and impulses of contacts, and the
+    inputs, which expressions read at `columns` (u,)."""
     state = workspace.state
     clock, contacts = state.clock[0], gaps.shape[1]
+    inputs = 1 + 2 * contacts
     for i in range(q.shape[0]):
         copy(q[i], state.q)
         copy(v[i], state.v)
         state.values[time_slot(state)] = rest[i, 0]
         copy(rest[i, 1 : 1 + contacts], state.pushes)
-        copy(rest[i, 1 + contacts :], state.impulses)
+        copy(rest[i, 1 + contacts : inputs], state.impulses)
+        for j in range(columns.shape[0]):
+            state.values[columns[j]] = rest[i, inputs + j]
         state.manifolds.features[:] = ABSENT
         clock.margin, clock.tried, clock.next = math.inf, 0.0, 0.0
         place(records, state.q, state.placed, False)
