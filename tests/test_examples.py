@@ -131,6 +131,17 @@ def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert all(slid[name]["acceleration_error"] < 5e-3 for name in ("dynamic-rigid", "dynamic-compliant"))
 
 
+def test_pushes_without_the_others(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pushes = script("benchmarks/pushes.py", monkeypatch)
+    monkeypatch.setattr(pushes, "find_spec", lambda _: None)
+    assert pushes.main(["--runs", "5", "--json"], repeats=1) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert {row["engine"] for row in rows} == {rung.name for rung in rw.LADDER if rung.moves}
+    assert all(row["error"] <= pushes.ALLOWED and row["steps"] <= 4 for row in rows)
+
+
 @pytest.mark.parametrize(
     "page, printed",
     [

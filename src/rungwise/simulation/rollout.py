@@ -231,7 +231,7 @@ class _Count:
                 raise ValueError
         except ValueError:
             raise error(f"{name}: must be numbers in an array, not {shown(given)}") from None
-        values = np.ascontiguousarray(values, np.float64)
+        values = np.array(values, np.float64, order="C")
         while values.ndim < inner:
             values = values[None]
         if values.ndim > inner + 1:
