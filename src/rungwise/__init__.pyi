@@ -37,9 +37,11 @@ from .sets.store import SetError
 from .simulation.batch import Batch, Results
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
+from .simulation.inputs import Schedule, ScheduleError, Segment
 from .simulation.options import ModelError
 from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
+from .simulation.rollout import Rollouts, rollout
 from .simulation.run import Simulation, simulate
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
@@ -72,11 +74,15 @@ __all__ = [
     "Piece",
     "Problem",
     "Results",
+    "Rollouts",
     "Run",
     "RunSensitivity",
     "Rung",
     "Scene",
     "SceneError",
+    "Schedule",
+    "ScheduleError",
+    "Segment",
     "Sensitivity",
     "SetError",
     "Simulation",
@@ -103,6 +109,7 @@ __all__ = [
     "load_set",
     "load_state",
     "read_problem",
+    "rollout",
     "run_sensitivity",
     "schema",
     "sensitivity",

@@ -18,7 +18,11 @@ from rungwise.scene import InvalidScene, SceneError, fields, load, shipped, valu
 WHOLE: dict[str, Any] = {
     "name": "whole",
     "about": "every part of a scene, with every field",
-    "parameters": {"p": {"default": 0.5, "range": [0.0, 1.0], "unit": "N*s/m", "about": "any"}},
+    "parameters": {
+        "p": {"default": 0.5, "range": [0.0, 1.0], "unit": "N*s/m", "about": "any"},
+        "u": {"default": 0.5},
+    },
+    "inputs": ["u"],
     "gravity": [0.0, -9.81],
     "bodies": {
         "tip": {
@@ -41,8 +45,8 @@ WHOLE: dict[str, Any] = {
             "density": 1.0,
             "centre": [0.0, 0.0],
             "inertia": 1.0,
-            "force": [0.0, 0.0],
-            "torque": 0.0,
+            "force": ["u", "u"],
+            "torque": "u",
         },
         "arm": {
             "role": "robot",
@@ -786,10 +790,14 @@ def test_expressions_that_are_not_finite(path: Path) -> None:
         (
             (*SERVO[:-1], "drive"),
             {"kind": "speed", "speed": "zzz"},
-            "bodies.arm.coordinates.turn.drive.speed: unknown name zzz; valid: p, t",
+            "bodies.arm.coordinates.turn.drive.speed: unknown name zzz; valid: p, u, t",
         ),
-        (("goal",), "gap(part, zzz) < 1", "goal: unknown name gap(part, zzz); valid: p, t, tolerance, tip.s"),
-        (("gravity",), ["zzz", 0], "gravity.0: unknown name zzz; valid: p"),
+        (
+            ("goal",),
+            "gap(part, zzz) < 1",
+            "goal: unknown name gap(part, zzz); valid: p, u, t, tolerance, tip.s",
+        ),
+        (("gravity",), ["zzz", 0], "gravity.0: unknown name zzz; valid: p, u"),
         (
             (*CROSS, "shape"),
             [{"kind": "disc", "radius": "zzz"}],
@@ -804,7 +812,7 @@ def test_what_the_message_says(path: Path, value: object, message: str) -> None:
 def test_expressions_of_contacts_that_hold_for_no_pair() -> None:
     for between in (["part", "*"], ["palm", "wedge"]):
         contacts = [*WHOLE["contacts"], {"between": between, "friction": "zzz"}]
-        assert refusal(put(("contacts",), contacts)) == "contacts.1.friction: unknown name zzz; valid: p"
+        assert refusal(put(("contacts",), contacts)) == "contacts.1.friction: unknown name zzz; valid: p, u"
 
 
 def test_impossible_values_are_told_from_wrong_ones() -> None:

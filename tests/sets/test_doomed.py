@@ -143,10 +143,9 @@ def test_runs_from_doomed_states_do_not_reach_the_goal() -> None:
     )
     points = states(found, 2000)
     points = points[doomed(found, points)]
-    batch = rw.Batch(found.scene, found.model, ("v",), starts=found.over, duration=0.3, threads=1)
     speeds = np.random.default_rng(6).uniform(0.2, 1.0, (10, len(points)))
     for v in speeds:
-        runs = batch.run(np.column_stack([v, points]))
+        runs = rw.rollout(found.scene, found.model, points, durations=0.3, parameters={"v": v}, threads=1)
         alive = runs.outcome != rw.Code.INVALID
         assert not (runs.outcome == rw.Code.GOAL).any()
         points = np.where(alive[:, None], runs.final, points)

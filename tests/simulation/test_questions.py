@@ -140,3 +140,47 @@ def test_scenes_without_motion_and_no_states() -> None:
     assert found.gaps.shape == (1, 0) and found.poses.tolist() == [[[0.0, 0.0, 0.0]]]
     assert found.collides.tolist() == [False]
     assert rw.ask(SCENE, "goal", []).holds.shape == (0,) and rw.geometry(SCENE, []).gaps.shape == (0, 2)
+
+
+CONDITIONS = (
+    "part.x3 ** 1e6 >= 0", "part.x3 ** 400 * part.x3 ** 400 > 0", "t ** 1e308 * t ** 1e308 < part.x3",
+    "part.x3 ** 1e999 <= 1", "(v1 * part.x3) ** 3 > 0", "part.x3 > 0", "not part.x3 <= 0", "not part.x3 > 0",
+    "not (part.x3 <= 0 or t > 0)", "part.x3 ** 300 < 0 and t <= 0", "0 / part.x3 > 1",
+    "-1e300 < part.x3 ** 3",
+    "part.x3 * 1e200 >= part.x3 ** 3 / 1e200", "force(finger1, part) < 0 or 1 / part.x3 >= 2",
+)  # fmt: skip
+"""Also with powers, quotients and differences beyond floats."""
+
+
+@pytest.mark.parametrize("half_base", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("condition", CONDITIONS)
+def test_margins_agree_with_what_holds(condition: str, half_base: float) -> None:
+    places = np.zeros((7, 3))
+    places[:, 2] = [0.0, -0.0, 5e-324, -5e-324, 1.0, -1e-200, 1e60]
+    found = rw.ask(SCENE, condition, places, {"half_base": half_base})
+    assert np.array_equal(found.holds, found.margin >= 0.0) and not np.isnan(found.margin).any()
+    assert (np.isfinite(found.scales) & (found.scales > 0.0)).all()
+
+
+@pytest.mark.parametrize("kind", [object, "U5", complex, bool, "M8[s]"])
+def test_arrays_of_other_types_are_refused(kind: Any) -> None:
+    for ask in (rw.geometry, lambda scene, states: scene.goal(states)):
+        with pytest.raises(rw.StateError, match=r"^states: must be an array of real numbers, not of "):
+            ask(SCENE, np.zeros((2, 3)).astype(kind) if kind != "M8[s]" else np.zeros((2, 3), kind))
+    assert rw.geometry(SCENE, np.zeros((2, 3), int)).gaps.shape == (2, 2)
+
+
+def test_gaps_are_finite_wherever_places_are_taken() -> None:
+    with pytest.raises(rw.StateError, match=r"^states: row 1 is not within -1e\+75\.\.1e\+75$"):
+        rw.geometry(SCENE, np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1e300]]))
+    with pytest.raises(
+        rw.StateError, match=r"^state\.q\.part\.x3: must be within -1e\+75\.\.1e\+75, not 1e\+300$"
+    ):
+        rw.geometry(SCENE, rw.State.of(SCENE, {"part.x3": 1e300}))
+    for number in range(0, 200, 5):
+        scene = rw.load(random_scene(number))
+        near = np.isfinite(rw.geometry(scene, rw.State.of(scene)).gaps)
+        for name in scene.template.coordinates:
+            for place in (1e75, -1e75):
+                gaps = rw.geometry(scene, rw.State.of(scene, {name: place})).gaps
+                assert np.isfinite(gaps[near]).all(), (number, name, gaps)

@@ -241,7 +241,7 @@ def test_speed_in_time(model: rw.Rung) -> None:
     for step in (4e-3, 2e-3, 1e-3):
         run = rw.simulate(scene, model, step=step)
         errors.append(abs(run.final["block"]["s"] - 0.7 * math.sin(1.0)))
-    assert np.polyfit(np.log([4e-3, 2e-3, 1e-3]), np.log(errors), 1)[0] == pytest.approx(1.0, abs=0.02)
+    assert np.polyfit(np.log([4e-3, 2e-3, 1e-3]), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.02)
 
 
 @pytest.mark.parametrize("model", MOVING[1:], ids=str)
@@ -441,7 +441,8 @@ def test_a_load_that_stops_being_finite() -> None:
 
 def test_a_speed_without_bound_is_seen_where_it_is_met() -> None:
     scene = slider({"drive": {"kind": "speed", "speed": "1 / (t - 0.5)"}, "lower": -1e3})
-    for step, theta, before in ((1 / 64, 1.0, 31 / 64), (0.2, 0.5, 0.4)):
+    # A step takes a speed as it is in its middle.
+    for step, theta, before in ((0.2, 1.0, 0.4), (0.2, 0.5, 0.4)):
         run = rw.simulate(scene, rw.DYNAMIC_COMPLIANT, step=step, theta=theta)
         assert run.outcome.name == "invalid" and run.time == before
         assert run.reason == "bodies.block.coordinates.s.drive.speed: must be finite, not inf, at t = 0.5"

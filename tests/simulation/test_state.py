@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import pickle
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -142,7 +144,7 @@ def test_wrong_states() -> None:
     ):
         with pytest.raises(rw.StateError, match=text):
             rw.simulate(scene, rw.KINEMATIC, state=state)  # type: ignore[arg-type]
-    with pytest.raises(rw.ModelError, match="time: the run ends at 1, and the state is of 2"):
+    with pytest.raises(rw.ModelError, match="duration: the run ends at 1, and the state is of 2"):
         rw.simulate(scene, rw.KINEMATIC, state=rw.State.of(scene, time=2.0), duration=1.0)
     with pytest.raises(rw.StateError, match=r"state: unknown 'x'; valid: "):
         over["x"]
@@ -175,3 +177,247 @@ def test_a_pickled_run_has_the_same_trajectory_and_states() -> None:
     copy = pickle.loads(pickle.dumps(run))
     assert copy.trajectory.identical(run.trajectory)
     assert [state.q.tolist() for state in copy.states] == [state.q.tolist() for state in run.states]
+
+
+LIFTED = [(low, high) for low in MOVING for high in MOVING if low != high]
+
+
+@pytest.mark.parametrize("low, high", LIFTED, ids=lambda model: model.name)
+def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_steps(
+    low: rw.Rung, high: rw.Rung
+) -> None:
+    scenes = [rw.load(random_scene(number)) for number in range(0, 60, 6)]
+    for scene in (*scenes, rw.load("two_link")):
+        run = taken(scene, low, STEPS, tol=1e-3)
+        if not run.states:
+            continue
+        assert not rw.geometry(scene, run.states).collides.any()
+        for state in (run.states[len(run.states) // 2], run.states[-1]):
+            if state.time < (run.scene.bind().records.world[0]["duration"]):
+                lifted = rw.Simulation(scene, high, state=state)
+                assert str(lifted.result().outcome) != "invalid", (scene.name, lifted.reason)
+                assert lifted.time == state.time
+
+
+def arm(turned: dict[str, Any] | None = None) -> rw.Scene:
+    """An arm in a hinge, whose servo turns it, and a block on a slide, whose servo pulls it."""
+    drive = {"kind": "servo", "stiffness": 1e3, "damping": 10.0, "target_speed": "rate"}
+    return rw.load(
+        {
+            "name": "arm", "duration": 4.0, "step": 1e-2,
+            "parameters": {
+                "rate": {"default": 0.2}, "high": {"default": 1.0}, "most": {"default": 3.0},
+                "wide": {"default": 0.1, "range": [0.01, 10.0]},
+            },
+            "bodies": {
+                "wall": {"role": "obstacle", "shape": {"kind": "point", "at": [0.0, "high"]}},
+                "arm": {
+                    "role": "robot", "mass": 1.0, "shape": {"kind": "capsule", "length": 0.4, "radius": 0.05},
+                    "pose": {"x": 0.2, "y": "high"}, "motion": {"kind": "free"},
+                    **(turned or {}),
+                },
+                "block": {
+                    "role": "object", "mass": 1.0, "shape": {"kind": "disc", "radius": "wide"},
+                    "pose": {"x": 2.0}, "motion": {"kind": "slide", "axis": [1, 0], "name": "s"},
+                    "coordinates": {"s": {"upper": "most", "drive": drive}},
+                },
+                "post": {"role": "obstacle", "shape": {"kind": "disc", "radius": 0.1}},
+            },
+            "joints": {
+                "hinge": {
+                    "kind": "hinge", "between": ["wall", "arm"], "at": [0.0, "high"],
+                    "coordinate": {"lower": -3.0, "upper": "most", "drive": drive},
+                }
+            },
+            "contacts": [{"between": ["block", "post"]}],
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "change, reason",
+    [
+        ({"high": 1.1}, "joints.hinge: its .* is off by 0.1 "),
+        ({"wide": 2.5}, "bodies.block: overlaps post by "),
+    ],
+)
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_other_parameters_may_neither_open_joints_nor_make_bodies_overlap(
+    model: rw.Rung, change: dict[str, float], reason: str
+) -> None:
+    scene = arm()
+    state = rw.simulate(scene, model, duration=1.0).state
+    run = rw.simulate(scene, model, state=state, parameters=change)
+    assert str(run.outcome) == "invalid"
+    assert re.search(reason, run.reason), run.reason
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_places_outside_the_travel_at_other_parameters_are_refused(model: rw.Rung) -> None:
+    scene = arm()
+    state = rw.simulate(scene, model, duration=1.0).state
+    with pytest.raises(rw.StateError, match=r"state\.q\.block\.s: .* is outside its travel, -inf to 0\.1"):
+        rw.simulate(scene, model, state=state, parameters={"most": 0.1})
+    still = replace(rw.State.of(scene, {n: state[n] for n in state.names if n[:3] == "arm"}), time=1.0)
+    run = rw.simulate(scene, model, state=still, parameters={"most": 0.1})
+    assert "joints.hinge: its angle is off by" in run.reason
+    fingers = rw.simulate("two_finger", model, duration=1.2).state
+    with pytest.raises(rw.StateError, match=r"finger1\.x1: 1\.2 is outside its travel, 0 to 1$"):
+        rw.simulate("two_finger", model, state=fingers, parameters={"travel": 1.0})
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_servos_are_led_on_without_a_jump(model: rw.Rung) -> None:
+    """Of states by hand at any time, and of states of runs whose servos had another speed."""
+    scene = arm()
+    by_hand = rw.State.of(scene, time=2.0)
+    of_run = rw.simulate(scene, rw.KINEMATIC, parameters={"rate": 0.5}, duration=2.0).state
+    for state in (by_hand, of_run):
+        run = rw.simulate(scene, model, state=state, duration=2.5)
+        moved = np.array([run.final["block"]["s"] - state["block.s"],
+                          run.final["arm"]["angle"] - state["arm.angle"]])  # fmt: skip
+        assert moved == pytest.approx(0.1, abs=1e-9 if model == rw.KINEMATIC else 0.02)
+        frames = np.array([each.q for each in run.states])
+        assert np.abs(np.diff(frames, axis=0)).max() < 0.02
+    assert by_hand["block.s"] == 0.0 and of_run["block.s"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_a_run_from_the_scenes_start_by_hand_is_the_run_of_the_scene(model: rw.Rung) -> None:
+    """Also where joints with servos are turned there."""
+    places = {"x": 0.2 * np.cos(0.3) - 0.2, "y": 0.2 * np.sin(0.3), "angle": 0.3}
+    turned = {"coordinates": {name: {"start": float(place)} for name, place in places.items()}}
+    for scene in (arm(), arm(turned)):
+        run = rw.simulate(scene, model, duration=1.0)
+        again = rw.simulate(scene, model, state=rw.State.of(scene), duration=1.0)
+        assert again.trajectory.identical(run.trajectory)
+        moved = run.final["arm"]["angle"] - run.states[0]["arm.angle"]
+        assert moved == pytest.approx(0.2, abs=1e-9 if model == rw.KINEMATIC else 0.02)
+
+
+@pytest.mark.parametrize("field", ["q", "v", "time"])
+def test_a_state_that_was_changed_is_not_taken_for_that_of_its_run(field: str) -> None:
+    scene = rw.load("two_finger")
+    state = rw.simulate(scene, rw.DYNAMIC_RIGID, duration=0.5).state
+    changed = replace(state, **{field: getattr(state, field) + 0.1})
+    for model in MOVING:
+        with pytest.raises(rw.StateError, match=rf"state\.{field}: differs from the state's memory; make "):
+            rw.simulate(scene, model, state=changed)
+    with pytest.raises(rw.StateError, match=rf"state\.{field}: differs"):
+        rw.geometry(scene, changed)
+    run = rw.simulate(scene, rw.DYNAMIC_RIGID, state=replace(changed, memory=None), duration=0.7)
+    assert np.array_equal(run.states[0].q, changed.q)
+
+
+def test_arrays_of_states_are_read_only() -> None:
+    scene, places = rw.load("two_finger"), np.zeros(3)
+    run = rw.simulate(scene, rw.DYNAMIC_RIGID, duration=0.5)
+    assert run.state.memory is not None
+    own = rw.State(scene.template.coordinates, places, places)
+    places[0] = 1.0
+    assert own["finger1.x1"] == 0.0
+    copied = pickle.loads(pickle.dumps(run.state))
+    assert np.array_equal(copied.memory.values, run.state.memory.values, equal_nan=True)
+    for array in (
+        run.state.q, run.state.v, run.state.memory.values, run.states[0].q, own.q, own.v,
+        copied.q, copied.memory.values,
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_memories_that_are_none_of_the_scene_are_refused() -> None:
+    scene = rw.load("two_finger")
+    state = rw.simulate(scene, rw.DYNAMIC_RIGID, duration=0.5).state
+    memory = state.memory
+    assert memory is not None
+    for values in (memory.values[:-1], np.zeros(0), np.append(memory.values, 0.0)):
+        other = replace(state, memory=replace(memory, values=values))
+        with pytest.raises(rw.StateError, match=rf"state\.memory: has {len(values)} numbers, and a run of "):
+            rw.simulate(scene, rw.DYNAMIC_RIGID, state=other)
+        with pytest.raises(rw.StateError, match=r"state\.memory: has "):
+            scene.goal(other)
+    wrong = [{"values": np.zeros((2, 2))}, {"scene": 5}, {"model": "kinematic"}, {"theta": "1"}]
+    values = memory.values.copy()
+    values[rw.Simulation(scene, rw.DYNAMIC_RIGID).workspace.state.clock.nbytes // 8] = -1.0  # v1
+    with pytest.raises(rw.StateError, match=r"state\.memory: parameters\.v1: -1 is outside 1e-06 to 1e\+06"):
+        rw.simulate(scene, rw.KINEMATIC, state=replace(state, memory=replace(memory, values=values)))
+    for none in (5, memory.values, *(replace(memory, **change) for change in wrong)):
+        with pytest.raises(rw.StateError, match=r"state\.memory: must be null, or the memory of "):
+            rw.simulate(scene, rw.DYNAMIC_RIGID, state=replace(state, memory=none))  # type: ignore[arg-type]
+
+
+def test_files_that_hold_no_state(tmp_path: Path) -> None:
+    """Whatever array has another shape or type, and wherever a byte of the file is another one."""
+    state = rw.simulate("two_finger", rw.DYNAMIC_RIGID, duration=0.5).state
+    file = state.save(tmp_path / "state.npz")
+    with np.load(file) as saved:
+        arrays = dict(saved)
+    wrong = [np.zeros((2, 2)), np.zeros(7, complex), np.array("x"), np.array(["x"]), np.array(1.0)]
+    for name in arrays:
+        for value in wrong:
+            np.savez(tmp_path / "wrong.npz", **arrays | {name: value})
+            try:
+                rw.simulate("two_finger", rw.DYNAMIC_RIGID, state=rw.load_state(tmp_path / "wrong.npz"))
+            except rw.StateError as error:
+                assert "\n" not in str(error)
+    np.save(tmp_path / "row.npy", np.zeros(3))
+    with pytest.raises(rw.StateError, match=r"state: 'row\.npy' holds no state that was saved"):
+        rw.load_state(tmp_path / "row.npy")
+    rng, content = np.random.default_rng(0), file.read_bytes()
+    for at in rng.choice(len(content), 200, replace=False):
+        torn = bytearray(content)
+        torn[at] ^= int(rng.integers(1, 256))
+        (tmp_path / "torn.npz").write_bytes(torn if at % 2 else torn[:at])
+        try:
+            rw.load_state(tmp_path / "torn.npz")
+        except rw.StateError as error:
+            assert "\n" not in str(error)
+    for none in (5, None, 1.5, [], b"state.npz"):
+        with pytest.raises(rw.StateError, match=r"file: must be a path, not "):
+            rw.load_state(none)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", [5, [1.0], "x", np.zeros(3), {1.0}])
+@pytest.mark.parametrize("field", ["q", "v"])
+def test_places_by_hand_are_a_mapping(field: str, value: Any) -> None:
+    with pytest.raises(
+        rw.StateError, match=rf"state\.{field}: must be a mapping of coordinates to numbers, not"
+    ):
+        rw.State.of(rw.load("two_finger"), **{field: value})
+
+
+@pytest.mark.parametrize(
+    "value",
+    [10**400, -(10**400), np.inf, 1j, True, np.True_, None, "1", [1.0]],
+    ids=lambda value: repr(value)[:5],
+)
+def test_numbers_by_hand_are_finite_reals(value: Any) -> None:
+    scene = rw.load("two_finger")
+    for change in ({"q": {"part.x3": value}}, {"v": {"part.x3": value}}, {"time": value}):
+        with pytest.raises(rw.StateError, match=r"state\.[qvt].*: must be (finite|a number), not "):
+            rw.State.of(scene, **change)
+
+
+@pytest.mark.parametrize("kind", [object, "U5", complex, bool])
+def test_arrays_of_other_types_are_refused(kind: Any) -> None:
+    scene = rw.load("two_finger")
+    values = np.array(["a", "b", "c"], kind) if kind in (object, "U5") else np.zeros(3, kind)
+    for q, v in ((values, np.zeros(3)), (np.zeros(3), values)):
+        with pytest.raises(rw.StateError, match=r"state\.[qv]\.finger1\.x1: must be a number, not "):
+            rw.simulate(scene, rw.KINEMATIC, state=rw.State(scene.template.coordinates, q, v))
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_a_scene_in_which_nothing_moves(model: rw.Rung) -> None:
+    still = rw.load(
+        {
+            "name": "wall",
+            "bodies": {"wall": {"role": "obstacle", "shape": {"kind": "halfplane"}}},
+            "duration": 0.1,
+        }
+    )
+    run = rw.simulate(still, model, duration=0.05)
+    assert run.time == pytest.approx(0.05) and run.final == {}
+    assert rw.simulate(still, model, state=run.state).time == pytest.approx(0.1)
+    assert rw.simulate(still, model, state=rw.State.of(still)).time == pytest.approx(0.1)

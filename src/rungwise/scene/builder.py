@@ -76,7 +76,11 @@ class _Builder:
             len(supported),
             sum(spot_count(support) for support in supported),
         )
-        self.writer = Writer(counts, self.names)
+        for place, name in enumerate(scene.inputs):
+            if name not in self.parameters or name in scene.inputs[:place]:
+                wrong = "unknown parameter" if name not in self.parameters else "given twice:"
+                raise SceneError(f"inputs.{place}: {wrong} {shown(name)}; valid: {listed(self.parameters)}")
+        self.writer = Writer(counts, self.names, scene.inputs)
         self.put, self.records = self.writer.put, self.writer.records
 
     def build(self) -> Template:
@@ -96,6 +100,12 @@ class _Builder:
         write_supports(self.writer, self.scene)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
+        for place, (name, paths) in enumerate(self.writer.readers.items()):
+            if not paths:
+                raise SceneError(
+                    f"inputs.{place}: {name} is read by no speed, target or force of a drive, nor by a"
+                    " force on a body"
+                )
         conditions = Programs(
             [self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")]
         )
@@ -111,9 +121,14 @@ class _Builder:
             targets=np.array([target for _, target in written.static], np.int64),
             timed=Programs([code for code, _ in written.timed]),
             timed_targets=np.array([target for _, target in written.timed], np.int64),
+            speeds=Programs([code for code, _ in written.speeds]),
+            speeds_targets=np.array([target for _, target in written.speeds], np.int64),
             conditions=conditions,
             checks=written.checks,
             parameters=self.parameters,
+            inputs=self.scene.inputs,
+            readers={name: tuple(paths) for name, paths in written.readers.items()},
+            reads_time=written.reads_time,
             bodies=self.bodies,
             coordinates=self.coordinates,
             contacts=self.contacts,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +58,8 @@ class Template:
     """A scene ready to be bound: `buffer` holds the literals, programs write the expressions to `targets`.
 
     The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
-    contacts, and the goal's tolerance.
-    """
+    contacts, and the goal's tolerance. `speeds` (of drives) and `timed` (all others) are the programs that
+    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input."""
 
     counts: tuple[int, ...]
     buffer: NDArray[np.float64]
@@ -66,9 +67,14 @@ class Template:
     targets: NDArray[np.int64]
     timed: Programs
     timed_targets: NDArray[np.int64]
+    speeds: Programs
+    speeds_targets: NDArray[np.int64]
     conditions: Programs
     checks: Checks
     parameters: tuple[str, ...]
+    inputs: tuple[str, ...]
+    readers: Mapping[str, tuple[str, ...]]
+    reads_time: bool
     bodies: tuple[str, ...]
     coordinates: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]
@@ -83,8 +89,12 @@ class Template:
         return block_of(self.numbers, self.targets)
 
     def timed_numbers(self) -> Numbers:
-        """Programs of the numbers that depend on time, too."""
+        """Programs of the numbers that depend on time or inputs, too, but for speeds of drives."""
         return block_of(self.timed, self.timed_targets)
+
+    def timed_speeds(self) -> Numbers:
+        """Programs of the speeds of drives that depend on time or inputs."""
+        return block_of(self.speeds, self.speeds_targets)
 
 
 def block_of(programs: Programs, targets: NDArray[np.int64]) -> Numbers:

@@ -42,6 +42,9 @@ NAMES = {
     TURN: "angular speed", IMPULSE: "impulse",
 }  # fmt: skip
 
+HUGE = 1e300
+"""Greatest power of a dimension."""
+
 Combination: TypeAlias = "int | tuple[str, list[Combination]]"
 """A comparison's index, or "and", "or", "not" of combinations."""
 
@@ -114,7 +117,7 @@ def _dimension(node: ast.expr, names: Names, known: list[Dimension | None]) -> D
             return _product(left, right, 1.0 if isinstance(op, ast.Mult) else -1.0, of)
         case ast.BinOp(left, ast.Pow(), ast.Constant(value=int() | float() as exponent)):
             base = of(left)
-            return None if base is None else base.power(float(exponent))
+            return None if base is None else _possible(base.power(float(exponent)))
         case ast.Call(ast.Name("abs" | "min" | "max" | "hypot"), args):
             return _shared([of(arg) for arg in args])
         case ast.Call(ast.Name("sqrt"), [arg]):
@@ -134,7 +137,12 @@ def _product(
     sides = [ANGLE if _is_plain(side) else of(side) for side in (left, right)]
     if sides[0] is None or sides[1] is None or (_is_plain(left) and _is_plain(right)):
         return None
-    return sides[0].times(sides[1], sign)
+    return _possible(sides[0].times(sides[1], sign))
+
+
+def _possible(dimension: Dimension) -> Dimension | None:
+    """A dimension, None where its powers are beyond all measure, and sums of them might overflow."""
+    return dimension if all(abs(power) <= HUGE for power in dimension) else None
 
 
 def _is_plain(node: ast.expr) -> bool:

@@ -8,7 +8,7 @@ from rungwise.scene import records as rec
 from rungwise.scene.expression import Code
 from rungwise.scene.fields import Drive, Force, Servo, Speed
 from rungwise.scene.names import Names
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError
 from rungwise.scene.values import Number
 
 INF = float("inf")
@@ -17,12 +17,16 @@ INF = float("inf")
 class Writer:
     """Records, `counts` of each kind, and the programs and checks that remain for binding."""
 
-    def __init__(self, counts: tuple[int, ...], names: Names) -> None:
+    def __init__(self, counts: tuple[int, ...], names: Names, inputs: tuple[str, ...]) -> None:
         self.counts, self.names = counts, names
+        self._inputs = {names.parameters.index(name): name for name in inputs}
         self.buffer = rec.allocate(counts)
         self.records = rec.views(self.buffer, counts)
         self.static: list[tuple[Code, int]] = []
         self.timed: list[tuple[Code, int]] = []
+        self.speeds: list[tuple[Code, int]] = []
+        self.reads_time = False
+        self.readers: dict[str, list[str]] = {name: [] for name in inputs}
         self._checks: list[tuple[int, float, float, int, str]] = []
 
     @property
@@ -52,8 +56,16 @@ class Writer:
         if isinstance(value, str):
             code = self.names.number(value, path, timed)
             self.static.append((code, target))
-            if len(self.names.parameters) in code.reads:
-                self.timed.append((code, target))
+            read = [name for slot, name in self._inputs.items() if slot in code.reads]
+            reads_time = len(self.names.parameters) in code.reads
+            if timed and (read or reads_time):
+                (self.speeds if field == "drive_speed" else self.timed).append((code, target))
+                self.reads_time |= reads_time
+                for name in read:
+                    self.readers[name].append(path)
+            elif read and ".drive." in path:
+                needs = " without a target" if path.endswith("target_speed") else ""
+                raise SceneError(f"{path}: cannot follow the input {read[0]}{needs}")
         else:
             self.buffer[target] = value
         low = at_least if above is None else above

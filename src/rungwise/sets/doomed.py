@@ -33,9 +33,17 @@ from rungwise.sets.images import Images
 from rungwise.sets.labels import Label
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import ACCURACY, digest, smallest
-from rungwise.sets.states import box_of_states, check_states, input_box, records_of, state_name
+from rungwise.sets.states import (
+    bodies_at,
+    box_of_states,
+    check_states,
+    columns_of,
+    input_box,
+    records_of,
+    state_name,
+)
 from rungwise.sets.store import SetError
-from rungwise.simulation.batch import Batch
+from rungwise.simulation.crew import Crew
 from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
@@ -121,11 +129,12 @@ class DoomedSet:
         "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
-        batch = Batch(
-            self.scene, self.model, (), starts=self.over, parameters=self.request["parameters"],
-            tol=self.request["accuracy"], duration=1e-9 * self.steps[0], threads=threads,
+        crew = Crew(
+            self.scene, self.model, (), self.request["parameters"], tol=self.request["accuracy"],
+            duration=1e-9 * self.steps[0], threads=threads,
         )  # fmt: skip
-        outcome = batch.run(points).outcome
+        bodies = bodies_at(self.scene, columns_of(self.scene, self.over), points)
+        outcome = crew.run(np.zeros((n, 0)), bodies=bodies).results["outcome"]
         states = outcome != Code.INVALID
         rule, here = outcome[states] == Code.DOOMED, self.labels(points[states]) == Label.DOOMED
         parts = {"both": here & rule, "only here": here & ~rule, "only by rule": rule & ~here}

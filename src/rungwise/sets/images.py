@@ -15,9 +15,9 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.sets.backward import CLOSE, Flags, around, backward
 from rungwise.sets.request import THETA
-from rungwise.sets.states import SPEED_OF, columns_of, undriven, without_doomed
+from rungwise.sets.states import SPEED_OF, bodies_at, columns_of, undriven, without_doomed
 from rungwise.sets.store import SetError
-from rungwise.simulation.batch import Batch
+from rungwise.simulation.crew import Crew
 
 PILOT = 1e-4
 """Length of the runs that tell how fast things move, over the scene's duration."""
@@ -93,21 +93,21 @@ class Images:
 
     def _run(self, sample: Reals, step: float, needed: int) -> tuple[Ints, Reals]:
         """Outcomes and displacements of runs from all vertices that are states."""
-        batch = Batch(
-            self._scene, self._model, tuple(self._bounds), starts=self._names,
-            parameters=self._request["parameters"], tol=self._request["accuracy"], theta=THETA, duration=step,
-            threads=self._threads,
+        crew = Crew(
+            self._scene, self._model, tuple(self._bounds), self._request["parameters"],
+            tol=self._request["accuracy"], theta=THETA, duration=step, threads=self._threads,
         )  # fmt: skip
         vertices = self._vertices[self._valid]
-        points = np.column_stack([np.tile(sample, (len(vertices), 1)), vertices])
+        points = np.tile(sample, (len(vertices), 1))
         before = self.runs
         report = self._report
-        found = batch.run(
+        found = crew.run(
             points,
+            bodies=bodies_at(self._scene, self._columns, vertices),
             on_progress=None if report is None else lambda done: report("macro-steps", before + done, needed),
         )
         self.runs += len(vertices)
-        return found.outcome, np.hstack([found.final, found.speed])[:, self._columns] - vertices
+        return found.results["outcome"], found.final[:, self._columns] - vertices
 
     def _pilot(self) -> tuple[float, list[float]]:
         """Cells per time that the fastest coordinate moves, and the difference in cells that each input

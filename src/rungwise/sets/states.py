@@ -10,10 +10,10 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene, SceneError, load
 from rungwise.scene import records as rec
 from rungwise.sets.store import SetError
-from rungwise.simulation.batch import names_of, start_of
+from rungwise.simulation.crew import names_of
 
 SPEED_OF = "speed("
 
@@ -26,8 +26,26 @@ def state_name(scene: Scene, name: str) -> str:
         raise SetError(f"over: {inner[:60]!r} may be {' or '.join(matches)}; give the full name")
     full = matches[0] if matches else inner
     named = full if inner == name else f"{SPEED_OF}{full})"
-    start_of(scene, named)
+    _column(scene, named)
     return named
+
+
+def _column(scene: Scene, name: str) -> int:
+    """Index of a coordinate, or of its speed after all coordinates. Raises SceneError."""
+    known = scene.template.coordinates
+    inner = name[len(SPEED_OF) : -1] if name.startswith(SPEED_OF) and name.endswith(")") else name
+    if inner not in known:
+        raise SceneError(
+            f"state: unknown coordinate {str(name)[:60]!r}; valid: {', '.join(known)}, and speed() of them"
+        )
+    return known.index(inner) + (len(known) if inner != name else 0)
+
+
+def bodies_at(scene: Scene, columns: Ints, states: Reals) -> Reals:
+    """Places, velocities and time 0 (m, 2 n + 1) at states (m, d) of these columns."""
+    bodies = np.zeros((len(states), 2 * len(scene.template.coordinates) + 1))
+    bodies[:, columns] = states
+    return bodies
 
 
 def check_states(scene: Scene, model: Rung, names: Sequence[str], most: int) -> None:
@@ -49,7 +67,7 @@ def check_states(scene: Scene, model: Rung, names: Sequence[str], most: int) -> 
     if len(names) > most:
         raise SetError(f"over: 1 to {most} states, and {scene.name} has {len(names)}")
     conditions = " ".join(str(text) for text in (scene.file.goal, scene.file.unsafe))
-    if len(scene.template.timed_targets) or re.search(r"\bt\b", conditions):
+    if scene.template.reads_time or re.search(r"\bt\b", conditions):
         raise SetError(f"scene: {scene.name} depends on the time t, which is no state")
     if scene.file.goal is None:
         raise SetError(f"scene: {scene.name} has no goal")
@@ -68,7 +86,7 @@ def undriven(scene: Scene, names: Sequence[str]) -> list[int]:
 
 def columns_of(scene: Scene, names: Sequence[str]) -> Ints:
     """Columns (d,) of states among all coordinates and then all speeds."""
-    return np.array([start_of(scene, name) for name in names], np.int64)
+    return np.array([_column(scene, name) for name in names], np.int64)
 
 
 def box_of_states(

@@ -11,8 +11,7 @@ from rungwise.scene.expression import STACK
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import SERVO
 from rungwise.scene.scene import Bound
-from rungwise.simulation.planar.verdicts import time_slot
-from rungwise.simulation.planar.workspace import Workspace
+from rungwise.simulation.planar.workspace import Workspace, time_slot
 from rungwise.system.planar.terms import target
 
 HALVINGS = 60
@@ -43,6 +42,8 @@ def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -
     Angles count by the levers of their coordinates.
     """
     clock = workspace.state.clock[0]
+    if not clock["leap"]:
+        return None
     i, moved, end = int(clock["leaper"]), float(clock["leap"]), float(clock["leap_time"])
     if abs(moved) * bound.records.coordinates["lever"][i] <= least:
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,14 +17,19 @@ from rungwise.scene.expression import Programs
 from rungwise.scene.names import Names
 from rungwise.scene.terms import ANGLE, LENGTH, Combination, Dimension, Term, terms_of
 from rungwise.scene.values import shown
-from rungwise.simulation.planar.loop import CLOSED, begin
+from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory
-from rungwise.simulation.state import State, StateError, check_state, digest
+from rungwise.simulation.state import FARTHEST, State, StateError, check_state, digest, memory_of
 from rungwise.system.planar.place import start, turns
 
 States: TypeAlias = "State | Sequence[State] | Reals"
-"""One state, many, or places (m, n) of all coordinates, at rest at t = 0."""
+"""One state, many, or an array: places (m, n) of all coordinates, at rest, or places and velocities
+(m, 2 n), at t = 0."""
+LARGEST = 700.0
+"""Largest logarithm of a scale, whatever the powers: its exponential is finite."""
+SMALLEST = 5e-324
+"""Smallest number greater than 0."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,8 @@ class Answers:
 @dataclass(frozen=True)
 class Geometry:
     """Where bodies are at states: gaps (m, c) between the bodies of `contacts`, negative where they overlap;
-    collides (m,); poses (m, b, 3) of `bodies`: x, y of the centre and the angle, in -pi..pi."""
+    collides (m,): whether bodies overlap, more than they did in the state's own run; poses (m, b, 3) of
+    `bodies`: x, y of the centre and the angle, in -pi..pi."""
 
     contacts: tuple[tuple[str, str], ...]
     gaps: Reals
@@ -77,12 +83,12 @@ def ask(
     names.condition(text, "condition")
     place = _Place(scene, parameters)
     terms, combined = terms_of(text, names, place.dimensions())
-    values = place.answers(states, terms)[0]
+    values = place.answers(place.rows(states), terms)[0]
     scales = np.array([place.scale(term.dimension) for term in terms])
-    truths, margins = values >= 0.0, values / scales
+    truths, margins = values >= 0.0, _scaled(values, scales)
     return Answers(
         holds=_combined(combined, truths, np.logical_and, np.logical_or, np.logical_not),
-        margin=_combined(combined, margins, np.minimum, np.maximum, np.negative),
+        margin=_combined(combined, margins, np.minimum, np.maximum, _opposite),
         terms=tuple(term.text for term in terms), values=values,
         units=tuple("number" if term.dimension is None else str(term.dimension) for term in terms),
         scales=scales,
@@ -93,14 +99,25 @@ def geometry(scene: Scene, states: States, parameters: Mapping[str, float] | Non
     """Gaps, collisions and poses at states: the question of the geometric rung. Raises SceneError and
     StateError for wrong input."""
     place = _Place(scene, parameters)
-    _, gaps, poses = place.answers(states, [])
-    slack = CLOSED * float(place.workspace.state.clock[0]["reach"])
+    rows = place.rows(states)
+    _, gaps, poses = place.answers(rows, [])
+    allowed = slack(place.workspace) + rows.overlaps
     template = scene.template
     return Geometry(
-        contacts=template.contacts, gaps=gaps, collides=gaps.min(axis=1, initial=math.inf) < -slack,
+        contacts=template.contacts, gaps=gaps, collides=np.any(gaps < -allowed, axis=1),
         bodies=template.bodies,
         poses=np.concatenate([poses[..., :2], np.arctan2(poses[..., 3:], poses[..., 2:3])], axis=-1),
     )  # fmt: skip
+
+
+class Rows(NamedTuple):
+    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c), times, forces and impulses; `overlaps`
+    (m, c) of contacts in the states' own runs."""
+
+    q: Reals
+    v: Reals
+    rest: Reals
+    overlaps: Reals
 
 
 class _Place:
@@ -109,7 +126,7 @@ class _Place:
     def __init__(self, scene: Scene, parameters: Mapping[str, float] | None) -> None:
         self.scene, self.bound = scene, scene.bind(parameters)
         records = self.bound.records
-        self.workspace: Workspace = allocate(records, self.bound.values, len(scene.template.parameters), 3)
+        self.workspace: Workspace = allocate(records, self.bound.values, scene.template, 3)
         control = np.zeros(1, CONTROL)
         control["step"], control["tolerance"] = records.world[0]["step"], records.world[0]["tolerance"]
         start(records, self.workspace.state.q, self.workspace.state.v)
@@ -129,49 +146,87 @@ class _Place:
         length, time = max(float(clock["extent"]), float(clock["reach"])), float(world["duration"])
         masses = [float(body["mass"]) for body in self.bound.records.bodies]
         gravity = math.hypot(world["gravity_x"], world["gravity_y"])
-        force = max(masses, default=0.0) * (gravity if gravity > 0.0 else length / time**2)
+        force = max(masses, default=0.0) * (gravity if gravity > 0.0 else length / time / time)
         sizes = [size if 0.0 < size < math.inf else 1.0 for size in (length, time, force)]
-        return float(np.prod(np.array(sizes) ** np.array(dimension)))
+        logarithms = np.array(dimension) * np.log(sizes)
+        if np.abs(logarithms).sum() < LARGEST:
+            return float(np.prod(np.array(sizes) ** np.array(dimension)))
+        return math.exp(float(np.clip(logarithms.sum(), -LARGEST, LARGEST)))
 
-    def answers(self, states: States, terms: list[Term]) -> tuple[Reals, Reals, Reals]:
+    def answers(self, rows: Rows, terms: list[Term]) -> tuple[Reals, Reals, Reals]:
         """Values of terms (m, k), gaps (m, c), poses (m, b, 4)."""
-        q, v, rest = self._rows(states)
-        m, records = len(q), self.bound.records
+        m, records = len(rows.q), self.bound.records
         found = np.zeros((m, len(terms))), np.zeros((m, len(records.contacts)))
         poses = np.zeros((m, len(records.bodies), 4))
         programs = Programs([term.code for term in terms])
         conditions = (programs.code, programs.constants, programs.table)
-        answer(records, conditions, self.workspace, q, v, rest, *found, poses)
+        answer(records, conditions, self.workspace, rows.q, rows.v, rows.rest, *found, poses)
         return *found, poses
 
-    def _rows(self, states: States) -> tuple[Reals, Reals, Reals]:
-        """q, v (m, n), and times, forces and impulses (m, 1 + 2 c)."""
+    def rows(self, states: States) -> Rows:
+        """States as kernels take them. Raises StateError."""
         n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
         if isinstance(states, np.ndarray):
-            if states.ndim != 2 or states.shape[1] != n:
-                raise StateError(f"states: must have the shape (m, {n}), not {states.shape}")
-            if not np.isfinite(states).all():
-                row = int(np.flatnonzero(~np.isfinite(states).all(axis=1))[0])
-                raise StateError(f"states: row {row} is not finite")
-            q = np.ascontiguousarray(states, float)
-            return q, np.zeros_like(q), np.zeros((len(q), 1 + 2 * contacts))
+            moving = _finite_rows(states, n)
+            m = len(moving)
+            return Rows(
+                moving[:, :n].copy(), moving[:, n:].copy(), np.zeros((m, 1 + 2 * contacts)),
+                np.zeros((m, contacts)),
+            )  # fmt: skip
         many = [states] if isinstance(states, State) else states
         if not isinstance(many, Sequence):
             raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
-        for state in many:
-            check_state(state, self.scene)
-        rest, own = np.zeros((len(many), 1 + 2 * contacts)), digest(self.scene)
-        for i, state in enumerate(many):
-            rest[i, 0] = state.time
-            if state.memory is not None and state.memory.scene == own:
-                memory = state.memory.values[None]
-                rest[i, 1 : 1 + contacts] = in_memory(self.workspace.state, "pushes", memory)[0]
-                rest[i, 1 + contacts :] = in_memory(self.workspace.state, "impulses", memory)[0]
-        q, v = (
-            np.array([getattr(state, name) for state in many], float).reshape(len(many), n)
-            for name in ("q", "v")
+        m, own, like = len(many), digest(self.scene), self.workspace.state
+        rows = Rows(
+            np.zeros((m, n)), np.zeros((m, n)), np.zeros((m, 1 + 2 * contacts)), np.zeros((m, contacts))
         )
-        return q, v, rest
+        for i, state in enumerate(many):
+            check_state(state, self.scene)
+            rows.q[i], rows.v[i], rows.rest[i, 0] = state.q, state.v, state.time
+            memory = memory_of(state, own, like)
+            if memory is not None:
+                gaps, pushes, impulses = (
+                    in_memory(like, name, memory.values[None])[0] for name in ("gaps", "pushes", "impulses")
+                )
+                rows.rest[i, 1:] = np.concatenate([pushes, impulses])
+                rows.overlaps[i] = np.maximum(-gaps, 0.0)
+        return rows
+
+
+def rows_of(states: NDArray[Any], n: int) -> Reals:
+    """Places and velocities (m, 2 n) from an array of places (m, n), at rest, or of both. Raises
+    StateError."""
+    if states.dtype.kind not in "iuf":
+        raise StateError(f"states: must be an array of real numbers, not of {states.dtype}")
+    if states.ndim != 2 or states.shape[1] not in (n, 2 * n):
+        raise StateError(f"states: must have the shape (m, {n}) or (m, {2 * n}), not {states.shape}")
+    rows = np.zeros((len(states), 2 * n))
+    rows[:, : states.shape[1]] = states
+    return rows
+
+
+def _finite_rows(states: NDArray[Any], n: int) -> Reals:
+    """The same, where every number is finite and within bounds. Raises StateError."""
+    rows = rows_of(states, n)
+    for wrong, words in (
+        (~np.isfinite(rows), "is not finite"),
+        (np.abs(rows[:, :n]) > FARTHEST, f"is not within -{FARTHEST:g}..{FARTHEST:g}"),
+    ):
+        if wrong.any():
+            raise StateError(f"states: row {int(np.flatnonzero(wrong.any(axis=1))[0])} {words}")
+    return rows
+
+
+def _scaled(values: Reals, scales: Reals) -> Reals:
+    """Margins over their scales, on the same side of 0 also where they underflow."""
+    with np.errstate(over="ignore", under="ignore"):
+        scaled = values / scales
+    return np.where(values >= 0.0, np.maximum(scaled, 0.0), np.minimum(scaled, -SMALLEST))
+
+
+def _opposite(margins: Reals) -> Reals:
+    """The margin of "not": negative where the margin is 0."""
+    return np.where(margins == 0.0, -SMALLEST, -margins)
 
 
 def _combined(

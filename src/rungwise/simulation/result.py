@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
+from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, State, digest
 
@@ -30,18 +31,18 @@ if TYPE_CHECKING:
 class Run:
     """The end of a run and its record.
 
-    `motion` holds the preferred velocities, `theta` is the theta in use (see `Simulation`); `final` maps
-    body -> coordinate -> value; `worst_residual` is the largest scaled residual of a step that counts as
-    solved; `problem` is the problem of the last step, where it had no solution, and `certificate` proves a
-    jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s` is the time that steps
-    took, without compilation; `workspace` holds the arrays as the run left them; `notes` are remarks on
-    changes, omissions and oddities, a line each (see `simulation.remarks`).
-    """
+    `motion` holds the preferred velocities, `inputs` the schedule, `theta` is the theta in use (see
+    `Simulation`); `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual
+    of a step that counts as solved; `problem` is the problem of the last step, where it had no solution, and
+    `certificate` proves a jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s`
+    is the time that steps took, without compilation; `workspace` holds the arrays as the run left them;
+    `notes` are remarks on changes, omissions and oddities, a line each (see `simulation.remarks`)."""
 
     scene: Scene
     model: Rung
     parameters: dict[str, float]
     motion: dict[str, float]
+    inputs: tuple[Segment, ...]
     theta: float
     outcome: Outcome
     reason: str
@@ -80,7 +81,7 @@ class Run:
         """The state at the end of the run. Raises ValueError for a run that never began."""
         if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        return self._state(self.workspace.state.memory.copy(), digest(self.scene))
+        return self._state(self.workspace.state.memory, digest(self.scene))
 
     @property
     def states(self) -> list[State]:
@@ -88,21 +89,22 @@ class Run:
         if self.workspace is None:
             return []
         count, scene = int(self.workspace.state.clock[0]["frames"]), digest(self.scene)
-        return [self._state(memory.copy(), scene) for memory in self.workspace.frames.memory[:count]]
+        return [self._state(memory, scene) for memory in self.workspace.frames.memory[:count]]
 
     def _state(self, memory: Reals, scene: str) -> State:
         assert self.workspace is not None
-        clock, q, v = (in_memory(self.workspace.state, name, memory[None])[0] for name in ("clock", "q", "v"))
-        time = float(clock[0]["time"])
-        kept = Memory(memory, scene, self.model, self.theta)
-        return State(self.scene.template.coordinates, q, v, time, kept)
+        kept = Memory(memory, scene, self.model, self.theta, self.inputs)
+        q, v, time = (
+            in_memory(self.workspace.state, name, kept.values[None])[0] for name in ("q", "v", "time")
+        )
+        return State(self.scene.template.coordinates, q, v, float(time), kept)
 
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
         if self.workspace is None:
             raise ValueError(f"the run did not begin: {self.reason}")
-        data = trajectory.dataset(self.scene, self.model, self.workspace, _pair_labels(self.scene))
+        data = trajectory.dataset(self.scene, self.model, self.workspace, pair_labels(self.scene))
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
 
     def summary(self) -> dict[str, object]:
@@ -112,6 +114,7 @@ class Run:
             "model": self.model.name,
             "parameters": self.parameters,
             "motion": self.motion,
+            "inputs": [asdict(segment) for segment in self.inputs],
             "outcome": str(self.outcome),
             "reason": self.reason,
             "time": self.time,
@@ -131,7 +134,7 @@ class Run:
         return trajectory.save(folder, self.trajectory, self.summary())
 
 
-def _pair_labels(scene: Scene) -> list[str]:
+def pair_labels(scene: Scene) -> list[str]:
     """A label for each pair of shapes: the contact's bodies, numbered where a body has several shapes."""
     template = scene.template
     contact_of = rec.views(template.buffer, template.counts).pairs["contact"]

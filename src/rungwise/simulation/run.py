@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from functools import reduce
+from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,16 +18,17 @@ from rungwise.kernel import linking_time
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.simulation import trajectory
 from rungwise.simulation.core.support import without_law
+from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
 from rungwise.simulation.planar import loop
+from rungwise.simulation.planar.inputs import begin_inputs
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
 from rungwise.simulation.remarks import remarks
-from rungwise.simulation.restart import begin_at
+from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
-from rungwise.simulation.state import State, check_state
+from rungwise.simulation.state import State, check_state, digest
 from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
@@ -60,6 +63,9 @@ class Simulation:
             not given, nearest to zero: the slowest. See `simulation.planar.choice`.
         state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
             end of the run) are not part of it.
+        inputs: a schedule of the scene's inputs, which begins where the run begins: segments, or mappings of
+            their fields (see `Segment`). The run ends with it, or at `duration` if that is given. A state
+            whose run had not come to the end of its schedule goes on with it if none is given here.
         frames: how many states are kept at most (the stride doubles when they are full).
         stride: steps between frames at first; if not given, so many that the whole duration fits into
             `frames` with fixed steps, and 1 under error control.
@@ -78,6 +84,7 @@ class Simulation:
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         state: State | None = None,
+        inputs: Schedule | None = None,
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
@@ -91,6 +98,8 @@ class Simulation:
         preferred = preferences(self.scene, self.model, motion)
         if state is not None:
             check_state(state, self.scene)
+        self.inputs = self._schedule(inputs, state)
+        self._begins_inputs = inputs is not None or not self.inputs
         self.motion = {name: float(value) for name, value in (motion or {}).items()}
         self.reason = ""
         self.wall_s = 0.0
@@ -116,7 +125,8 @@ class Simulation:
         world = self._bound.records.world[0]
         self._control = np.zeros(1, CONTROL)
         self._control["step"] = world["step"] if step is None else step
-        self._control["duration"] = world["duration"] if duration is None else duration
+        self._control["duration"] = self._end(state) if duration is None else duration
+        self._control["ends"] = duration is None and len(self.inputs) > 0
         self._control["tolerance"] = world["tolerance"]
         self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
@@ -127,7 +137,7 @@ class Simulation:
         noted = self.hard is not None
         try:
             self.workspace = allocate(
-                self._bound.records, self._bound.values, len(self.parameters), frames, noted
+                self._bound.records, self._bound.values, self.scene.template, frames, noted
             )
         except MemoryError:
             pairs = len(self._bound.records.pairs)
@@ -140,20 +150,43 @@ class Simulation:
         self.workspace.state.prefer[:] = preferred
         template = self.scene.template
         conditions = template.conditions
-        self._timed = template.timed_numbers()
+        self._inputs = compile_segments(self.scene, self.inputs)
         self._conditions = (conditions.code, conditions.constants, conditions.table)
         records = self._bound.records
         if state is None:
             start(records, self.workspace.state.q, self.workspace.state.v)
+            begin_inputs(self._inputs, self._bound.buffer, self.workspace)
             code = loop.begin(records, self._rung, self._control, self.workspace)
+            if code == Code.INVALID:
+                self.reason = out_of_place(self.scene, records, self.workspace)
         else:
             end = float(self._control[0]["duration"])
             if not state.time < end:
-                raise ModelError(f"time: the run ends at {end:g}, and the state is of {state.time:g}")
-            code = begin_at(state, self.scene, records, self._rung, self._control, self.workspace)
+                raise ModelError(f"duration: the run ends at {end:g}, and the state is of {state.time:g}")
+            self.reason = begin_at(
+                state, self.scene, records, self._rung, self._control, self._inputs, self._bound.buffer,
+                self._begins_inputs, self.workspace,
+            )  # fmt: skip
         self.workspace.state.clock["stride"] = stride
-        if code == Code.INVALID:
-            self.outcome, self.reason = Code.INVALID, self._overlap()
+        if self.reason:
+            self.outcome = Code.INVALID
+
+    def _schedule(self, inputs: Schedule | None, state: State | None) -> tuple[Segment, ...]:
+        """The schedule given, or else the schedule that the state's run followed."""
+        if inputs is not None:
+            return read_schedule(self.scene, inputs)
+        if state is not None and state.memory is not None and state.memory.scene == digest(self.scene):
+            return state.memory.inputs
+        return ()
+
+    def _end(self, state: State | None) -> float:
+        """The end of the schedule, or of the scene where there is none."""
+        if not self.inputs:
+            return float(self._bound.records.world[0]["duration"])
+        began = 0.0 if state is None else state.time
+        if state is not None and state.memory is not None and not self._begins_inputs:
+            began = float(state.memory.clock["opened"])
+        return reduce(add, (segment.duration for segment in self.inputs), began)
 
     @property
     def time(self) -> float:
@@ -203,7 +236,7 @@ class Simulation:
         return Code(
             loop.advance(
                 self._bound.records,
-                self._timed,
+                self._inputs,
                 self._conditions,
                 self._bound.buffer,
                 self._rung,
@@ -223,6 +256,7 @@ class Simulation:
             model=self.model,
             parameters=self.parameters,
             motion=self.motion,
+            inputs=self.inputs,
             theta=float(self._rung[0]["theta"]) if self.workspace is not None else self.theta,
             outcome=OUTCOMES[self.outcome],
             reason=self.reason or OUTCOMES[self.outcome].meaning,
@@ -238,20 +272,6 @@ class Simulation:
             notes=self._notes(),
         )
 
-    def _overlap(self) -> str:
-        assert self.workspace is not None
-        gaps = self.workspace.state.manifolds.gaps
-        measures = self._bound.records.measures
-        places = self.workspace.scratch.measures
-        low, high = (np.where(measures["held"] == 1, 0.0, measures[side]) for side in ("lower", "upper"))
-        off = np.maximum(low - places, places - high)
-        if len(off) and (not len(gaps) or off.max() > -gaps.min()):
-            worst = int(np.argmax(off))
-            name = f"{self.scene.template.joints[worst // 3]}: its {trajectory.MEASURES[worst % 3]}"
-            return f"joints.{name} is off by {off[worst]:.3g} at the start"
-        a, b = self.scene.template.contacts[int(np.argmin(gaps))]
-        return f"bodies.{a}: overlaps {b} by {-float(gaps.min()):.3g} at the start"
-
     def _undefined(self) -> str:
         """Which number that depends on time is not finite, and when."""
         assert self.workspace is not None
@@ -260,6 +280,17 @@ class Simulation:
         path = checks.paths[checks.slots.tolist().index(slot)]
         value, now = self._bound.buffer[slot], self.workspace.state.values[len(self.parameters)]
         return f"{path}: must be finite, not {value:g}, at t = {now:g}"
+
+    def _waited(self, number: int) -> str:
+        """Which condition of the schedule did not come to hold within its segment, if that ended the run."""
+        assert self.workspace is not None
+        clock, segment = self.workspace.state.clock[0], self.inputs[number]
+        if segment.until is None or clock["time"] < clock["switch"]:
+            return ""
+        return (
+            f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
+            f" (from t = {clock['switched']:.6g} on)"
+        )
 
     def _explain(self) -> None:
         """Set the reason of the outcome; a jam or a missing support must be proved, else the run is not
@@ -270,6 +301,8 @@ class Simulation:
         self.reason = f"{outcome.meaning}. {outcome.advice}"
         if self.outcome == Code.INVALID:
             self.reason = self._undefined()
+        if self.outcome == Code.TIMEOUT and clock["segment"] < len(self.inputs):
+            self.reason = self._waited(int(clock["segment"])) or self.reason
         if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
             return
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
@@ -313,6 +346,7 @@ class Simulation:
         if self.workspace is None:
             return ()
         found = remarks(self.model, self.theta, self._control, self.workspace.state.clock)
+        found += ignored(self.scene, self.model, self.inputs)
         leap = leap_taken(self.scene, self._bound, self.workspace, self._far())
         return found if leap is None else (*found, str(leap))
 

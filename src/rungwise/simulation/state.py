@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import os
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, Record
 from rungwise.models.ladder import Rung, rung
 from rungwise.scene.values import shown
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.planar import workspace as planar
+from rungwise.simulation.planar.workspace import in_memory
 
 if TYPE_CHECKING:
     from rungwise.scene import Scene
+
+
+FARTHEST = 1e75
+"""Farthest place, in the scene's unit: products of four places are finite."""
 
 
 class StateError(InputError):
@@ -32,14 +41,26 @@ class Memory:
     """What a run hands on from step to step beside q and v: contact modes, forces, deformations and the
     features that carry them, the starts of servos, the length of the next step, work and impulses.
 
-    `values` (w,) is the memory of the run as kernels read it; `scene` is the digest of the scene's text, and
-    `model` and `theta` are the run's.
+    `values` (w,) is the memory of the run as kernels read it; `scene` is the digest of the scene's text;
+    `model`, `theta` and the schedule of `inputs` are the run's.
     """
 
     values: Reals
     scene: str
     model: Rung
     theta: float
+    inputs: tuple[Segment, ...] = ()
+
+    @property
+    def clock(self) -> Record:
+        """The clock of the run (see `planar.workspace.CLOCK`)."""
+        return self.values[: planar.CLOCK.itemsize // 8].view(planar.CLOCK)[0]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", _frozen(self.values))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Memory, (self.values, self.scene, self.model, self.theta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +71,7 @@ class State:
     ("part.x3"); time: of the scene. A state of a run has its `memory`, with which a run goes on as if it had
     not been interrupted, bit for bit, on the same rung with the same parameters and options. On another rung,
     or at other parameters, contacts keep their modes, forces and deformations as far as the same features
-    touch. A state without memory begins at rest in its contacts.
+    touch. A state without memory begins at rest in its contacts. Arrays are read-only.
     """
 
     names: tuple[str, ...]
@@ -58,6 +79,13 @@ class State:
     v: Reals
     time: float = 0.0
     memory: Memory | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("q", "v"):
+            object.__setattr__(self, name, _frozen(getattr(self, name)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return State, (self.names, self.q, self.v, self.time, self.memory)
 
     @classmethod
     def of(
@@ -80,6 +108,10 @@ class State:
         places, speeds = np.zeros(len(names)), np.zeros(len(names))
         start(bound.records, places, speeds)
         for field, given, values in (("q", q, places), ("v", v, speeds)):
+            if not isinstance(given, Mapping | None):
+                raise StateError(
+                    f"state.{field}: must be a mapping of coordinates to numbers, not {shown(given)}"
+                )
             for name, value in (given or {}).items():
                 if name not in names:
                     raise StateError(f"state.{field}: unknown {shown(name)}; valid: {', '.join(names)}")
@@ -109,6 +141,7 @@ class State:
             arrays |= {
                 "memory": m.values, "scene": np.array(m.scene), "model": np.array(m.model.name),
                 "inertia": np.float64(m.model.inertia), "theta": np.float64(m.theta),
+                "inputs": np.array(json.dumps([asdict(segment) for segment in m.inputs])),
             }  # fmt: skip
         unfinished = target.with_name(f".{uuid.uuid4().hex[:8]}.npz")
         try:
@@ -121,20 +154,38 @@ class State:
 
 def load_state(file: str | Path) -> State:
     """A saved state. Raises FileNotFoundError, and StateError for a file that holds none."""
+    if not isinstance(file, str | os.PathLike):
+        raise StateError(f"file: must be a path, not {shown(file)}")
     try:
-        with np.load(file, allow_pickle=False) as saved:
-            memory = None
-            if "memory" in saved:
-                model = rung(str(saved["model"]))
-                if model.inertia != float(saved["inertia"]):
-                    model = model.with_inertia(float(saved["inertia"]))
-                memory = Memory(saved["memory"], str(saved["scene"]), model, float(saved["theta"]))
-            names = tuple(str(name) for name in saved["names"])
-            return State(names, saved["q"], saved["v"], float(saved["time"]), memory)
+        # from memory: numpy leaves files that are torn open
+        with np.load(BytesIO(Path(file).read_bytes()), allow_pickle=False) as saved:
+            return _from_arrays(saved)
     except FileNotFoundError:
         raise
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile):
+    except Exception:  # of a torn file, zip and numpy raise nearly anything
         raise StateError(f"state: {Path(file).name[:60]!r} holds no state that was saved") from None
+
+
+def _from_arrays(saved: Mapping[str, NDArray[Any]]) -> State:
+    """The state in a file's arrays. Raises ValueError and more where they hold none."""
+    memory = None
+    if "memory" in saved:
+        model, inertia = rung(str(saved["model"])), float(saved["inertia"])
+        if model.inertia != inertia:
+            model = model.with_inertia(inertia)
+        inputs = tuple(Segment(**fields) for fields in json.loads(str(saved["inputs"])))
+        memory = Memory(_row(saved["memory"]), str(saved["scene"]), model, float(saved["theta"]), inputs)
+    names = tuple(str(name) for name in saved["names"])
+    q, v = _row(saved["q"]), _row(saved["v"])
+    if not len(names) == len(q) == len(v):
+        raise ValueError("names, q and v differ in length")
+    return State(names, q, v, float(saved["time"]), memory)
+
+
+def _row(values: NDArray[Any]) -> Reals:
+    if not _is_row(values):
+        raise ValueError("no row of numbers")
+    return values
 
 
 def digest(scene: Scene) -> str:
@@ -148,20 +199,78 @@ def check_state(state: State, scene: Scene) -> None:
     if not isinstance(state, State):
         raise StateError(f"state: must be a State, not {shown(state)}")
     if state.names != names:
-        raise StateError(
-            f"state: has the coordinates {', '.join(state.names)}, and the scene {', '.join(names)}"
-        )
+        raise StateError(f"state: has the coordinates {_listed(state.names)}, and the scene {_listed(names)}")
     for field, values in (("q", state.q), ("v", state.v)):
-        if np.shape(values) != (len(names),):
-            raise StateError(f"state.{field}: must have the shape ({len(names)},), not {np.shape(values)}")
+        if not isinstance(values, np.ndarray):
+            raise StateError(f"state.{field}: must be an array, not {shown(values)}")
+        if values.shape != (len(names),):
+            raise StateError(f"state.{field}: must have the shape ({len(names)},), not {values.shape}")
         for name, value in zip(names, values, strict=True):
             _finite(f"state.{field}.{name}", value)
+    for name, value in zip(names, state.q, strict=True):
+        if abs(value) > FARTHEST:
+            raise StateError(f"state.q.{name}: must be within -{FARTHEST:g}..{FARTHEST:g}, not {value:g}")
     _finite("state.time", state.time)
+    if state.memory is not None and not _is_memory(state.memory):
+        raise StateError("state.memory: must be null, or the memory of a run's state")
+
+
+def memory_of(state: State, scene: str, like: planar.State) -> Memory | None:
+    """The memory of a checked state, None where it is of another scene than that of the digest `scene`.
+
+    Raises StateError where it is not a memory of states like this one, or of other q, v or time.
+    """
+    memory = state.memory
+    if memory is None or memory.scene != scene:
+        return None
+    if memory.values.shape != like.memory.shape:
+        raise StateError(
+            f"state.memory: has {memory.values.size} numbers, and a run of this scene {like.memory.size};"
+            " replace it by None if another version of rungwise saved it"
+        )
+    for field in ("q", "v", "time"):
+        if not np.array_equal(in_memory(like, field, memory.values[None])[0], getattr(state, field)):
+            raise StateError(
+                f"state.{field}: differs from the state's memory; make a state with State.of,"
+                " or replace memory by None, too"
+            )
+    return memory
+
+
+def _listed(names: object) -> str:
+    are_names = isinstance(names, tuple) and all(isinstance(name, str) for name in names)
+    return (", ".join(names) or "none") if are_names else shown(names)  # type: ignore[arg-type]
+
+
+def _is_memory(memory: object) -> bool:
+    return (
+        isinstance(memory, Memory)
+        and _is_row(memory.values)
+        and isinstance(memory.scene, str)
+        and isinstance(memory.model, Rung)
+        and isinstance(memory.theta, int | float)
+    )
+
+
+def _is_row(values: object) -> bool:
+    return isinstance(values, np.ndarray) and values.ndim == 1 and values.dtype == np.float64
+
+
+def _frozen(values: Reals) -> Reals:
+    """An array that nobody writes into; anything else as it is, for `check_state` to refuse."""
+    if isinstance(values, np.ndarray) and values.flags.writeable:
+        values = values.copy()
+        values.flags.writeable = False
+    return values
 
 
 def _finite(field: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         raise StateError(f"{field}: must be a number, not {shown(value)}")
-    if not math.isfinite(value):
-        raise StateError(f"{field}: must be finite, not {value}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError:
+        raise StateError(f"{field}: must be finite, not {shown(value)}") from None
+    if not math.isfinite(number):
+        raise StateError(f"{field}: must be finite, not {number}")
+    return number

@@ -103,7 +103,7 @@ class Assembly:
         """Set speeds of prescribed coordinates; returns the length of the step that their travel allows."""
         run = self._simulation
         h, _ = drives.set_speeds(
-            self.records, run._timed, run._bound.buffer, self.rung, self.workspace, self.h
+            self.records, run._inputs, run._bound.buffer, self.rung, self.workspace, self.h
         )
         return float(h)
 
@@ -124,7 +124,7 @@ class Assembly:
             self.put(start.moved("q", h * trial))
         if len(r.joints):
             joints.rows(
-                r, state.placed.pose, state.q, begun, start.time + theta * h, h,
+                r, state.placed.pose, state.q, begun, state.start, start.time + theta * h, h,
                 bool(self.rung[0]["metric"]), int(state.clock[0]["drives"]), terms, row,
             )  # fmt: skip
             if trial is not None:

@@ -179,8 +179,8 @@ def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) ->
     state, scratch = workspace.state, workspace.scratch
     clock = state.clock[0]
     joints.rows(
-        records, state.placed.pose, state.q, scratch.measures, clock.time + rung[0].theta * h, h,
-        rung[0].metric, clock.drives, workspace.terms, scratch.row,
+        records, state.placed.pose, state.q, scratch.measures, state.start, clock.time + rung[0].theta * h,
+        h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
     )  # fmt: skip
 
 

@@ -12,9 +12,9 @@ from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.records import Records
-from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
 from rungwise.simulation.planar.drives import set_speeds
+from rungwise.simulation.planar.inputs import Inputs
 from rungwise.simulation.planar.memory import bring_back, keep, remember, restore
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, swing, widen
 from rungwise.simulation.planar.passing import passes
@@ -39,7 +39,7 @@ SOON = 0.01
 @kernel
 def controlled_step(
     records: Records,
-    timed: Numbers,
+    inputs: Inputs,
     buffer: Reals,
     rung: RecordArray,
     control: RecordArray,
@@ -64,7 +64,7 @@ def controlled_step(
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
         if part > 0 or allowed > 0.0 or clock.bounces:
-            length, _ = set_speeds(records, timed, buffer, rung, workspace, length)
+            length, _ = set_speeds(records, inputs, buffer, rung, workspace, length)
         status = UNDEFINED
         if workspace.scratch.undefined[0] < 0:
             status = attempt(records, rung, workspace, length, SOON * control[0].step)
@@ -74,7 +74,7 @@ def controlled_step(
                 restore(records, workspace)
             return status, h, 0.5 * h
         if parts > 1 and part == 0:
-            if timed.targets.shape[0] == 0 and _is_uniform(records, rung, control, workspace, length):
+            if not clock.varies and _is_uniform(records, rung, control, workspace, length):
                 clock.time += length
                 clock.worst_residual = max(clock.worst_residual, clock.residual)
                 return TAKEN, length, max(following, GROWTH * length)

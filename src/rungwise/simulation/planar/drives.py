@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, kernel
-from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import SERVO, Records
-from rungwise.scene.template import Numbers
+from rungwise.simulation.planar.inputs import Inputs, set_numbers
 from rungwise.simulation.planar.nearby import swing
-from rungwise.simulation.planar.verdicts import time_slot
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
@@ -17,9 +15,9 @@ from rungwise.system.planar import terms as planar
 
 @kernel
 def set_speeds(
-    records: Records, timed: Numbers, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
+    records: Records, inputs: Inputs, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> tuple[float, float]:
-    """Set numbers that depend on time, and speeds of prescribed coordinates, for a step of at most h; returns
+    """Set numbers that vary in time, and speeds of prescribed coordinates, for a step of at most h; returns
     the step that ends at the first travel limit, and the greatest prescribed speed of anything, joints
     included.
 
@@ -29,12 +27,9 @@ def set_speeds(
     state = workspace.state
     clock = state.clock[0]
     n = state.q.shape[0]
-    if timed.targets.shape[0] > 0:
-        state.values[time_slot(state)] = clock.time + rung[0].theta * h
-        scratch = workspace.scratch
-        scratch.undefined[0] = evaluate_numbers(timed, state.values, scratch.stack, buffer)
-        if scratch.undefined[0] >= 0:
-            return h, 0.0
+    set_numbers(inputs, buffer, h, rung[0].theta, workspace)
+    if workspace.scratch.undefined[0] >= 0:
+        return h, 0.0
     moving = joints.fastest(records)
     shortest = h
     for i in range(n):

@@ -15,14 +15,21 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
-from rungwise.scene.template import Numbers
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.controlled import controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
-from rungwise.simulation.planar.memory import restore
+from rungwise.simulation.planar.inputs import (
+    Inputs,
+    is_guarded,
+    shortened,
+    show_inputs,
+    switch_inputs,
+    until_margin,
+)
+from rungwise.simulation.planar.memory import keep, restore
 from rungwise.simulation.planar.nearby import fastest_pair, look
 from rungwise.simulation.planar.passing import thinnest
 from rungwise.simulation.planar.verdicts import (
@@ -32,6 +39,7 @@ from rungwise.simulation.planar.verdicts import (
     NO_SUPPORT,
     NOT_CONVERGED,
     RUNNING,
+    TIMEOUT,
     has_sunk,
     judge,
     look_back,
@@ -58,8 +66,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     there."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
-    copy(state.q, state.start)
     n = state.q.shape[0]
+    copy(state.q, state.start[:n])
     clock.free = 0
     for i in range(n):
         clock.chooses |= state.prefer[i] != 0.0
@@ -100,30 +108,36 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     clock.margin = control[0].tolerance
     clock.next = control[0].step
     look(records, workspace, state.v)
-    if clock.least_gap < -max(CLOSED * clock.reach, terms.rounding[0]) or _comes_apart(records, workspace):
-        return INVALID
-    return RUNNING
+    apart = _comes_apart(records, workspace)
+    copy(workspace.scratch.measures, state.start[n:])
+    return INVALID if apart or clock.least_gap < -slack(workspace) else RUNNING
+
+
+@inner_kernel
+def slack(workspace: Workspace) -> float:
+    """Overlap, or opening of a joint, that counts as rounding at the start."""
+    return float(max(CLOSED * workspace.state.clock[0].reach, workspace.terms.rounding[0]))
 
 
 @kernel
 def _comes_apart(records: Records, workspace: Workspace) -> bool:
-    """Whether a joint is open at the start, or outside its travel."""
+    """Whether a joint is open at the start, or outside its travel; measures the joints."""
     state, places = workspace.state, workspace.scratch.measures
     measures, apart = records.measures, False
     joints.values(records, state.placed.pose, state.q, workspace.scratch.row, places)
     for m in range(measures.shape[0]):
-        slack = max(CLOSED * state.clock[0].reach, workspace.terms.rounding[0])
+        most = slack(workspace)
         if measures[m].which == ANGLE:
-            slack /= records.joints[measures[m].joint].lever
+            most /= records.joints[measures[m].joint].lever
         low, high = (0.0, 0.0) if measures[m].held else (measures[m].lower, measures[m].upper)
-        apart |= not low - slack <= places[m] <= high + slack
+        apart |= not low - most <= places[m] <= high + most
     return apart
 
 
 @kernel
 def advance(
     records: Records,
-    timed: Numbers,
+    inputs: Inputs,
     conditions: Conditions,
     buffer: Reals,
     rung: RecordArray,
@@ -133,17 +147,18 @@ def advance(
 ) -> int:
     """Take at most `turns` steps; returns the outcome, RUNNING if the run has not ended.
 
-    `timed` are the programs of numbers that depend on time, `conditions` those of the scene's conditions.
+    `inputs` holds the numbers that vary in time, `conditions` the programs of the scene's conditions.
     """
     state = workspace.state
     clock = state.clock[0]
     if clock.frames == 0:
         clock.outcome = judge(conditions, state, workspace.scratch)
+        switch_inputs(inputs, buffer, 0.0, workspace)
         record(records, rung, workspace, True)
     for _ in range(turns):
         if clock.outcome != RUNNING:
             break
-        clock.outcome = run_step(records, timed, conditions, buffer, rung, control, workspace)
+        clock.outcome = run_step(records, inputs, conditions, buffer, rung, control, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
 
@@ -151,7 +166,7 @@ def advance(
 @kernel
 def run_step(
     records: Records,
-    timed: Numbers,
+    inputs: Inputs,
     conditions: Conditions,
     buffer: Reals,
     rung: RecordArray,
@@ -162,36 +177,50 @@ def run_step(
     condition holds, so that the condition's beginning is known to a nominal step."""
     state = workspace.state
     clock = state.clock[0]
-    h = min(clock.next, control[0].longest, control[0].duration - clock.time)
-    past = False
+    planned = min(clock.next, control[0].longest)
+    h = min(planned, control[0].duration - clock.time, clock.switch - clock.time)
+    cut = clock.switch - clock.time < planned
+    past, guarded, before = False, is_guarded(inputs, state), until_margin(inputs, workspace)
     if h > control[0].step:
         copy(state.values, workspace.scratch.begun)
+    if guarded:
+        keep(workspace)
     for _ in range(MAX_HALVINGS):
-        h, moving = set_speeds(records, timed, buffer, rung, workspace, h)
+        h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
             return NOT_CONVERGED
-        status, h, following = controlled_step(records, timed, buffer, rung, control, workspace, h)
+        status, h, following = controlled_step(records, inputs, buffer, rung, control, workspace, h)
         if status == TAKEN:
             if rung[0].metric:
                 _note_leap(records, h, state)
+            show_inputs(inputs, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
-                clear = look_back(conditions, control, h, workspace)
+                clear = look_back(conditions, inputs, control, h, workspace)
                 if clear < 1.0:
                     restore(records, workspace)
                     h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
                     past = True
                     continue
+            part = shortened(inputs, control, before, h, workspace)
+            if part < 1.0:
+                restore(records, workspace)
+                h, past = part * h, True
+                continue
             clock.steps += 1
             clock.taken = h
             clock.next = control[0].step if past else following
+            if cut and following >= h:
+                clock.next = max(clock.next, planned)
             if withholds(records, state):
                 clock.next = min(clock.next, control[0].step)
             if rung[0].compliant and has_sunk(records, state):
                 return MODEL_INVALID
             if verdict != RUNNING:
                 return verdict
-            return spent(records, control, workspace, moving, timed)
+            if switch_inputs(inputs, buffer, h, workspace):
+                return TIMEOUT
+            return spent(records, control, workspace, moving, inputs)
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
         if status == REFUSED and moving > 0.0:

@@ -8,8 +8,7 @@ from rungwise.kernel import Reals, copy, kernel
 from rungwise.scene.expression import evaluate
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.nearby import look
-from rungwise.simulation.planar.verdicts import time_slot
-from rungwise.simulation.planar.workspace import Conditions, Workspace
+from rungwise.simulation.planar.workspace import Conditions, Workspace, time_slot
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 

@@ -5,23 +5,26 @@ from __future__ import annotations
 import math
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, RecordArray, kernel, record_type
-from rungwise.scene.bind import bind, origin
+from rungwise.kernel import Ints, Reals, RecordArray, copy, kernel, record_type
+from rungwise.scene.bind import bind
 from rungwise.scene.faults import BOUND
 from rungwise.scene.records import Records
 from rungwise.scene.template import Bounds, Numbers
+from rungwise.simulation.planar.begin import begin_by_hand
+from rungwise.simulation.planar.inputs import Inputs, begin_inputs, switch_inputs
 from rungwise.simulation.planar.loop import begin, run_step
-from rungwise.simulation.planar.memory import clear
+from rungwise.simulation.planar.memory import clear, go_on
 from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
 from rungwise.simulation.planar.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
-RESULT = record_type("outcome steps attempts", "time margin worst_residual")
-"""One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual."""
+RESULT = record_type("outcome steps attempts switches", "time margin worst_residual")
+"""One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
+`switches` are the segments of its schedule that ended."""
 
 OPTIONS = record_type("", "step duration tol longest jam budget")
-"""nan: the scene's own step or duration. tol 0: fixed steps; longest: in parts of the duration; jam: in parts
-of the goal's tolerance; budget: greatest number of steps of a run."""
+"""nan: the scene's own step or duration. tol 0: fixed steps; longest: how often it goes into the duration;
+jam: in parts of the goal's tolerance; budget: greatest number of steps of a run."""
 
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
@@ -38,90 +41,174 @@ class Programs(Block):
 
 
 class Place(Block):
-    """The arrays of one thread: the numbers of its sample, the records that are views of them, the
-    workspace."""
+    """The arrays of one thread: the numbers of its sample, the records that are views of them, the inputs,
+    the workspace."""
 
     buffer: Reals
     control: RecordArray
     records: Records
+    inputs: Inputs
     workspace: Workspace
+
+
+class Samples(Block):
+    """m runs of s segments; an array of one row, or none, serves all runs.
+
+    points     (m, k)        values of parameters
+    bodies     (m, 2 n + 1)  q, v and time at the start; no row: the scene's own start
+    memories   (r, w)        states to go on from
+    memory     (m,)          row of the memory that a run goes on from, or -1
+    durations  (m, s)        of segments
+    levels     (m, s, u)     of inputs
+    wrong      (m,)          whether a run is not to be made
+    results    (m,)          outcomes
+    final      (m, 2 n)      places and speeds at the end
+    kept       (m, s, w)     memories at the switches, the end last; no row: not kept
+    """
+
+    points: Reals
+    bodies: Reals
+    memories: Reals
+    memory: Ints
+    durations: Reals
+    levels: Reals
+    wrong: Ints
+    results: RecordArray
+    final: Reals
+    kept: Reals
 
 
 @kernel
 def run_samples(
     programs: Programs,
-    timed: Numbers,
     conditions: Conditions,
     rung: RecordArray,
     options: RecordArray,
     columns: Ints,
-    points: Reals,
+    samples: Samples,
+    first: int,
+    last: int,
     signals: Ints,
     place: Place,
-    results: RecordArray,
-    final: Reals,
 ) -> None:
-    """Run `points` (m, k), values of `columns` (k,), into `results` (m,) and `final` (m, 2 n).
+    """Make the runs `first` to `last`, excluded; points are the values of the parameters `columns` (k,).
 
-    Columns count parameters, then the coordinates' places at the start, then their speeds; `final` has places
-    and speeds at the end.
-
-    A sample does not depend on earlier samples. The kernel ends early, with results left RUNNING, when
-    signalled.
+    A run does not depend on earlier runs. The kernel ends early, with results left RUNNING, when signalled.
     """
-    for i in range(points.shape[0]):
+    for i in range(first, last):
         if signals[STOPPED] != 0:
             break
-        results[i].outcome = _run(
-            programs, timed, conditions, rung, options, columns, points[i], signals, place, results[i : i + 1]
-        )
+        result = samples.results[i : i + 1]
+        result[0].margin = math.nan
+        result[0].steps = result[0].attempts = result[0].switches = 0
+        result[0].time = result[0].worst_residual = 0.0
         state = place.workspace.state
-        for j in range(state.q.shape[0]):
-            final[i, j] = state.q[j]
-            final[i, state.q.shape[0] + j] = state.v[j]
+        result[0].outcome = INVALID
+        if samples.wrong[i] == 0 and _prepare(programs, rung, options, columns, samples, i, place):
+            result[0].outcome = _run(conditions, rung, options, samples, i, signals, place, result)
+        elif samples.wrong[i] != 0:
+            state.q[:] = math.nan
+            state.v[:] = math.nan
+        copy(state.q, samples.final[i, : state.q.shape[0]])
+        copy(state.v, samples.final[i, state.q.shape[0] :])
+
+
+@kernel
+def _prepare(
+    programs: Programs,
+    rung: RecordArray,
+    options: RecordArray,
+    columns: Ints,
+    samples: Samples,
+    i: int,
+    place: Place,
+) -> bool:
+    """Bind sample i and begin its run; whether that is possible."""
+    workspace, control, records = place.workspace, place.control, place.records
+    state = workspace.state
+    if not _bind(programs, columns, samples.points[i], place):
+        state.q[:] = math.nan
+        state.v[:] = math.nan
+        return False
+    _set_control(options, place)
+    clear(workspace, programs.blank)
+    memory, bodies, n = samples.memory[i], samples.bodies, state.q.shape[0]
+    if bodies.shape[0] > 0:
+        row = bodies[min(i, bodies.shape[0] - 1)]
+        copy(row[:n], state.q)
+        copy(row[n : 2 * n], state.v)
+        state.clock[0].time = row[2 * n]
+    else:
+        start(records, state.q, state.v)
+    _set_schedule(samples, i, options, place)
+    begin_inputs(place.inputs, place.buffer, workspace)
+    if bodies.shape[0] > 0 and memory < 0:
+        code = begin_by_hand(records, rung, control, workspace)
+    else:
+        code = begin(records, rung, control, workspace)
+    if memory >= 0:
+        go_on(records, workspace, samples.memories[memory])
+        begin_inputs(place.inputs, place.buffer, workspace)
+        return True
+    return code != INVALID
+
+
+@kernel
+def _set_schedule(samples: Samples, i: int, options: RecordArray, place: Place) -> None:
+    """Take over the schedule of sample i; the run ends with it where no duration is given."""
+    durations, levels, control = place.inputs.durations, place.inputs.levels, place.control[0]
+    if durations.shape[0] == 0:
+        return
+    copy(samples.durations[min(i, samples.durations.shape[0] - 1)], durations)
+    row = samples.levels[min(i, samples.levels.shape[0] - 1)]
+    for k in range(levels.shape[0]):
+        copy(row[k], levels[k])
+    if math.isnan(options[0].duration):
+        control.duration, control.ends = place.workspace.state.clock[0].time, 1
+        for k in range(durations.shape[0]):
+            control.duration += durations[k]
 
 
 @kernel
 def _run(
-    programs: Programs,
-    timed: Numbers,
     conditions: Conditions,
     rung: RecordArray,
     options: RecordArray,
-    columns: Ints,
-    point: Reals,
+    samples: Samples,
+    i: int,
     signals: Ints,
     place: Place,
     result: RecordArray,
 ) -> int:
-    """Run one sample; returns its outcome, and writes the rest into result[0]."""
-    workspace, control = place.workspace, place.control
-    state, scratch = workspace.state, workspace.scratch
+    """Run one sample that has begun; returns its outcome, and writes the rest into result[0]."""
+    workspace, control, inputs = place.workspace, place.control, place.inputs
+    state, kept = workspace.state, samples.kept
     clock = state.clock[0]
-    result[0].margin = math.nan
-    result[0].steps = result[0].attempts = 0
-    result[0].time = result[0].worst_residual = 0.0
-    if not _bind(programs, columns, point, place):
-        state.q[:] = math.nan
-        state.v[:] = math.nan
-        return INVALID
-    _set_control(options, place)
-    clear(workspace, programs.blank)
-    start(place.records, state.q, state.v)
-    if begin(place.records, rung, control, workspace) == INVALID:
-        return INVALID
-    outcome = judge(conditions, state, scratch)
+    began = clock.time
+    control[0].longest = control[0].step
+    if options[0].tol > 0.0:
+        control[0].longest = control[0].duration / options[0].longest
+    outcome = judge(conditions, state, workspace.scratch)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
+    switch_inputs(inputs, place.buffer, 0.0, workspace)
+    ended = 0
     while outcome == RUNNING:
         if signals[STOPPED] != 0:
             return RUNNING
         if clock.steps >= options[0].budget:
             outcome = NOT_CONVERGED
             break
-        outcome = run_step(place.records, timed, conditions, place.buffer, rung, control, workspace)
+        outcome = run_step(place.records, inputs, conditions, place.buffer, rung, control, workspace)
         best, danger = _watch(conditions, workspace, best, danger)
-    result[0].margin = _margin(outcome, best, danger, 1.0 - clock.time / control[0].duration)
-    result[0].steps, result[0].attempts = clock.steps, clock.attempts
+        while ended < clock.segment:
+            if kept.shape[0] > 0:
+                copy(state.memory, kept[i, ended])
+            ended += 1
+    if kept.shape[0] > 0 and ended < kept.shape[1]:
+        copy(state.memory, kept[i, ended])
+    left = 1.0 - (clock.time - began) / (control[0].duration - began)
+    result[0].margin = _margin(outcome, best, danger, left)
+    result[0].steps, result[0].attempts, result[0].switches = clock.steps, clock.attempts, ended
     result[0].time, result[0].worst_residual = clock.time, clock.worst_residual
     return outcome
 
@@ -133,44 +220,25 @@ def _bind(programs: Programs, columns: Ints, point: Reals, place: Place) -> bool
     values[:] = 0.0
     for j in range(programs.parameters.shape[0]):
         values[j] = programs.parameters[j]
-    known = programs.parameters.shape[0]
     for j in range(columns.shape[0]):
-        if columns[j] < known:
-            values[columns[j]] = point[j]
+        values[columns[j]] = point[j]
     for j in range(place.buffer.shape[0]):
         place.buffer[j] = programs.buffer[j]
     stack = place.workspace.scratch.stack
     fault, _ = bind(programs.numbers, programs.bounds, values, stack, place.buffer, records)
     values[values.shape[0] - 1] = records.world[0].tolerance
-    possible = fault == BOUND
-    for j in range(columns.shape[0]):
-        if possible and columns[j] >= known:
-            possible = _start(records, columns[j] - known, point[j])
-    return possible
-
-
-@kernel
-def _start(records: Records, column: int, value: float) -> bool:
-    """Let a coordinate start at this place, or at this speed; whether it lies within its travel."""
-    n = records.coordinates.shape[0]
-    i = column % n
-    c = records.coordinates[i]
-    if column >= n:
-        c.speed = value
-        return True
-    c.start = value - origin(records.bodies[c.body], i)
-    return bool(c.lower <= value <= c.upper)
+    return fault == BOUND
 
 
 @kernel
 def _set_control(options: RecordArray, place: Place) -> None:
     """Set step, duration and tolerances of this sample."""
     world, control, wanted = place.records.world[0], place.control[0], options[0]
+    control.ends = 0
     control.step = world.step if math.isnan(wanted.step) else wanted.step
     control.duration = world.duration if math.isnan(wanted.duration) else wanted.duration
     control.tolerance = world.tolerance
     control.error = wanted.tol
-    control.longest = control.step if wanted.tol == 0.0 else wanted.longest * control.duration
     control.jam = wanted.jam * world.tolerance
 
 

@@ -8,10 +8,10 @@ from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
 from rungwise.scene.expression import evaluate, holds
 from rungwise.scene.records import FORCE, SERVO, Records
-from rungwise.scene.template import Numbers
+from rungwise.simulation.planar.inputs import Inputs, until_margin
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.passing import thickness
-from rungwise.simulation.planar.workspace import Conditions, Scratch, State, Workspace
+from rungwise.simulation.planar.workspace import Conditions, Scratch, State, Workspace, time_slot
 from rungwise.system.planar import joints
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
@@ -60,8 +60,11 @@ def margin(conditions: Conditions, index: int, state: State, scratch: Scratch) -
 
 
 @kernel
-def look_back(conditions: Conditions, control: RecordArray, h: float, workspace: Workspace) -> float:
-    """Part of the step just taken, of length h, up to which no condition holds; 1 if none holds at all.
+def look_back(
+    conditions: Conditions, inputs: Inputs, control: RecordArray, h: float, workspace: Workspace
+) -> float:
+    """Part of the step just taken, of length h, up to which no condition holds, neither one of the scene nor
+    the one that ends the present segment; 1 if none holds at all.
 
     `scratch.begun` holds the values that conditions read at its start. Between start and end places and gaps
     are linear in time, looked at `SIGHTS` times in a step of the greatest length, and the first condition is
@@ -74,7 +77,7 @@ def look_back(conditions: Conditions, control: RecordArray, h: float, workspace:
     found = False
     for k in range(1, count + 1):
         _interpolate(k / count, h, state, scratch)
-        if _verdict(conditions, state, scratch) != RUNNING:
+        if _is_met(conditions, inputs, workspace):
             after, found = k / count, True
             break
         before = k / count
@@ -83,12 +86,18 @@ def look_back(conditions: Conditions, control: RecordArray, h: float, workspace:
         if not before < middle < after:
             break
         _interpolate(middle, h, state, scratch)
-        if _verdict(conditions, state, scratch) == RUNNING:
-            before = middle
-        else:
+        if _is_met(conditions, inputs, workspace):
             after = middle
+        else:
+            before = middle
     copy(scratch.ended, state.values)
     return before if found else 1.0
+
+
+@kernel
+def _is_met(conditions: Conditions, inputs: Inputs, workspace: Workspace) -> bool:
+    met = _verdict(conditions, workspace.state, workspace.scratch) != RUNNING
+    return met or until_margin(inputs, workspace) >= 0.0
 
 
 @kernel
@@ -156,12 +165,16 @@ def spent(
     control: RecordArray,
     workspace: Workspace,
     moving: float,
-    timed: Numbers,
+    inputs: Inputs,
 ) -> int:
-    """Verdict of a state that no condition decides: out of time, or at rest with all inputs spent."""
+    """Verdict of a state that no condition decides: out of time, at rest with all inputs spent, or at the end
+    of the schedule with which the run ends."""
     state = workspace.state
     clock = state.clock[0]
-    driven, others = clock.free < state.q.shape[0], timed.targets.shape[0] + records.potentials.shape[0]
+    left = inputs.durations.shape[0] - clock.segment
+    if control[0].ends and left == 0:
+        return MISSED
+    driven, others = clock.free < state.q.shape[0], clock.varies + left + records.potentials.shape[0]
     others += joints.any_driven(records)
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:
@@ -176,9 +189,3 @@ def spent(
         if not state.prescribed[i] and drive in (SERVO, FORCE):
             return RUNNING
     return MISSED
-
-
-@inner_kernel
-def time_slot(state: State) -> int:
-    """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
-    return state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0]

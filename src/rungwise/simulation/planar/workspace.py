@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 from rungwise.contact.step import STICK, ContactProblem, allocate_problem
-from rungwise.kernel import Ints, Reals, RecordArray, record_type
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 from rungwise.scene.expression import STACK
 from rungwise.scene.records import Records
+from rungwise.scene.template import Template
 from rungwise.simulation.core import state as core
 from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds
@@ -27,10 +28,11 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    core.COUNTS + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps",
+    core.COUNTS
+    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
-    " leap_step jump_time shake stray stray_time stray_step",
+    " leap_step jump_time shake stray stray_time stray_step opened switched switch",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
 contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
@@ -39,12 +41,14 @@ thickness of the thinnest pair. `gained` is energy that bounces added. In the st
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
 `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
-to its end (see `planar.strays`), of `stray_step` from `stray_time`."""
+to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at
+`opened`, its `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in
+it."""
 
-CONTROL = record_type("", "step longest duration tolerance error jam")
-"""step: first step; longest: longest step (the same for fixed steps); tolerance: the goal's; error: allowed
-per step, 0 for steps of fixed length; jam: greatest motion in a step without solution that counts as a
-jam."""
+CONTROL = record_type("ends", "step longest duration tolerance error jam")
+"""ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
+steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed length; jam: greatest motion in a
+step without solution that counts as a jam."""
 
 
 ROOM = 1_000_000
@@ -52,14 +56,16 @@ ROOM = 1_000_000
 
 
 class State(core.State):
-    """q (n,), start (n,) is q at t = 0; the gaps of the manifolds, `pushes` and `impulses` (contacts,) are
-    what conditions read, `recent` (2, contacts) the normal forces of the last two steps. Slots are two for
-    each pair of shapes, then two travel limits for each coordinate and for each measure of a joint; the
-    deformations and modes of the first ones are those of the manifolds, in the same memory. `prefer` (n,):
-    preferred velocities in multiples of the pace (see `planar.choice`), zero for the slowest motion; `wish`
-    the same as velocities, while a motion is chosen. `memory` is all that a step hands on to the next, in one
-    array: the clock, `values`, `start`, `recent`, and what belongs to slots and limited rows are views of it.
-    """
+    """q (n,); levels (u,) are the inputs before the present segment; the gaps of
+    the manifolds, `pushes` and `impulses` (contacts,) are what conditions read, `recent` (2, contacts) the
+    normal forces of the last two steps. Slots are two for each pair of shapes, then two travel limits for
+    each coordinate and for each measure of a joint; the deformations and modes of the first ones are those of
+    the manifolds, in the same memory. `prefer` (n,): preferred velocities in multiples of the pace (see
+    `planar.choice`), zero for the slowest motion; `wish` the same as velocities, while a motion is chosen.
+    `memory` is all that a step hands on to the next, in one array: the clock, `values`, `start`, `levels`,
+    `recent`, and what belongs to slots and limited rows are views of it. `start` (n + measures,): where
+    servos without target are led from at t = 0, coordinates first, then measures of joints; of all
+    others the place at the start."""
 
     memory: Reals
     values: Reals
@@ -68,6 +74,7 @@ class State(core.State):
     impulses: Reals
     recent: Reals
     start: Reals
+    levels: Reals
     prefer: Reals
     placed: Placement
     manifolds: Manifolds
@@ -146,6 +153,12 @@ class Workspace(Block):
     frames: Frames
 
 
+@inner_kernel
+def time_slot(state: State) -> int:
+    """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
+    return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0])
+
+
 def recorded(workspace: Workspace, name: str) -> NDArray[Any]:
     """A field of the memory over the recorded frames (see `in_memory`)."""
     memories = workspace.frames.memory[: int(workspace.state.clock[0]["frames"])]
@@ -164,7 +177,8 @@ def in_memory(state: State, name: str, memories: Reals) -> NDArray[Any]:
     fields = {
         "clock": state.clock, "before": values[:first], "q": state.q, "v": state.v, "gaps": m.gaps,
         "pushes": state.pushes, "impulses": state.impulses, "after": values[-1:], "start": state.start,
-        "recent": state.recent, "features": m.features, "points": m.points, "deformation": state.deformation,
+        "levels": state.levels, "recent": state.recent, "features": m.features, "points": m.points,
+        "deformation": state.deformation,
         "modes": state.modes, "force": state.force,
     }  # fmt: skip
     if name == "values":
@@ -189,22 +203,26 @@ def _in_one_array(
     return memory, views
 
 
-def allocate(records: Records, values: Reals, parameters: int, frames: int, noted: bool = False) -> Workspace:
-    """Arrays for a bound scene; q, v, gaps and forces are views into `values`, where conditions read them.
+def allocate(
+    records: Records, values: Reals, template: Template, frames: int, noted: bool = False
+) -> Workspace:
+    """Arrays for a scene bound at these values; q, v, gaps and forces are views into a copy of `values`,
+    where conditions read them.
 
     `noted` makes room for notes of hard steps.
     """
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
     rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
-    at = parameters + 1
+    at, inputs = len(template.parameters) + 1, len(template.inputs)
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
     memory, carried = _in_one_array(
         {  # in the order of `in_memory`
             "clock": ((1,), CLOCK),
             "values": (values.shape, np.float64),
-            "start": ((n,), np.float64),
+            "start": ((n + len(records.measures),), np.float64),
+            "levels": ((inputs,), np.float64),
             "recent": ((2, contacts), np.float64),
             "features": ((2 * pairs,), np.int64),
             "points": ((2 * pairs, 5), np.float64),
@@ -229,6 +247,7 @@ def allocate(records: Records, values: Reals, parameters: int, frames: int, note
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
         recent=carried["recent"],
         start=carried["start"],
+        levels=carried["levels"],
         prefer=np.zeros(n),
         placed=allocate_placement(records),
         manifolds=allocate_manifolds(

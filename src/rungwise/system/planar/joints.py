@@ -118,6 +118,7 @@ def rows(
     pose: Reals,
     q: Reals,
     begun: Reals,
+    start: Reals,
     time: float,
     h: float,
     metric: bool,
@@ -128,7 +129,7 @@ def rows(
     """Fill in rows and errors at q for a step of length h with the loads at `time`; adds given forces.
 
     `begun` (measures,) are the values at the start of the step, from where given speeds count: q differs when
-    a step is linearised again.
+    a step is linearised again; `start` (n + measures,) is where servos without target are led from.
     """
     count = first
     n = q.shape[0]
@@ -142,7 +143,7 @@ def rows(
         if kind.drive == SPEED or kind.drive == SERVO:
             target = begun[m] + h * kind.drive_speed
             if kind.drive == SERVO:
-                target = kind.target if kind.has_target else kind.target_speed * time
+                target = kind.target if kind.has_target else start[n + m] + kind.target_speed * time
             if kind.drive == SPEED or metric:
                 target = min(max(target, kind.lower), kind.upper)
             count = _fill(count, row, unit * target - value, unit * kind.target_speed, terms)

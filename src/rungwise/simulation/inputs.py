@@ -1,0 +1,160 @@
+"""Inputs over time: schedules of segments, held, ramped, or ended by a condition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.expression import Code, Programs
+from rungwise.scene.names import Names
+from rungwise.scene.values import shown
+from rungwise.simulation.planar.inputs import Inputs
+
+MOST = 10_000
+"""Most segments of a schedule."""
+
+
+class ScheduleError(InputError):
+    """A schedule of inputs is wrong; the text is one line that names the field."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A part of a schedule: values of inputs by name (an input not named stays as it is), and its duration.
+
+    A segment with `ramp` takes the inputs to the values linearly, over the duration. One with `until` ends
+    as soon as that condition holds, in the names of the scene ("force(left, part) >= 5"); if it does not
+    hold within the duration, the run ends.
+    """
+
+    inputs: Mapping[str, float] = field(default_factory=dict)
+    duration: float = math.nan
+    until: str | None = None
+    ramp: bool = False
+
+
+Schedule: TypeAlias = "Sequence[Segment | Mapping[str, Any]]"
+"""Segments one after the other, or mappings of their fields."""
+
+
+def read_schedule(scene: Scene, given: Schedule) -> tuple[Segment, ...]:
+    """The segments of a schedule, checked against the scene's inputs. Raises ScheduleError."""
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        raise ScheduleError(f"inputs: must be a list of segments, not {shown(given)}")
+    segments = tuple(_segment(scene, f"inputs.{k}", each) for k, each in enumerate(given))
+    if len(segments) > MOST:
+        raise ScheduleError(f"inputs: must have at most {MOST} segments, not {len(segments)}")
+    return segments
+
+
+def _segment(scene: Scene, path: str, given: object) -> Segment:
+    names = [f.name for f in fields(Segment)]
+    if isinstance(given, Segment):
+        given = {name: getattr(given, name) for name in names}
+    if not isinstance(given, Mapping):
+        raise ScheduleError(
+            f"{path}: must be a mapping of fields, not {shown(given)}; valid: {', '.join(names)}"
+        )
+    for name in given:
+        if name not in names:
+            raise ScheduleError(f"{path}: unknown field {shown(name)}; valid: {', '.join(names)}")
+    if "duration" not in given:
+        raise ScheduleError(f"{path}.duration: is required")
+    levels, ramp, until = given.get("inputs", {}), given.get("ramp", False), given.get("until")
+    if not isinstance(levels, Mapping):
+        raise ScheduleError(f"{path}.inputs: must be a mapping of names to numbers, not {shown(levels)}")
+    if not isinstance(ramp, bool | np.bool_):
+        raise ScheduleError(f"{path}.ramp: must be true or false, not {shown(ramp)}")
+    values = {name: _level(scene, f"{path}.inputs", name, value) for name, value in levels.items()}
+    duration = _number(f"{path}.duration", given["duration"])
+    if duration < 0.0:
+        raise ScheduleError(f"{path}.duration: must be >= 0, not {duration:g}")
+    condition(scene, until, f"{path}.until")
+    return Segment(values, duration, until, bool(ramp))
+
+
+def _level(scene: Scene, path: str, name: object, value: object) -> float:
+    known = scene.template.inputs
+    if name not in known:
+        raise ScheduleError(f"{path}: unknown input {shown(name)}; valid: {', '.join(known) or 'none'}")
+    number, declared = _number(f"{path}.{name}", value), scene.file.parameters[str(name)].range
+    if declared is not None and not declared[0] <= number <= declared[1]:
+        raise ScheduleError(f"{path}.{name}: {number:g} is outside {declared[0]:g} to {declared[1]:g}")
+    return number
+
+
+def _number(path: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise ScheduleError(f"{path}: must be a number, not {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ScheduleError(f"{path}: must be finite, not {shown(value)}")
+    return number
+
+
+def condition(scene: Scene, text: object, path: str) -> Code:
+    """The program of a segment's condition, an empty one for None. Raises ScheduleError."""
+    if text is not None and not isinstance(text, str):
+        raise ScheduleError(f"{path}: must be text, not {shown(text)}")
+    template = scene.template
+    try:
+        return Names(template.parameters, template.coordinates, template.contacts).condition(text, path)
+    except SceneError as error:
+        raise ScheduleError(str(error)) from None
+
+
+def compiled(
+    scene: Scene, durations: Reals, levels: Reals, ramps: Ints, until: Sequence[str | None]
+) -> Inputs:
+    """A schedule as kernels take it: durations (s,), levels (s, u), ramps (s,), and conditions or None."""
+    template = scene.template
+    programs = Programs([condition(scene, text, f"until.{k}") for k, text in enumerate(until)])
+    return Inputs(
+        speeds=template.timed_speeds(),
+        numbers=template.timed_numbers(),
+        timed=np.array([template.reads_time], np.int64),
+        columns=np.array([template.parameters.index(name) for name in template.inputs], np.int64),
+        durations=durations, levels=levels, ramps=ramps,
+        code=programs.code, constants=programs.constants, table=programs.table,
+    )  # fmt: skip
+
+
+def compile_segments(scene: Scene, segments: Sequence[Segment]) -> Inputs:
+    """Checked segments as kernels take them."""
+    names = scene.template.inputs
+    levels = [[segment.inputs.get(name, math.nan) for name in names] for segment in segments]
+    return compiled(
+        scene,
+        np.array([segment.duration for segment in segments], float),
+        np.array(levels, float).reshape(len(segments), len(names)),
+        np.array([segment.ramp for segment in segments], np.int64),
+        [segment.until for segment in segments],
+    )
+
+
+def ignored(scene: Scene, model: Rung, segments: Sequence[Segment]) -> tuple[str, ...]:
+    """Remarks on inputs of a schedule that have no effect on this rung, which knows no forces."""
+    remarks = []
+    for name in scene.template.inputs if model.metric else ():
+        paths = scene.template.readers[name]
+        if any(name in segment.inputs for segment in segments) and all(map(_is_force, paths)):
+            remarks.append(
+                f"inputs.{name}: has no effect on the {model.name} rung, which knows no forces; it is read by"
+                f" {', '.join(paths)}"
+            )
+    return tuple(remarks)
+
+
+def _is_force(path: str) -> bool:
+    return path.endswith((".drive.force", ".force.0", ".force.1", ".torque"))
