@@ -136,6 +136,7 @@ def test_race_without_the_others(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     [
         ("README.md", "dynamic-compliant goal"),
         ("docs/states.md", ""),
+        ("docs/inputs.md", ""),
         ("docs/push.md", ""),
         ("docs/pivot.md", ""),
     ],

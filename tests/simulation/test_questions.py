@@ -121,7 +121,7 @@ def test_a_margin_does_not_depend_on_units_of_length() -> None:
         ("part.x4 > 0", rw.State.of(SCENE), r"condition: unknown name part\.x4; valid: "),
         ("unsafe", rw.State.of(SCENE), r"unsafe: the scene states none"),
         (5, rw.State.of(SCENE), r"condition: must be text, not 5"),
-        ("goal", np.zeros((2, 2)), r"states: must have the shape \(m, 3\), not \(2, 2\)"),
+        ("goal", np.zeros((2, 2)), r"states: must have the shape \(m, 3\) or \(m, 6\), not \(2, 2\)"),
         ("goal", np.full((2, 3), np.nan), r"states: row 0 is not finite"),
         ("goal", 7, r"states: must be states, or an array of places, not 7"),
         ("goal", [7], r"state: must be a State, not 7"),

@@ -64,6 +64,10 @@ def sim(
             help="The paper's epsilon, 0 to 1, in place of the rung's own.",
         ),
     ] = None,
+    inputs: Annotated[
+        Path | None,
+        typer.Option("--inputs", help="YAML file: a list of segments for the scene's inputs over time."),
+    ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
     save_hard: Annotated[
         Path | None,
@@ -73,6 +77,7 @@ def sim(
 ) -> int:
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
+    from rungwise.scene.scene import read_yaml
     from rungwise.simulation.options import ModelError
     from rungwise.simulation.run import Simulation
 
@@ -89,7 +94,7 @@ def sim(
             writable(out)
         simulation = Simulation(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
-            save_hard=save_hard,
+            inputs=None if inputs is None else read_yaml("inputs", inputs), save_hard=save_hard,
         )  # fmt: skip
         try:
             interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())

@@ -240,34 +240,36 @@ def _parameter(path: str, value: object, declared: Parameter) -> float:
 
 
 def _read(source: str | Path) -> object:
-    text = str(source)
-    if text in shipped():
-        content = (LIBRARY / f"{text}.yaml").read_text("utf-8")
-    else:
-        path = Path(source)
-        try:
-            if text and path.is_dir():
-                raise SceneError(f"scene: {text[:200]!r} is a folder, not a YAML file")
-            if not path.is_file():
-                raise SceneError(
-                    f"scene: {text[:200]!r} is no file and no scene that ships; valid: {', '.join(shipped())}"
-                )
-            if path.stat().st_size > MAX_FILE:
-                raise SceneError(f"scene: {text[:200]!r} is larger than {MAX_FILE} bytes")
-            content = path.read_text("utf-8")
-        except (OSError, UnicodeDecodeError, ValueError) as error:
-            if isinstance(error, SceneError):
-                raise
-            raise SceneError(f"scene: {text[:200]!r} cannot be read as a text file") from None
+    if str(source) in shipped():
+        return yaml.load((LIBRARY / f"{source}.yaml").read_text("utf-8"), Loader=_Loader)
+    return read_yaml("scene", source, f" and no scene that ships; valid: {', '.join(shipped())}")
+
+
+def read_yaml(field: str, source: str | Path, missing: str = "") -> object:
+    """Content of a YAML file of plain values. Raises SceneError that begins with `field`; `missing` follows
+    where there is no such file."""
+    path, text = Path(source), f"{field}: {str(source)[:200]!r}"
+    try:
+        if str(source) and path.is_dir():
+            raise SceneError(f"{text} is a folder, not a YAML file")
+        if not path.is_file():
+            raise SceneError(f"{text} is no file{missing}")
+        if path.stat().st_size > MAX_FILE:
+            raise SceneError(f"{text} is larger than {MAX_FILE} bytes")
+        content = path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError(f"{text} cannot be read as a text file") from None
     try:
         return yaml.load(content, Loader=_Loader)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "not YAML"
-        raise SceneError(f"scene: {text[:200]!r}{where}: {problem}") from None
+        raise SceneError(f"{text}{where}: {problem}") from None
     except (RecursionError, ValueError, OverflowError):
-        raise SceneError(f"scene: {text[:200]!r} is not a YAML mapping of plain values") from None
+        raise SceneError(f"{text} is not YAML of plain values") from None
 
 
 class _Loader(yaml.SafeLoader):
