@@ -14,12 +14,14 @@ ROOM = (0.0, 0.0, 1e-3, 0.02)
 
 def random_scene(number: int) -> dict[str, Any]:
     """The scene of that number, as `load` takes it."""
-    return _Maker(np.random.default_rng(number)).scene(number)
+    return _Maker(np.random.default_rng(number), np.random.default_rng([number, 1])).scene(number)
 
 
 class _Maker:
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, beside: np.random.Generator) -> None:
         self.rng = rng
+        self.beside = beside
+        """For what was added later: the other draws stay as they were."""
         self.bodies: dict[str, Any] = {}
         self.places: dict[str, tuple[float, float]] = {}
         self.value = float(rng.uniform(0.5, 2.0))
@@ -122,6 +124,7 @@ class _Maker:
             body["torque"] = self.timed(0.1)
         names = {"free": ("x", "y", "angle"), "hinge": ("angle",), "slide": ("s",)}[motion["kind"]]
         body["coordinates"] = {own: self.coordinate(role, own, motion["kind"], angle) for own in names}
+        self.support(body)
         self.bodies[name] = body
         self.places[name] = at
         return at[0] + float(x.max()) + radius
@@ -183,6 +186,25 @@ class _Maker:
             rate | {"limit": 1.0 * size},
             {"kind": "force", "force": self.timed(5.0 * size)},
         )
+
+    def support(self, body: dict[str, Any]) -> None:
+        """Let every fourth free body lie on a support, of any pressure."""
+        if body["motion"]["kind"] != "free" or self.beside.random() > 0.25:
+            return
+        for coordinate in body["coordinates"].values():
+            coordinate.pop("dry_friction", None)
+        x, y, c = self.beside.uniform(0.01, 0.1, 3).tolist()
+        pressures: list[dict[str, Any]] = [
+            {"kind": "ratio", "ratio": f"{c!r} * p"},
+            {"kind": "ring", "radius": c},
+            {"kind": "points", "points": [[x, 0.0], [0.0, y], [-x, -y]], "weights": [1.0, "p", 2.0]},
+            {"kind": "uniform"},
+        ]
+        kind = pressures[int(self.beside.integers(3 if "point" in str(body["shape"]) else 4))]
+        body["support"] = {"friction": float(self.beside.uniform(0.1, 0.8)), "pressure": kind}
+        body["support"] |= {"load": f"{20.0 * x!r} * p"} if self.beside.random() < 0.5 else {"gravity": 9.81}
+        if self.beside.random() < 0.5:
+            body["support"]["centre"] = [x, -y]
 
     def contacts(self) -> list[dict[str, Any]]:
         def contact(a: str, b: str) -> dict[str, Any]:

@@ -318,7 +318,11 @@ def test_a_body_on_a_slope_rests_up_to_its_friction_and_no_further() -> None:
 def test_a_jam_between_a_rod_and_a_wall_is_proved() -> None:
     wall = {"role": "obstacle", "shape": {"kind": "halfplane", "normal": [-1, 0]}, "pose": {"x": 0.15}}
     bodies = {"p": part({}), "w": wall, "f": pusher(-0.1, 0.03, 0.2, 0.0)}
-    for model, kind in (("kinematic", "kinematic"), ("dynamic-rigid", "frictional")):
+    for model, kind in (
+        ("kinematic", "kinematic"),
+        ("quasistatic-rigid", "frictional"),
+        ("dynamic-rigid", "frictional"),
+    ):
         run = rw.simulate(scene(bodies, 0.3), model)
         assert str(run.outcome) == "jammed" and run.certificate is not None, run.reason
         assert run.certificate.kind == kind

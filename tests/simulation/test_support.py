@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.contact.step import OPEN, SOLVED, STICK, allocate_problem
+from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
+from rungwise.simulation.core.support import solve_supported
 from rungwise.simulation.planar.workspace import SCALARS
+from rungwise.system.terms import allocate_terms
 
 RNG = np.random.default_rng(7)
 HEADINGS = [float(a) for a in RNG.uniform(0.0, 2.0 * math.pi, 6)]
@@ -128,3 +132,35 @@ def test_one_axis_rubs_as_before() -> None:
     run = rw.simulate(scene({"p": body}), "dynamic-rigid")
     assert run.final["p"]["x"] == pytest.approx(0.25 - 0.5e-3, abs=1e-9)
     assert run.final["p"]["y"] == pytest.approx(2.0, abs=1e-9)
+
+
+def test_random_steps_of_one_body_and_one_contact_meet_the_law() -> None:
+    """Balance and maximum dissipation of 2000 steps with inertia, and of 2000 in the limit without."""
+    n = 3
+    terms, problem = allocate_terms(n, 1, n), allocate_problem(n, 1, n)
+    state = State(clock=np.zeros(1, CLOCK), v=np.zeros(n), **state_arrays(n, 1))
+    scratch = Scratch(**scratch_arrays(n, 1, n))
+    state.free[:], terms.surface[:] = range(n), 0
+    rng, stuck, p = np.random.default_rng(1), 0, problem
+    for k in range(4000):
+        inertia, h = 10.0 ** rng.uniform(-3, -1, 2)
+        c, F = 10.0 ** rng.uniform(-2, 0), 10.0 ** rng.uniform(-1, 1)
+        v = rng.normal(size=3) * 10.0 ** rng.uniform(-2, 1) if k % 2 else np.zeros(3)
+        arm, give, mu = rng.uniform(-0.1, 0.1), rng.choice([0.0, 1e-3, 0.1]), rng.choice([0.0, 0.3, 1.0])
+        p.H[:] = np.diag([1.0, 1.0, inertia]) / h * (1.0 if k % 2 else 1e-8 * F * h)
+        p.c[:], p.W[:], p.mu[0] = p.H @ v, [[1.0, 0.0, -arm], [0.0, 1.0, -0.1]], mu
+        p.w[:] = [-abs(rng.normal()) * 10.0 ** rng.uniform(-2, 0), 0.1 * rng.normal() if mu > 0.0 else 0.0]
+        p.R[0], p.S[:], p.R_s[:], p.w_s[:], p.F[:] = give * np.eye(2), np.diag([1.0, 1.0, c]), 0.0, 0.0, F
+        terms.limited[:], terms.limit[:], state.v[:] = p.S, F, v
+        scratch.mode[:], scratch.contact_force[:], scratch.limited_force[:] = [OPEN, *[STICK] * 3], 0.0, 0.0
+        status, found, _ = solve_supported(1, n, n, terms, state, scratch, problem)
+        assert status == SOLVED and found < 1e-8, k
+        v, tau, force = scratch.x, scratch.limited_force, scratch.contact_force
+        S, size = np.diag([1.0, 1.0, c]), float(np.linalg.norm(tau))
+        speed = float(np.linalg.norm(S @ v))
+        assert size <= F * (1.0 + 1e-9)
+        assert tau @ S @ v == pytest.approx(-F * speed, rel=1e-9, abs=1e-12 * F)
+        load = max(F, np.abs(force).max(), np.abs(p.c).max())
+        np.testing.assert_allclose(p.H @ v - p.c - p.W.T @ force - S @ tau, 0.0, atol=1e-10 * load)
+        stuck += speed == 0.0 or size < F * (1.0 - 1e-9)
+    assert 200 < stuck < 1000

@@ -243,10 +243,9 @@ class Points(Strict):
     def _as_many(self) -> Points:
         if self.weights is not None and len(self.weights) != len(self.points):
             raise PydanticCustomError(
-                "support",
-                "weights must be as many as points, {points}, not {weights}",
+                "support", "weights must be as many as points, {points}, not {weights}",
                 {"points": len(self.points), "weights": len(self.weights)},
-            )
+            )  # fmt: skip
         return self
 
 
@@ -265,10 +264,9 @@ Pressure = Annotated[
 class Support(Strict):
     """Dry friction with a plane parallel to the scene, on which a free body lies.
 
-    Friction force f and torque m about the centre of pressure oppose the twist there, in the ellipsoid
-    |f|^2 + (m / c)^2 <= (friction * load)^2; c follows from `pressure`. The load is given as a force, or as
-    the acceleration of `gravity` normal to the plane. `centre`, in the body's frame, is the centre of
-    pressure.
+    Friction force f and torque m about the centre of pressure (`centre`, in the body's frame) oppose its
+    twist, in |f|^2 + (m / c)^2 <= (friction * load)^2; `pressure` gives c. The load is given as a force, or
+    by the acceleration of `gravity` normal to the plane.
     """
 
     friction: Number

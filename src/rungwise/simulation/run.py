@@ -312,7 +312,8 @@ class Simulation:
             return
         if self.outcome == Code.JAMMED:
             terms, free = self.workspace.terms, self.workspace.state.free
-            self.certificate = certify_infeasible(without_law(self.problem, terms, free))
+            self.problem = without_law(self.problem, terms, free, self.model.inertia)
+            self.certificate = certify_infeasible(self.problem)
         else:
             self.certificate = certify_unsupported(self.problem, self._resisting())
         if self.certificate is not None:

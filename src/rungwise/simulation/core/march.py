@@ -197,7 +197,9 @@ class March:
             self.certificate = certify_unsupported(problem, resisting)
             self.outcome = Code.UNSUPPORTED
         else:
-            self.certificate = certify_infeasible(without_law(problem, terms, self.state.free))
+            self.certificate = certify_infeasible(
+                without_law(problem, terms, self.state.free, self.rung.inertia)
+            )
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED

@@ -18,7 +18,16 @@ import math
 
 import numpy as np
 
-from rungwise.contact.step import BACKWARD, FORWARD, NO_SOLUTION, SOLVED, STICK, ContactProblem, solve_planar
+from rungwise.contact.step import (
+    BACKWARD,
+    FORWARD,
+    NO_SOLUTION,
+    SOLVED,
+    STICK,
+    ContactProblem,
+    solve_planar,
+    trim,
+)
 from rungwise.kernel import Ints, Reals, kernel, rare_kernel
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
@@ -71,16 +80,37 @@ def solve_supported(
     return NO_SOLUTION, found, stage
 
 
-def without_law(problem: ContactProblem, terms: Terms, free: Ints) -> ContactProblem:
-    """A trimmed problem in which each row of a surface may have any force within its own limit.
+def without_law(problem: ContactProblem, terms: Terms, free: Ints, inertia: float) -> ContactProblem:
+    """A trimmed problem of a rung with this `inertia`, without surfaces: if it has no solution, the law has
+    none.
 
-    The rows yield, so that certificates read no more of them than this interval; all solutions of the law are
-    among those of this problem, and a proof that there is none holds for the law."""
-    for r in np.flatnonzero(terms.surface[: len(problem.F)] != APART):
-        problem.S[r] = terms.limited[r, free[: len(problem.c)]]
-        problem.R_s[r] = (problem.S[r] ** 2 / np.diagonal(problem.H)).sum()
-        problem.F[r], problem.w_s[r] = terms.limit[r], 0.0
+    Where one surface alone resists, its force is -(S^T F^2 S) v / power: velocities are as with a damper, and
+    forces a multiple. Elsewhere each row of a surface may have any force within its own limit; it yields, so
+    that certificates read no more of it than this interval.
+    """
+    n = len(problem.c)
+    rows = np.flatnonzero(terms.surface[: len(problem.F)] != APART)
+    if len(rows) == 0:
+        return problem
+    S = terms.limited[rows][:, free[:n]]
+    if inertia == 0.0 and _resists_alone(problem, terms, rows, free[:n]):
+        damper = (S.T * terms.limit[rows] ** 2) @ S
+        problem.H[:] = damper * (np.trace(problem.H) / np.trace(damper))
+        return trim(problem, n, len(problem.mu), 0)
+    problem.S[rows] = S
+    problem.R_s[rows] = (S**2 / np.diagonal(problem.H)).sum(1)
+    problem.F[rows], problem.w_s[rows] = terms.limit[rows], 0.0
     return problem
+
+
+def _resists_alone(problem: ContactProblem, terms: Terms, rows: Ints, free: Ints) -> bool:
+    """Whether rows of one surface hold all that moves, and nothing else yields, resists or pulls."""
+    alone = len(rows) == len(problem.F) and len(set(terms.surface[rows])) == 1
+    grid = np.ix_(free, free)
+    still = not (terms.stiffness[grid].any() or terms.damping[grid].any() or problem.c.any())
+    carried = np.delete(terms.limited[rows], free, axis=1).any()
+    holds = np.linalg.matrix_rank(terms.limited[rows][:, free]) == len(free)
+    return bool(alone and still and not carried and holds and not problem.R.any())
 
 
 @kernel
