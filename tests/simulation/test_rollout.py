@@ -29,8 +29,8 @@ def test_a_sample_is_the_run_that_simulate_makes_of_it(model: rw.Rung, tol: floa
     scene, (inputs, durations) = rw.load("two_finger"), draws()
     mu = np.random.default_rng(1).uniform(0.1, 1.0, M)
     found = rw.rollout(
-        scene, model, inputs=inputs, durations=durations, until=UNTIL, ramp=RAMP, parameters={"mu": mu, "mass": 2.0},
-        tol=tol, step=2e-3 if tol is None else None,
+        scene, model, inputs=inputs, durations=durations, until=UNTIL, ramp=RAMP,
+        parameters={"mu": mu, "mass": 2.0}, tol=tol, step=2e-3 if tol is None else None,
     )  # fmt: skip
     assert len(set(found.outcome)) >= 3
     for i in range(0, M, 4):
