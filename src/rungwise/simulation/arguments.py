@@ -1,0 +1,190 @@
+"""Arguments of rollouts: one value for all samples or one for each, and samples whose values are wrong."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.values import shown
+from rungwise.simulation.crew import names_of, outside
+from rungwise.simulation.inputs import ScheduleError
+from rungwise.simulation.questions import States, rows_of
+from rungwise.simulation.state import FARTHEST, State, StateError, check_state
+
+
+class Count:
+    """The number m of samples, on which all arguments must agree that have more than one row."""
+
+    def __init__(self) -> None:
+        self.m, self._first = 0, ""
+
+    def agree(self, name: str, rows: int, error: type[InputError]) -> None:
+        if self.m and rows != self.m:
+            raise error(f"{name}: has {rows} samples, and {self._first} has {self.m}")
+        self.m, self._first = rows, self._first or name
+
+    def rows(self, name: str, given: ArrayLike, inner: int, error: type[InputError]) -> Reals:
+        """Values (m, ...) with `inner` axes for each sample, from these or from values of one sample."""
+        try:
+            values = np.asarray(given)
+            if values.dtype.kind not in "iuf":
+                raise ValueError
+        except ValueError:
+            raise error(f"{name}: must be numbers in an array, not {shown(given)}") from None
+        values = np.array(values, np.float64, order="C")
+        while values.ndim < inner:
+            values = values[None]
+        if values.ndim > inner + 1:
+            raise error(f"{name}: has {values.ndim} axes, and at most {inner + 1} count")
+        if values.ndim == inner:
+            return values[None]
+        self.agree(name, len(values), error)
+        return values
+
+
+class Begins(NamedTuple):
+    """Where samples begin: `bodies` (r, 2 n + 1) as of `Samples`, and the states given, if any."""
+
+    bodies: Reals
+    states: list[State]
+
+    def state(self, scene: Scene, row: int) -> State:
+        if self.states:
+            return self.states[row]
+        n = len(scene.template.coordinates)
+        q, v = self.bodies[row, :n], self.bodies[row, n : 2 * n]
+        return State(scene.template.coordinates, q, v, float(self.bodies[row, -1]))
+
+
+def begins_of(scene: Scene, states: States, many: Count) -> Begins:
+    n = len(scene.template.coordinates)
+    if isinstance(states, np.ndarray):
+        bodies = np.hstack([rows_of(states, n), np.zeros((len(states), 1))])
+        many.agree("states", len(bodies), StateError)
+        return Begins(bodies, [])
+    listed = [states] if isinstance(states, State) else states
+    if not isinstance(listed, Sequence) or not listed:
+        raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
+    for state in listed:
+        check_state(state, scene)
+    if not isinstance(states, State):
+        many.agree("states", len(listed), StateError)
+    return Begins(np.array([[*s.q, *s.v, s.time] for s in listed]), list(listed))
+
+
+def levels_of(
+    scene: Scene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
+) -> Reals:
+    """Inputs (m or 1, s, u), inf where a value given is none, nan where an input stays as it is."""
+    names = scene.template.inputs
+    if given is None:
+        return np.full((1, segments, len(names)), math.nan)
+    if not segments:
+        raise ScheduleError("durations: are required with inputs")
+    if not isinstance(given, Mapping):
+        values = many.rows("inputs", given, 2, ScheduleError)
+        if values.shape[1:] != (segments, len(names)):
+            raise ScheduleError(
+                f"inputs: must have the shape (m, {segments}, {len(names)}), segments and inputs"
+                f" ({', '.join(names) or 'the scene has none'}), not {np.shape(given)}"
+            )
+        return np.where(np.isnan(values), math.inf, values)
+    columns, nothing = [], np.full((1, segments), math.nan)
+    for name in given:
+        if name not in names:
+            raise ScheduleError(f"inputs: unknown input {shown(name)}; valid: {', '.join(names) or 'none'}")
+    for name in names:
+        values = many.rows(f"inputs.{name}", given[name], 1, ScheduleError) if name in given else nothing
+        values = np.where(np.isnan(values), math.inf, values) if name in given else values
+        if values.shape[1] not in (1, segments):
+            raise ScheduleError(
+                f"inputs.{name}: has {values.shape[1]} segments, and durations has {segments}"
+            )
+        columns.append(values)
+    rows = max((len(values) for values in columns), default=1)
+    return np.ascontiguousarray(
+        np.stack([np.broadcast_to(values, (rows, segments)) for values in columns], axis=-1)
+    )
+
+
+def points_of(
+    scene: Scene, parameters: Mapping[str, ArrayLike] | None, many: Count
+) -> tuple[tuple[str, ...], Reals]:
+    """Names of parameters, and their values (m or 1, k)."""
+    if not isinstance(parameters, Mapping | None):
+        raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(parameters)}")
+    names = names_of(scene, tuple(parameters)) if parameters else ()
+    columns = [many.rows(f"parameters.{name}", (parameters or {})[name], 0, SceneError) for name in names]
+    rows = max((len(values) for values in columns), default=1)
+    return names, np.array([np.broadcast_to(values, rows) for values in columns]).reshape(len(names), rows).T
+
+
+def until_of(until: Sequence[str | None] | None, segments: int) -> tuple[str | None, ...]:
+    if until is None:
+        return (None,) * segments
+    if isinstance(until, str) or not isinstance(until, Sequence) or len(until) != segments:
+        raise ScheduleError(f"until: must be a list of {segments} conditions or None, not {shown(until)}")
+    return tuple(until)
+
+
+def ramps_of(ramp: bool | Sequence[bool], segments: int) -> tuple[bool, ...]:
+    ramps = (ramp,) * segments if isinstance(ramp, bool | np.bool_) else ramp
+    if not isinstance(ramps, Sequence | np.ndarray) or len(ramps) != segments:
+        raise ScheduleError(f"ramp: must be true or false, or {segments} of them, not {shown(ramp)}")
+    return tuple(bool(each) for each in ramps)
+
+
+def faults_of(
+    scene: Scene, over: Sequence[str], points: Reals, lengths: Reals, levels: Reals, begins: Begins | None
+) -> dict[int, str]:
+    """Samples with wrong values, and a line on the first of each."""
+    m, faults = len(points), dict[int, str]()
+
+    def note(wrong: NDArray[np.bool_], line: Callable[[tuple[int, ...]], str]) -> None:
+        for place in np.argwhere(wrong):
+            row = tuple(int(x) for x in place)
+            for i in range(m) if len(wrong) == 1 else (row[0],):
+                faults.setdefault(i, f"sample {i}: {line(row)}")
+
+    if begins is not None:
+        names, n = scene.template.coordinates, len(scene.template.coordinates)
+        bad = ~np.isfinite(begins.bodies) | (np.abs(begins.bodies) > FARTHEST)
+        note(
+            bad,
+            lambda at: (
+                f"states.{'q' if at[1] < n else 'v'}.{names[at[1] % n]}: must be finite and within"
+                f" -{FARTHEST:g}..{FARTHEST:g}, not {begins.bodies[at]:g}"
+            ),
+        )
+    note(
+        ~(np.isfinite(lengths) & (lengths >= 0.0)),
+        lambda at: f"durations.{at[1]}: must be finite and >= 0, not {lengths[at]:g}",
+    )
+    for j, name in enumerate(scene.template.inputs):
+        low, high = scene.file.parameters[name].range or (-math.inf, math.inf)
+        values = levels[..., j]
+        note(np.isinf(values), partial(_not_finite, name))
+        note((values < low) | (values > high), partial(_out_of_range, name, values, low, high))
+    bad = outside(scene, over, points).astype(bool)
+    for i in np.flatnonzero(bad):
+        try:
+            scene.parameters(dict(zip(over, points[i].tolist(), strict=True)))
+        except SceneError as error:
+            faults.setdefault(int(i), f"sample {i}: {error}")
+    return faults
+
+
+def _not_finite(name: str, at: tuple[int, ...]) -> str:
+    return f"inputs.{name}: must be finite, and is not in segment {at[1]}"
+
+
+def _out_of_range(name: str, values: Reals, low: float, high: float, at: tuple[int, ...]) -> str:
+    return f"inputs.{name}: {values[at]:g} is outside {low:g} to {high:g}, in segment {at[1]}"
