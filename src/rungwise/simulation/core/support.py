@@ -7,7 +7,7 @@ projection on the unit ball. Each of its linear pieces is a step's problem with 
 chain solves: while the body sticks, the rows as they are (a box, about the ball); while it slips, the row
 along the force, limited, and across it rows that yield, u_across + rho t_across = 0. Where directions do not
 settle, or a piece has no solution, all rows yield by the power of the solution before (Weiszfeld's iteration,
-which descends), for a few turns, and Newton goes on from there. Source:
+which descends; with a secant), for a few turns, and Newton goes on from there. Source:
 Goyal, Ruina, Papadopoulos, Wear 143 (1991) 307-330 (limit surface); Alart and Curnier, Comput. Methods Appl.
 Mech. Eng. 92 (1991) 353-375.
 """
@@ -28,18 +28,20 @@ from rungwise.contact.step import (
     solve_planar,
     trim,
 )
-from rungwise.kernel import Ints, Reals, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, Record, kernel, rare_kernel
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
 STUCK, SLIPS, YIELDS = 0, 1, 2
 """Pieces of the law that a problem is made of."""
 DIRECTIONS, TURNS, ROUNDS = 8, 4, 200
-"""Problems after which directions count as not settled, of one iteration before the other has its turn, and
-after which the law counts as not met."""
+"""Problems after which directions count as not settled, of one iteration before the other has its turn (the
+descending one has twice as many each time), and after which the law counts as not met."""
 LOOSE = 1e3
 """Limit of a row that yields, over its own: far above what the law allows, and finite, so that the chain can
 tell great forces from the forces of a singular mode."""
+FAR = 10.0
+"""Farthest that the secant goes, as a factor."""
 EXACT = 1e-10
 """Distance of t from its projection, in the ball of radius 1, up to which the law is met."""
 
@@ -53,10 +55,11 @@ def solve_supported(
     for r in range(limited):
         row = scratch.support[r]
         row.offset = problem.w_s[r]
-        row.scale = 0.0
+        row.scale = row.tried = 0.0
     _measure(limited, n, state.v, False, terms, state, scratch)
     _aim(limited, False, terms, scratch)
     status, found, stage, loosened = NO_SOLUTION, math.inf, 0, False
+    unsettled, until, spell = False, DIRECTIONS, TURNS
     for turn in range(ROUNDS):
         _fill(contacts, limited, n, terms, state, scratch, problem)
         status, found, stage = solve_planar(
@@ -72,7 +75,10 @@ def solve_supported(
         for i in range(n):
             scratch.v_new[state.free[i]] = scratch.x[i]
         _measure(limited, n, scratch.v_new, True, terms, state, scratch)
-        unsettled = turn >= DIRECTIONS and (turn - DIRECTIONS) % (2 * TURNS) < TURNS
+        if turn == until:
+            unsettled = not unsettled
+            until += spell if unsettled else TURNS
+            spell *= 2 if unsettled else 1
         apart = _aim(limited, unsettled, terms, scratch)
         if apart <= EXACT:
             _hand_over(contacts, limited, terms, scratch)
@@ -203,11 +209,28 @@ def _aim(limited: int, unsettled: bool, terms: Terms, scratch: Scratch) -> float
             apart += (row.force - row.along / max(length, 1.0)) ** 2
             row.along /= length if length > 0.0 else 1.0
         worst = max(worst, math.sqrt(apart))
-        lead.piece = SLIPS if length > 1.0 - EXACT else STUCK
-        lead.yields = lead.scale * max(length - 1.0, 0.0)
         if unsettled and power > EXACT * lead.scale:
-            lead.piece, lead.yields = YIELDS, power
+            lead.yields = _ahead(lead, power) if lead.piece == YIELDS else power
+            lead.piece = YIELDS
+        else:
+            lead.piece = SLIPS if length > 1.0 - EXACT else STUCK
+            lead.yields, lead.tried = lead.scale * max(length - 1.0, 0.0), 0.0
     return worst
+
+
+@rare_kernel
+def _ahead(lead: Record, power: float) -> float:
+    """What rows should yield by after they yielded by `lead.yields` and gave `power`: where the two would be
+    equal if the inverse of one were linear in the inverse of the other, as it is for a body alone; far ahead
+    where this leads to rest."""
+    ahead = power
+    if lead.tried > 0.0 and lead.tried != lead.yields:
+        slope = (1.0 / power - 1.0 / lead.met) / (1.0 / lead.yields - 1.0 / lead.tried)
+        inverse = (1.0 / power - slope / lead.yields) / (1.0 - slope)
+        rests = not (slope < 1.0 and inverse > 0.0)
+        ahead = power / FAR if rests else min(max(1.0 / inverse, power / FAR), power * FAR)
+    lead.tried, lead.met = lead.yields, power
+    return ahead
 
 
 @rare_kernel
