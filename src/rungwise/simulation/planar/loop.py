@@ -23,6 +23,7 @@ from rungwise.simulation.planar.controlled import controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
 from rungwise.simulation.planar.memory import restore
+from rungwise.simulation.planar.middle import is_centred
 from rungwise.simulation.planar.nearby import fastest_pair, look
 from rungwise.simulation.planar.passing import thinnest
 from rungwise.simulation.planar.verdicts import (
@@ -79,6 +80,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited
     clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
+    clock.centred = is_centred(rung, control[0].error, terms, state)
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
@@ -223,5 +225,5 @@ def _shorter(
 ) -> float:
     """The next step to try after a refusal: up to the first contact to close, or else half of the refused
     step."""
-    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, math.inf)
+    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, 0.0, math.inf)
     return landing if landing < 0.999 * h else 0.5 * h
