@@ -101,11 +101,12 @@ def controlled_step(
         return TAKEN, h, following
     error = _disagreement(records, rung, control, workspace)
     following = _next(control, error, h, following)
+    smooth &= not _jumps(rung, 0.5 * h, workspace)
     if error > allowed and h > SHORTEST * control[0].duration:
         restore(records, workspace)
-        clock.next = following
+        clock.next = following if smooth else clock.next
         return TOO_COARSE, h, following
-    if (rung[0].inertia > 0.0 and flies(workspace)) or (smooth and not _jumps(rung, 0.5 * h, workspace)):
+    if smooth or (rung[0].inertia > 0.0 and flies(workspace)):
         extrapolate(records, rung, workspace)
     return TAKEN, h, following
 
