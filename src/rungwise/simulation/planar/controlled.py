@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.scene.template import Numbers
-from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
+from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
+from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed
 from rungwise.simulation.planar.memory import keep, restore
@@ -21,7 +21,6 @@ from rungwise.simulation.planar.middle import meets
 from rungwise.simulation.planar.nearby import fastest_pair, gather, swing, widen
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.place import turns
-from rungwise.system.planar.seams import mode_before
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
@@ -35,8 +34,6 @@ UNIFORM = 1e-6
 """Part of the allowed error that a change of speed may cause in a step that counts as exact."""
 GROWTH = 10.0
 """How much longer the step after an exact one may be."""
-AHEAD = 0.1
-"""How long an error of velocity acts, as a part of the longest step."""
 SOON = 0.01
 """Part of a fixed step within which an impact counts as at its beginning; a later impact ends the step."""
 
@@ -99,7 +96,7 @@ def controlled_step(
             smooth &= parts > 1 and is_alike(rung, workspace)
     if allowed == 0.0:
         return TAKEN, h, following
-    error = _disagreement(records, rung, control, workspace)
+    error = disagreement(records, rung, control, 0.5 * h, workspace)
     following = _next(control, error, h, following)
     smooth &= not _jumps(rung, 0.5 * h, workspace)
     if error > allowed and h > SHORTEST * control[0].duration:
@@ -141,66 +138,10 @@ def _jumps(rung: RecordArray, h: float, workspace: Workspace) -> bool:
     clock, kept = workspace.state.clock[0], workspace.kept.clock[0]
     jumps = clock.bounced != 0 or clock.jumps != kept.jumps
     if rung[0].inertia == 0.0 or not rung[0].compliant:
-        jumps |= _closes(workspace)
+        jumps |= closes(workspace)
     if rung[0].inertia > 0.0 and not rung[0].compliant:
         jumps |= not is_pressed(h, workspace)
     return jumps
-
-
-@rare_kernel
-def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
-    """Greatest distance between the coordinates after two half steps and after one whole step, now and, where
-    velocities are continuous, a while later."""
-    state, whole, worst = workspace.state, workspace.whole, 0.0
-    continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
-    later = AHEAD * control[0].longest if continuous else 0.0
-    change = workspace.scratch.v_new
-    for i in range(state.v.shape[0]):
-        change[i] = state.v[i] - whole.v[i]
-    if later > 0.0 and records.joints.shape[0] > 0:
-        join(records, rung, workspace, control[0].step)
-        _keep_joints_closed(workspace, change)
-    for i in range(state.q.shape[0]):
-        lever = swing(records, state, i)
-        worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
-        worst = max(worst, lever * later * abs(change[i]))
-    return worst
-
-
-@rare_kernel
-def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
-    """Take from a change of velocity the part that would open rigid joints, as the next step does, by
-    impulses along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in
-    which M has a unit diagonal."""
-    state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
-    clock = state.clock[0]
-    free = clock.free
-    size = free
-    for r in range(clock.drives, clock.limited):
-        size += math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0])
-    root = workspace.scratch.x
-    for i in range(free):
-        root[i] = math.sqrt(terms.inertia[state.free[i], state.free[i]])
-    a[:size, : size + 1] = 0.0
-    for i in range(free):
-        for j in range(free):
-            a[i, j] = terms.inertia[state.free[i], state.free[j]] / (root[i] * root[j])
-            a[i, size] += a[i, j] * root[j] * change[state.free[j]]
-    row = free
-    for r in range(clock.drives, clock.limited):
-        if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
-            length = 0.0
-            for i in range(free):
-                length += (terms.limited[r, state.free[i]] / root[i]) ** 2
-            length = math.sqrt(length)
-            for i in range(free):
-                if length > 0.0:
-                    a[row, i] = terms.limited[r, state.free[i]] / (root[i] * length)
-                a[i, row] = -a[row, i]
-            row += 1
-    solve_in_place(a, size, 1, workspace.scratch.order)
-    for i in range(free):
-        change[state.free[i]] = a[i, size] / root[i]
 
 
 @rare_kernel
@@ -214,7 +155,7 @@ def _is_uniform(
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
         touches |= state.modes[slot] != OPEN
-        before = _mode_before(slot, workspace)
+        before = mode_at_start(slot, workspace)
         if state.modes[slot] != before and (rung[0].compliant or before == OPEN):
             return False
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
@@ -227,26 +168,6 @@ def _is_uniform(
         if is_angle and touches and lever * h * abs(state.v[i]) > allowed:
             return False
     return True
-
-
-@kernel
-def _closes(workspace: Workspace) -> bool:
-    """Whether a contact closed since the state that was kept: a rigid one makes velocities jump."""
-    modes, closes = workspace.state.modes, False
-    for slot in range(modes.shape[0]):
-        closes |= modes[slot] != OPEN and _mode_before(slot, workspace) == OPEN
-    return closes
-
-
-@kernel
-def _mode_before(slot: int, workspace: Workspace) -> int:
-    """Mode in the kept state of the contact that is in the slot now."""
-    state, kept = workspace.state, workspace.kept
-    if workspace.seams.joined[0] == 0:
-        return int(kept.modes[slot])
-    return mode_before(
-        slot, state.manifolds, kept.features, kept.modes, state.placed.outline, workspace.seams
-    )
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.step import OPEN
-from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
+from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.attempt import tolerated
 from rungwise.simulation.planar.memory import bring_back, remember

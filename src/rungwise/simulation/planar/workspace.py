@@ -27,7 +27,8 @@ ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
 
 CLOCK = record_type(
-    core.COUNTS + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps centred lost",
+    core.COUNTS
+    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps centred lost",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step bend",
