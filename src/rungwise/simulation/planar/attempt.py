@@ -97,7 +97,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
-        if first and clock.centred:
+        if first and math.isfinite(terms.low[0]):
             note_early(records, contacts, workspace)
         _move(records, workspace, h)
         if not _is_finite(state.q):

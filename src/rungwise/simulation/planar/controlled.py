@@ -84,9 +84,9 @@ def controlled_step(
                 clock.next = following
             return status, h, following
         if parts > 1 and part == 0:
-            centred = clock.centred and not clock.lost and not meets(2.0 * CLOSED * allowed, workspace)
-            smooth = centred or not clock.centred
-            if steady and (centred or _is_uniform(records, rung, control, workspace, length)):
+            smooth = not clock.lost and not meets(2.0 * CLOSED * allowed, workspace)
+            once = smooth and clock.centred
+            if steady and (once or _is_uniform(records, rung, control, workspace, length)):
                 return _take_once(control, workspace, length, following)
             keep(workspace, workspace.whole)
             restore(records, workspace)
@@ -136,7 +136,7 @@ def _jumps(rung: RecordArray, h: float, workspace: Workspace) -> bool:
     """Whether velocities jumped since the state that was kept, in two halves of length h: a rigid contact
     closed, bounced, or does not hold what it meets."""
     clock, kept = workspace.state.clock[0], workspace.kept.clock[0]
-    jumps = clock.bounced != 0 or clock.jumps != kept.jumps
+    jumps: bool = clock.bounced != 0 or clock.jumps != kept.jumps
     if rung[0].inertia == 0.0 or not rung[0].compliant:
         jumps |= closes(workspace)
     if rung[0].inertia > 0.0 and not rung[0].compliant:

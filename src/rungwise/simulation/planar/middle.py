@@ -45,7 +45,8 @@ def is_centred(rung: RecordArray, allowed: float, terms: Terms, state: State) ->
 
 @kernel
 def note_early(records: Records, contacts: int, workspace: Workspace) -> None:
-    """Remember the rows, gaps and loads of a step whose first solution was found, and that solution."""
+    """Remember the gaps of a step whose first solution was found and, if it is centred, rows, loads and that
+    solution."""
     state, terms, early = workspace.state, workspace.terms, workspace.early
     clock = state.clock[0]
     for slot in range(early.features.shape[0]):
@@ -54,9 +55,12 @@ def note_early(records: Records, contacts: int, workspace: Workspace) -> None:
         slot = workspace.scratch.slots[k]
         early.features[slot] = _feature(slot, state)
         early.gap[slot] = terms.gap[k]
-        for i in range(state.v.shape[0]):
-            early.rows[2 * slot, i] = terms.rows[2 * k, i]
-            early.rows[2 * slot + 1, i] = terms.rows[2 * k + 1, i]
+        if clock.centred:
+            for i in range(state.v.shape[0]):
+                early.rows[2 * slot, i] = terms.rows[2 * k, i]
+                early.rows[2 * slot + 1, i] = terms.rows[2 * k + 1, i]
+    if not clock.centred:
+        return
     for r in range(clock.drives, clock.limited):
         for i in range(state.v.shape[0]):
             early.limited[r, i] = terms.limited[r, i]
