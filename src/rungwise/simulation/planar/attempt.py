@@ -108,7 +108,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = COARSE
             break
         overlap = tolerated(rung, workspace)
-        closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
+        closed = _opening(records, workspace) <= max(_open(rung, workspace), open_before)
         fits = closed and (
             rung[0].compliant or clock.least_gap >= min(gap_before - terms.rounding[0], -overlap)
         )
@@ -183,6 +183,16 @@ def tolerated(rung: RecordArray, workspace: Workspace) -> float:
     least = EXACT if rung[0].metric else OVERLAP
     part = ASKED if clock.centred else 1.0
     return float(min(max(part * error, least * clock.smallest), GREATEST * clock.smallest))
+
+
+@kernel
+def _open(rung: RecordArray, workspace: Workspace) -> float:
+    """Opening of joints, over their levers, beyond which a step that adds to it is linearised again, or
+    halved."""
+    clock, least = workspace.state.clock[0], EXACT if rung[0].metric else TORN
+    if clock.centred:
+        least = min(max(ASKED * workspace.terms.low[0] / clock.reach, least), TORN)
+    return float(least)
 
 
 @kernel

@@ -73,13 +73,14 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
 @kernel
 def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
     """Go on from the memory of an accepted step of the same scene, rung and parameters, in a workspace that
-    was prepared; steps count from here."""
-    state = workspace.state
+    was prepared; steps count from here, and are taken as this run's options say."""
+    state, centred = workspace.state, workspace.state.clock[0].centred
     copy(memory, state.memory)
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
     copy(memory, state.memory)
     clock = state.clock[0]
+    clock.centred = centred
     workspace.terms.rounding[0] = ROUNDING * clock.extent
     clock.steps = clock.attempts = clock.solves = clock.frames = clock.since = 0
     clock.outcome = RUNNING
