@@ -16,7 +16,7 @@ from rungwise.system.terms import INERTIA
 
 AHEAD = 0.1
 """How long an error of velocity acts, as a part of the longest step."""
-SETTLED = 3.0
+SETTLED = 10.0
 """A compliant contact that swings by this angle at least in a half step takes out errors of velocity by
 itself. Chosen by trial."""
 SWEEPS = 8
