@@ -18,7 +18,7 @@ from rungwise.system.planar.manifold import ABSENT
 from .conftest import MOVING
 from .random_scenes import random_scene
 
-OWN = {"steps", "attempts", "frames", "since", "stride", "outcome", "worst_residual"}
+OWN = {"steps", "attempts", "solves", "frames", "since", "stride", "outcome", "worst_residual"}
 """Fields of the clock that count from the beginning of each run."""
 
 

@@ -49,6 +49,7 @@ class Run:
     time: float
     steps: int
     attempts: int
+    solves: int
     worst_residual: float
     wall_s: float
     certificate: Certificate | None
@@ -120,6 +121,7 @@ class Run:
             "time": self.time,
             "steps": self.steps,
             "attempts": self.attempts,
+            "solves": self.solves,
             "final": self.final,
             "worst_residual": self.worst_residual,
             "certificate": None if self.certificate is None else self.certificate.kind,

@@ -263,6 +263,7 @@ class Simulation:
             time=self.time,
             steps=0 if clock is None else int(clock["steps"]),
             attempts=0 if clock is None else int(clock["attempts"]),
+            solves=0 if clock is None else int(clock["solves"]),
             worst_residual=0.0 if clock is None else float(clock["worst_residual"]),
             wall_s=self.wall_s,
             certificate=self.certificate,

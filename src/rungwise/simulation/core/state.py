@@ -11,13 +11,13 @@ from rungwise.block import Block
 from rungwise.contact.step import matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, record_type
 
-COUNTS = "steps limited free bounced leans surfaces"
+COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
 CLOCK = record_type(COUNTS, TIMES)
-"""steps taken; limited rows and free coordinates in use; `bounced`: whether restitution applied in this step;
-`leans`: whether its problem starts from the velocity `wish`; `surfaces`: whether rows share limit surfaces.
-`tried` is the length of the last attempt; `eps` and `theta` belong to its problem; then its residual, and the
-work of all steps taken."""
+"""steps taken, and problems solved for all that was tried; limited rows and free coordinates in use;
+`bounced`: whether restitution applied in this step; `leans`: whether its problem starts from the velocity
+`wish`; `surfaces`: whether rows share limit surfaces. `tried` is the length of the last attempt; `eps` and
+`theta` belong to its problem; then its residual, and the work of all steps taken."""
 
 SUPPORT = record_type("piece", "offset force power along scale yields tried met")
 """A row of dry friction that shares a limit surface (see `core.support`): rate at rest, force over its limit,

@@ -177,6 +177,7 @@ def _solve(
     contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> int:
     d = state.force.shape[1]
+    state.clock[0].solves += 1
     for k in range(contacts):
         slot = scratch.slots[k]
         scratch.mode[k] = state.modes[slot]

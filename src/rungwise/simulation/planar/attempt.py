@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember
+from rungwise.simulation.planar.middle import BENT, LOST, SAME, bend, compare_rows, note_early, take_means
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.planar.passing import SLIP, passes
 from rungwise.simulation.planar.strays import note_strays
@@ -22,12 +23,15 @@ from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
-ABSORBED, PASSED = 3, 4
+ABSORBED, PASSED, COARSE = 3, 4, 6
 """Statuses beside the statuses of `solve_step`."""
 MAX_LINEARISATIONS = 12
 EXACT = 1e-9
 """Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
 step is not linearised again."""
+ASKED, GREATEST = 0.1, 1e-2
+"""Overlap, over the error allowed in a step, up to which one that is centred is not linearised again; under
+error control none is beyond this overlap over the smallest shape's reach."""
 LEAP = 8.0
 """Motion of a servo that is followed exactly, over the smallest shape's reach. Above this a step that pushes
 something, or is linearised again, is halved: where the target jumps, no step is short enough."""
@@ -56,6 +60,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
             state.passive, terms,
         )  # fmt: skip
+        copy(terms.load, workspace.early.load)
     if records.joints.shape[0] > 0:
         joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
         join(records, rung, workspace, h)
@@ -64,8 +69,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
     contacts = gather(records, workspace)
-    status, least, jumped = UNSOLVED, -math.inf, False
-    clock.tried = h
+    status, least, jumped, first = UNSOLVED, -math.inf, False, True
+    clock.tried, clock.bend, clock.lost = h, 0.0, 0
     for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
         status = choose_motion(records, rung, h, contacts, shortest, workspace)
@@ -76,10 +81,13 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             bring_back(records, workspace, workspace.before)
             widen(records, workspace, 2.0 * reach)
             contacts = gather(records, workspace)
+            if not first:
+                _restart(records, rung, workspace, h)
+                least, first = -math.inf, True
             continue
         if status == UNSUPPORTED:
+            status = UNSUPPORTED if first else UNSOLVED
             break
-        first = math.isinf(least)
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
@@ -89,14 +97,27 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
+        if first and math.isfinite(terms.low[0]):
+            note_early(records, contacts, workspace)
         _move(records, workspace, h)
         if not _is_finite(state.q):
             status = UNSOLVED
             break
-        overlap = (EXACT if rung[0].metric else OVERLAP) * clock.smallest
-        allowed = min(gap_before - terms.rounding[0], -overlap)
-        closed = _opening(records, workspace) <= max(EXACT if rung[0].metric else TORN, open_before)
-        if closed and (rung[0].compliant or clock.least_gap >= allowed):
+        clock.bend = 0.0 if first or not clock.centred or clock.lost else bend(records, h, workspace)
+        if clock.bend > terms.low[0]:
+            status = COARSE
+            break
+        overlap = tolerated(rung, workspace)
+        closed = _opening(records, workspace) <= max(_open(rung, workspace), open_before)
+        fits = closed and (
+            rung[0].compliant or clock.least_gap >= min(gap_before - terms.rounding[0], -overlap)
+        )
+        rows = SAME
+        if first and clock.centred:
+            rows = compare_rows(records, h, terms.low[0], contacts, workspace)
+            clock.lost = rows == LOST
+        bent = rows == BENT
+        if fits and not bent:
             if 0.5 * reach > SLIP * clock.thin and passes(records, workspace):
                 status = PASSED
                 break
@@ -105,20 +126,73 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
                 clock.jumps += 1
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
-        worse = not closed or clock.least_gap < 0.5 * least
-        if not rung[0].metric and (worse or clock.bounces or _is_thrown(records, state, scratch.v_new)):
-            status = UNSOLVED
-            break
-        least = clock.least_gap
-        contacts = gather(records, workspace)
-        if records.joints.shape[0] > 0:
-            join(records, rung, workspace, h)
-        _shift(h, contacts, clock.drives, clock.limited, terms, scratch)
+        if not fits and not rung[0].metric:
+            worse = (not closed and not bent) or clock.least_gap < 0.5 * least
+            if worse or clock.bounces or _is_thrown(records, state, scratch.v_new):
+                status = UNSOLVED
+                break
+        least, first = min(clock.least_gap, 0.0) if fits else clock.least_gap, False
+        contacts = _linearise(records, rung, workspace, h)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
-    if status in (ABSORBED, SUDDEN, PASSED):
+    if status in (ABSORBED, SUDDEN, PASSED, COARSE):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@rare_kernel
+def _restart(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Fill in rows of joints and loads at the start again."""
+    copy(workspace.early.load, workspace.terms.load)
+    if workspace.state.clock[0].centred:
+        copy(workspace.early.passive, workspace.state.passive)
+    if records.joints.shape[0] > 0:
+        join(records, rung, workspace, h)
+
+
+@rare_kernel
+def _linearise(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> int:
+    """Linearise the step about its trial end, with the rows there or, if it is centred, with their means with
+    those at the start; returns how many contacts there are."""
+    state, terms = workspace.state, workspace.terms
+    clock = state.clock[0]
+    centred = clock.centred and not clock.lost
+    if centred and rung[0].loads:
+        planar.loads(
+            records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
+            state.passive, terms,
+        )  # fmt: skip
+    else:
+        copy(workspace.early.load, terms.load)
+    contacts = gather(records, workspace)
+    if records.joints.shape[0] > 0:
+        join(records, rung, workspace, h)
+    if centred:
+        take_means(contacts, workspace)
+    _shift(h, contacts, clock.drives, clock.limited, terms, workspace.scratch)
+    return contacts
+
+
+@kernel
+def tolerated(rung: RecordArray, workspace: Workspace) -> float:
+    """Overlap beyond which a rigid step that adds to it is linearised again, or halved: under error control
+    it is related to the allowed error."""
+    clock, error = workspace.state.clock[0], workspace.terms.low[0]
+    if math.isinf(error):
+        return float((EXACT if rung[0].metric else OVERLAP) * clock.smallest)
+    least = EXACT if rung[0].metric else OVERLAP
+    part = ASKED if clock.centred else 1.0
+    return float(min(max(part * error, least * clock.smallest), GREATEST * clock.smallest))
+
+
+@kernel
+def _open(rung: RecordArray, workspace: Workspace) -> float:
+    """Opening of joints, over their levers, beyond which a step that adds to it is linearised again, or
+    halved."""
+    clock, least = workspace.state.clock[0], EXACT if rung[0].metric else TORN
+    if clock.centred:
+        least = min(max(ASKED * workspace.terms.low[0] / clock.reach, least), TORN)
+    return float(least)
 
 
 @kernel

@@ -8,30 +8,32 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN
-from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import Records
-from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt, join
+from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
+from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
+from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed
 from rungwise.simulation.planar.inputs import Inputs
-from rungwise.simulation.planar.memory import bring_back, keep, remember, restore
-from rungwise.simulation.planar.nearby import fastest_pair, gather, look, swing, widen
-from rungwise.simulation.planar.passing import passes
+from rungwise.simulation.planar.memory import keep, restore
+from rungwise.simulation.planar.middle import meets
+from rungwise.simulation.planar.nearby import fastest_pair, gather, swing, widen
 from rungwise.simulation.planar.workspace import Workspace
-from rungwise.system.planar.place import place, turns
-from rungwise.system.planar.seams import mode_before
+from rungwise.system.planar.place import turns
 
 ONSET = 0.05
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
 """A step that should end at a contact ends a little short of it: the impact belongs to the next step."""
+CLOSED = 1e-3
+"""Gap, over the allowed error, up to which bodies touch under error control."""
+SHORTEST = 1e-12
+"""Part of the duration beyond which a step whose error is too great is not shortened."""
 UNIFORM = 1e-6
 """Part of the allowed error that a change of speed may cause in a step that counts as exact."""
 GROWTH = 10.0
 """How much longer the step after an exact one may be."""
-AHEAD = 0.1
-"""How long an error of velocity acts, as a part of the longest step."""
 SOON = 0.01
 """Part of a fixed step within which an impact counts as at its beginning; a later impact ends the step."""
 
@@ -53,14 +55,17 @@ def controlled_step(
     state = workspace.state
     clock = state.clock[0]
     allowed = control[0].error
-    parts, following = 1, 2.0 * h
+    parts, following, smooth = 1, 2.0 * h, True
+    steady = not clock.varies
     if allowed > 0.0:
         parts, following = 3, max(h, clock.next)
-        h, begins = until_contact(records, rung, workspace, h, 1e-3 * allowed, 0.0, control[0].step)
+        h, begins = until_contact(
+            records, rung, workspace, h, CLOSED * allowed, allowed, 0.0, control[0].step
+        )  # fmt: skip
         following = h if begins else following
-        keep(workspace)
+        keep(workspace, workspace.kept)
     elif clock.bounces:
-        h, _ = until_contact(records, rung, workspace, h, 0.0, SOON, math.inf)
+        h, _ = until_contact(records, rung, workspace, h, 0.0, 0.0, SOON, math.inf)
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
         if part > 0 or allowed > 0.0 or clock.bounces:
@@ -70,87 +75,73 @@ def controlled_step(
             status = attempt(records, rung, workspace, length, SOON * control[0].step)
             clock.attempts += 1
         if status != TAKEN:
+            bent, following = clock.bend > allowed > 0.0, 0.5 * h
+            if bent:
+                following = _next(control, clock.bend, h, h)
             if part > 0:
                 restore(records, workspace)
-            return status, h, 0.5 * h
+            if bent:
+                clock.next = following
+            return status, h, following
         if parts > 1 and part == 0:
-            if not clock.varies and _is_uniform(records, rung, control, workspace, length):
-                clock.time += length
-                clock.worst_residual = max(clock.worst_residual, clock.residual)
-                return TAKEN, length, max(following, GROWTH * length)
-            copy(state.q, workspace.whole.q)
-            copy(state.v, workspace.whole.v)
-            workspace.whole.clock[0] = clock
+            smooth = not clock.lost and not meets(2.0 * CLOSED * allowed, workspace)
+            once = smooth and clock.centred
+            if steady and (once or _is_uniform(records, rung, control, workspace, length)):
+                return _take_once(control, workspace, length, following)
+            keep(workspace, workspace.whole)
             restore(records, workspace)
         else:
             clock.time += length
             clock.worst_residual = max(clock.worst_residual, clock.residual)
+            smooth &= parts > 1 and is_alike(rung, workspace)
     if allowed == 0.0:
         return TAKEN, h, following
-    error = _disagreement(records, rung, control, workspace)
-    factor = min(max(0.9 * math.sqrt(allowed / error), 0.1), 4.0) if error > 0.0 else 4.0
-    if error > allowed and h > 1e-12 * control[0].duration:
+    error = disagreement(records, rung, control, 0.5 * h, workspace)
+    following = _next(control, error, h, following)
+    smooth &= not _jumps(rung, 0.5 * h, workspace)
+    if error > allowed and h > SHORTEST * control[0].duration:
         restore(records, workspace)
-        return TOO_COARSE, h, min(factor, 0.5) * h
-    if rung[0].inertia > 0.0 and _flies(workspace):
-        _extrapolate(records, workspace)
-    return TAKEN, h, max(following, factor * h) if factor > 1.0 else factor * h
+        clock.next = following if smooth else clock.next
+        return TOO_COARSE, h, following
+    if smooth or (rung[0].inertia > 0.0 and flies(workspace)):
+        extrapolate(records, rung, workspace)
+    return TAKEN, h, following
 
 
-@rare_kernel
-def _disagreement(records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace) -> float:
-    """Greatest distance between the coordinates after two half steps and after one whole step, now and, where
-    velocities are continuous, a while later."""
-    state, whole, worst = workspace.state, workspace.whole, 0.0
-    continuous = rung[0].inertia > 0.0 and (rung[0].compliant or not _closes(workspace))
-    later = AHEAD * control[0].longest if continuous else 0.0
-    change = workspace.scratch.v_new
-    for i in range(state.v.shape[0]):
-        change[i] = state.v[i] - whole.v[i]
-    if later > 0.0 and records.joints.shape[0] > 0:
-        join(records, rung, workspace, control[0].step)
-        _keep_joints_closed(workspace, change)
-    for i in range(state.q.shape[0]):
-        lever = swing(records, state, i)
-        worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
-        worst = max(worst, lever * later * abs(change[i]))
-    return worst
+@kernel
+def _take_once(
+    control: RecordArray, workspace: Workspace, h: float, following: float
+) -> tuple[int, float, float]:
+    """Accept the step just taken; returns as `controlled_step`."""
+    clock = workspace.state.clock[0]
+    clock.time += h
+    clock.worst_residual = max(clock.worst_residual, clock.residual)
+    if clock.bend <= UNIFORM * control[0].error:
+        return TAKEN, h, max(following, GROWTH * h)
+    return TAKEN, h, _next(control, clock.bend, h, following)
 
 
-@rare_kernel
-def _keep_joints_closed(workspace: Workspace, change: Reals) -> None:
-    """Take from a change of velocity the part that would open rigid joints, as the next step does, by
-    impulses along their rows, M change' - J^T y = M change, J change' = 0. Unknowns and rows are in units in
-    which M has a unit diagonal."""
-    state, terms, a = workspace.state, workspace.terms, workspace.scratch.matrix
-    clock = state.clock[0]
-    free = clock.free
-    size = free
-    for r in range(clock.drives, clock.limited):
-        size += math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0])
-    root = workspace.scratch.x
-    for i in range(free):
-        root[i] = math.sqrt(terms.inertia[state.free[i], state.free[i]])
-    a[:size, : size + 1] = 0.0
-    for i in range(free):
-        for j in range(free):
-            a[i, j] = terms.inertia[state.free[i], state.free[j]] / (root[i] * root[j])
-            a[i, size] += a[i, j] * root[j] * change[state.free[j]]
-    row = free
-    for r in range(clock.drives, clock.limited):
-        if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
-            length = 0.0
-            for i in range(free):
-                length += (terms.limited[r, state.free[i]] / root[i]) ** 2
-            length = math.sqrt(length)
-            for i in range(free):
-                if length > 0.0:
-                    a[row, i] = terms.limited[r, state.free[i]] / (root[i] * length)
-                a[i, row] = -a[row, i]
-            row += 1
-    solve_in_place(a, size, 1, workspace.scratch.order)
-    for i in range(free):
-        change[state.free[i]] = a[i, size] / root[i]
+@inner_kernel
+def _next(control: RecordArray, error: float, h: float, following: float) -> float:
+    """The step to try after one of length h with this error, as the step is or, where it is too coarse,
+    again."""
+    factor = min(max(0.9 * math.sqrt(control[0].error / error), 0.1), 4.0) if error > 0.0 else 4.0
+    if error > control[0].error:
+        return min(factor, 0.5) * h
+    return max(following, factor * h) if factor > 1.0 else factor * h
+
+
+@kernel
+def _jumps(rung: RecordArray, h: float, workspace: Workspace) -> bool:
+    """Whether velocities jumped since the state that was kept, in two halves of length h: a rigid contact
+    closed, bounced, or does not hold what it meets."""
+    clock, kept = workspace.state.clock[0], workspace.kept.clock[0]
+    jumps: bool = clock.bounced != 0 or clock.jumps != kept.jumps
+    if rung[0].inertia == 0.0 or not rung[0].compliant:
+        jumps |= closes(workspace)
+    if rung[0].inertia > 0.0 and not rung[0].compliant:
+        jumps |= not is_pressed(h, workspace)
+    return jumps
 
 
 @rare_kernel
@@ -164,7 +155,7 @@ def _is_uniform(
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
         touches |= state.modes[slot] != OPEN
-        before = _mode_before(slot, workspace)
+        before = mode_at_start(slot, workspace)
         if state.modes[slot] != before and (rung[0].compliant or before == OPEN):
             return False
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
@@ -180,73 +171,19 @@ def _is_uniform(
 
 
 @kernel
-def _closes(workspace: Workspace) -> bool:
-    """Whether a contact closed since the state that was kept: a rigid one makes velocities jump."""
-    modes, closes = workspace.state.modes, False
-    for slot in range(modes.shape[0]):
-        closes |= modes[slot] != OPEN and _mode_before(slot, workspace) == OPEN
-    return closes
-
-
-@kernel
-def _mode_before(slot: int, workspace: Workspace) -> int:
-    """Mode in the kept state of the contact that is in the slot now."""
-    state, kept = workspace.state, workspace.kept
-    if workspace.seams.joined[0] == 0:
-        return int(kept.modes[slot])
-    return mode_before(
-        slot, state.manifolds, kept.features, kept.modes, state.placed.outline, workspace.seams
-    )
-
-
-@kernel
-def _flies(workspace: Workspace) -> bool:
-    """Whether nothing touched anything since the state that was kept."""
-    state, flies = workspace.state, True
-    for slot in range(state.modes.shape[0]):
-        flies &= state.modes[slot] == OPEN and workspace.kept.modes[slot] == OPEN
-        flies &= state.deformation[slot, 0] == 0.0 and workspace.kept.deformation[slot, 0] == 0.0
-    return flies
-
-
-@rare_kernel
-def _extrapolate(records: Records, workspace: Workspace) -> None:
-    """Add to two half steps their gain over the whole step (Richardson): of second order in free flight.
-
-    The halves stay as they are where the sum would overlap something, or lie beyond it.
-    """
-    state, whole, halves = workspace.state, workspace.whole, workspace.before
-    remember(state, halves)
-    clock, far = state.clock[0], workspace.whole.clock[0]
-    for i in range(state.q.shape[0]):
-        if not state.prescribed[i]:
-            state.q[i] += state.q[i] - whole.q[i]
-    place(records, state.q, state.placed, False)
-    look(records, workspace, state.v)
-    if clock.least_gap < 0.0 or passes(records, workspace):
-        bring_back(records, workspace, halves)
-        return
-    for i in range(state.q.shape[0]):
-        if not state.prescribed[i]:
-            state.v[i] += state.v[i] - whole.v[i]
-    clock.drive_work += clock.drive_work - far.drive_work
-    clock.load_work += clock.load_work - far.load_work
-    clock.support_work += clock.support_work - far.support_work
-    clock.joint_work += clock.joint_work - far.joint_work
-
-
-@kernel
 def until_contact(
     records: Records,
     rung: RecordArray,
     workspace: Workspace,
     h: float,
     closed: float,
+    held: float,
     soon: float,
     impact: float,
 ) -> tuple[float, bool]:
     """The step, but no longer than the first open gap (beyond `closed`, and beyond gaps that close within the
-    fraction `soon` of the step) takes to close at its present rate.
+    fraction `soon` of the step) takes to close at its present rate. A contact that pushed in the last step,
+    and is open by `held` at most, does not count.
 
     A compliant impact begins with a small part of its own period: a step that spans the whole impact looks
     plastic, and so do two halves. A rigid impact takes a step of `impact` at most: the next contact of the
@@ -262,6 +199,9 @@ def until_contact(
             rate += row * (state.speed[i] if state.prescribed[i] else state.v[i])
             if sprung and not state.prescribed[i] and math.isfinite(terms.contact_stiffness[k, 0, 0]):
                 ease += row * row * terms.contact_stiffness[k, 0, 0] / (rung[0].inertia * terms.inertia[i, i])
+        pushes = state.modes[workspace.scratch.slots[k]] != OPEN and terms.gap[k] <= held
+        if pushes and not sprung:
+            continue
         if terms.gap[k] > max(closed, terms.rounding[0]):
             if rate * h < -terms.gap[k] < soon * rate * h:
                 h = SHORT_OF * terms.gap[k] / -rate

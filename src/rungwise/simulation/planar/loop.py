@@ -30,6 +30,7 @@ from rungwise.simulation.planar.inputs import (
     until_margin,
 )
 from rungwise.simulation.planar.memory import keep, restore
+from rungwise.simulation.planar.middle import is_centred
 from rungwise.simulation.planar.nearby import fastest_pair, look
 from rungwise.simulation.planar.passing import thinnest
 from rungwise.simulation.planar.verdicts import (
@@ -87,6 +88,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         clock.surfaces |= terms.surface[r] != APART
     clock.drives = clock.limited
     clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
+    clock.centred = is_centred(rung, control[0].error, terms, state)
     for c in range(records.contacts.shape[0]):
         newton = not rung[0].compliant and rung[0].inertia > 0.0
         clock.bounces |= newton and records.contacts[c].restitution > 0.0
@@ -184,7 +186,7 @@ def run_step(
     if h > control[0].step:
         copy(state.values, workspace.scratch.begun)
     if guarded:
-        keep(workspace)
+        keep(workspace, workspace.kept)
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
@@ -252,5 +254,5 @@ def _shorter(
 ) -> float:
     """The next step to try after a refusal: up to the first contact to close, or else half of the refused
     step."""
-    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, math.inf)
+    landing, _ = until_contact(records, rung, workspace, h, 1e-3 * control[0].tolerance, 0.0, 0.0, math.inf)
     return landing if landing < 0.999 * h else 0.5 * h

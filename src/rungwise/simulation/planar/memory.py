@@ -13,9 +13,9 @@ from rungwise.system.terms import APART
 
 
 @kernel
-def keep(workspace: Workspace) -> None:
-    """Keep the state that `restore` brings back."""
-    state, kept = workspace.state, workspace.kept
+def keep(workspace: Workspace, kept: Snapshot) -> None:
+    """Keep the state; `restore` brings back the one in `workspace.kept`."""
+    state = workspace.state
     remember(state, kept)
     kept.clock[0] = state.clock[0]
     copy(state.v, kept.v)
@@ -28,11 +28,11 @@ def keep(workspace: Workspace) -> None:
 
 @kernel
 def restore(records: Records, workspace: Workspace) -> None:
-    """Restore the kept state, but for the count of attempts."""
+    """Restore the kept state, but for the counts of attempts and of problems solved."""
     state, kept = workspace.state, workspace.kept
-    attempts = state.clock[0].attempts
+    attempts, solves = state.clock[0].attempts, state.clock[0].solves
     state.clock[0] = kept.clock[0]
-    state.clock[0].attempts = attempts
+    state.clock[0].attempts, state.clock[0].solves = attempts, solves
     copy(kept.v, state.v)
     copy(kept.force, state.force)
     copy(kept.impulse, state.impulse)
@@ -73,15 +73,16 @@ def bring_back(records: Records, workspace: Workspace, saved: Snapshot) -> None:
 @kernel
 def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
     """Go on from the memory of an accepted step of the same scene, rung and parameters, in a workspace that
-    was prepared; steps count from here."""
-    state = workspace.state
+    was prepared; steps count from here, and are taken as this run's options say."""
+    state, centred = workspace.state, workspace.state.clock[0].centred
     copy(memory, state.memory)
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
     copy(memory, state.memory)
     clock = state.clock[0]
+    clock.centred = centred
     workspace.terms.rounding[0] = ROUNDING * clock.extent
-    clock.steps = clock.attempts = clock.frames = clock.since = 0
+    clock.steps = clock.attempts = clock.solves = clock.frames = clock.since = 0
     clock.outcome = RUNNING
     clock.worst_residual = 0.0
 

@@ -29,10 +29,11 @@ ROUNDING = 1e-12
 
 CLOCK = record_type(
     core.COUNTS
-    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies",
+    + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
+    " centred lost",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
-    " leap_step jump_time shake stray stray_time stray_step opened switched switch",
+    " leap_step jump_time shake stray stray_time stray_step opened switched switch bend",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
 contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
@@ -41,9 +42,11 @@ thickness of the thinnest pair. `gained` is energy that bounces added. In the st
 `leap_time` the servo of coordinate `leaper` moved it by `leap`, farther than in any other (kinematic rung).
 `jumps` counts jumps of velocity without a collision, the first at `jump_time`; `shake` is the last
 acceleration, in the norm of the inertia. `stray` is the widest gap of a contact that carried load in the step
-to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at
-`opened`, its `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in
-it."""
+to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedule began at `opened`, its
+`segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
+`centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
+with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
+that a contact of the last step is no more at its end, and that rows are those of the start."""
 
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
@@ -95,16 +98,25 @@ class Scratch(core.Scratch):
     undefined: Ints
 
 
-class Whole(Block):
-    """End and work of one whole step, for comparison with two halves."""
+class Early(Block):
+    """What a step began with: rows, gap and feature of each slot (ABSENT where nothing was near), the rows of
+    joints and of their measures, the load without and with the forces in joints, the passive load; `v` is the
+    first solution, `trial` (2, n) rows of a contact at its end."""
 
-    q: Reals
+    rows: Reals
+    gap: Reals
+    features: Ints
+    limited: Reals
+    measures: Reals
+    trial: Reals
+    load: Reals
+    pull: Reals
+    passive: Reals
     v: Reals
-    clock: RecordArray
 
 
 class Snapshot(Block):
-    """The state that is restored when a step is not accepted."""
+    """The state that is restored when a step is not accepted, or the end of one that is compared."""
 
     clock: RecordArray
     q: Reals
@@ -139,7 +151,7 @@ SCALARS = (
 
 class Workspace(Block):
     """Arrays of one run; `before` is the state before an attempt, `kept` the state before a controlled
-    step."""
+    step, `whole` the state after it in one piece, for comparison with two halves."""
 
     state: State
     terms: Terms
@@ -149,7 +161,8 @@ class Workspace(Block):
     scratch: Scratch
     before: Snapshot
     kept: Snapshot
-    whole: Whole
+    whole: Snapshot
+    early: Early
     frames: Frames
 
 
@@ -272,7 +285,7 @@ def allocate(
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
     )
-    before, kept = (
+    before, kept, whole = (
         Snapshot(
             clock=np.zeros(1, CLOCK),
             q=np.zeros(n),
@@ -286,7 +299,19 @@ def allocate(
             impulses=np.zeros(contacts),
             recent=np.zeros((2, contacts)),
         )
-        for _ in range(2)
+        for _ in range(3)
+    )
+    early = Early(
+        rows=np.zeros((2 * slots, n)),
+        gap=np.zeros(slots),
+        features=np.full(slots, ABSENT, np.int64),
+        limited=np.zeros((limited, n)),
+        measures=np.zeros((len(records.measures), n)),
+        trial=np.zeros((2, n)),
+        load=np.zeros(n),
+        pull=np.zeros(n),
+        passive=np.zeros(n),
+        v=np.zeros(n),
     )
     recorded = Frames(
         memory=np.zeros((frames, len(memory))),
@@ -305,6 +330,7 @@ def allocate(
         scratch=scratch,
         before=before,
         kept=kept,
-        whole=Whole(q=np.zeros(n), v=np.zeros(n), clock=np.zeros(1, CLOCK)),
+        whole=whole,
+        early=early,
         frames=recorded,
     )
