@@ -42,8 +42,9 @@ class Rollouts:
     """m runs of s segments, of a scene of n coordinates.
 
     outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
-    steps, attempts and worst_residual (m,), switches (m,): how many segments ended; final, speed (m, n) at
-    the end. `faults` maps samples with wrong values to a line that names the value; they are `invalid`.
+    steps, attempts at them, solves (problems solved) and worst_residual (m,), switches (m,): how many
+    segments ended; final, speed (m, n) at the end. `faults` maps samples with wrong values to a line that
+    names the value; they are `invalid`.
 
     With `keep`, also the states in which segments ended; the end of a run stands in the column of the segment
     in which it ended, and later columns are nan: see `times`, `q`, `v`, `modes`, `forces`, `work`, `state`.
@@ -56,6 +57,7 @@ class Rollouts:
     time: Reals
     steps: Ints
     attempts: Ints
+    solves: Ints
     switches: Ints
     worst_residual: Reals
     final: Reals
@@ -213,6 +215,7 @@ def rollout(
     return Rollouts(
         scene=scene, model=rung, outcome=found["outcome"].copy(), margin=found["margin"].copy(),
         time=found["time"].copy(), steps=found["steps"].copy(), attempts=found["attempts"].copy(),
+        solves=found["solves"].copy(),
         switches=found["switches"].copy(), worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
         memory=samples.kept, _like=crew.workspace.state, _options=of_sample, _schedules=schedule,

@@ -18,7 +18,7 @@ from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RU
 from rungwise.simulation.planar.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
-RESULT = record_type("outcome steps attempts switches", "time margin worst_residual")
+RESULT = record_type("outcome steps attempts solves switches", "time margin worst_residual")
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
 `switches` are the segments of its schedule that ended."""
 
@@ -100,7 +100,7 @@ def run_samples(
             break
         result = samples.results[i : i + 1]
         result[0].margin = math.nan
-        result[0].steps = result[0].attempts = result[0].switches = 0
+        result[0].steps = result[0].attempts = result[0].solves = result[0].switches = 0
         result[0].time = result[0].worst_residual = 0.0
         state = place.workspace.state
         result[0].outcome = INVALID
@@ -209,6 +209,7 @@ def _run(
     left = 1.0 - (clock.time - began) / (control[0].duration - began)
     result[0].margin = _margin(outcome, best, danger, left)
     result[0].steps, result[0].attempts, result[0].switches = clock.steps, clock.attempts, ended
+    result[0].solves = clock.solves
     result[0].time, result[0].worst_residual = clock.time, clock.worst_residual
     return outcome
 
