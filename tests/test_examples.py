@@ -86,6 +86,16 @@ def test_benchmark_measures_every_rung(
     assert all(row["steps_per_s"] > 0.0 for row in rows)
 
 
+def test_benchmark_of_work_and_precision(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/work_precision.py", monkeypatch)
+    assert benchmark.main(["--json"], tols=(1e-3, 1e-4), repeats=1, shipped=("two_finger",)) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert all(found["orders"][f"push {rung.name}"] > 1.3 for rung in rw.LADDER if rung.moves)
+    assert found["ratios"] and all(row["solves"] < 4.0 for row in found["ratios"])
+
+
 def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     benchmark = script("benchmarks/sets.py", monkeypatch)
     assert benchmark.main(["--json"], runs=40, peer_runs=0, tols=(1 / 16, 1 / 32)) == 0
