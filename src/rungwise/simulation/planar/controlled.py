@@ -32,7 +32,7 @@ SHORTEST = 1e-12
 """Part of the duration beyond which a step whose error is too great is not shortened."""
 UNIFORM = 1e-6
 """Part of the allowed error that a change of speed may cause in a step that counts as exact."""
-GROWTH = 10.0
+GROWTH = 100.0
 """How much longer the step after an exact one may be."""
 SOON = 0.01
 """Part of a fixed step within which an impact counts as at its beginning; a later impact ends the step."""
