@@ -28,7 +28,7 @@ def test_a_batch_is_its_runs(model: rw.Rung) -> None:
         for name in found.__dataclass_fields__:
             assert getattr(alone, name)[0].tobytes() == getattr(found, name)[k].tobytes()
         parameters = dict(zip(OVER, map(float, point), strict=True))
-        run = rw.simulate(scene, model, parameters=parameters, tol=1e-3, theta=0.5)
+        run = rw.simulate(scene, model, parameters=parameters, tol=1e-3)
         assert found.outcome[k] == run.outcome.code and found.steps[k] == run.steps
         assert found.time[k] == pytest.approx(run.time, rel=1e-9)
         assert found.final[k].tolist() == pytest.approx(places(run), rel=1e-9, abs=1e-9)
@@ -44,7 +44,7 @@ def test_scenes_of_every_kind(scene: str) -> None:
     name = next(iter(loaded.file.parameters))
     points = loaded.file.parameters[name].default * np.array([[1.0], [0.9], [1.0]])
     found = rw.Batch(loaded, rw.DYNAMIC_RIGID, (name,), threads=1, duration=0.05).run(points)
-    run = rw.simulate(loaded, rw.DYNAMIC_RIGID, theta=0.5, tol=1e-3, duration=0.05)
+    run = rw.simulate(loaded, rw.DYNAMIC_RIGID, tol=1e-3, duration=0.05)
     assert found.final[0].tobytes() == found.final[2].tobytes() != found.final[1].tobytes()
     assert found.final[0].tolist() == pytest.approx(places(run), rel=1e-9, abs=1e-9)
     assert found.outcome[0] == run.outcome.code

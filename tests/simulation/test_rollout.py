@@ -95,7 +95,6 @@ def test_places_and_velocities_as_arrays() -> None:
             q = dict(zip(scene.template.coordinates, states[i, :3], strict=True))
             alone = rw.simulate(
                 scene, "dynamic-rigid", state=rw.State.of(scene, q, v), inputs=[{"duration": 0.2}], tol=1e-3,
-                theta=0.5,
             )  # fmt: skip
             assert np.array_equal(alone.state.q, found.final[i])
 

@@ -17,8 +17,8 @@ from rungwise.sets.store import SetError
 
 ACCURACY = 3e-3
 """Error allowed per step of a run, relative to the smallest shape of the scene. Chosen by trial."""
-THETA = 0.5
-"""Theta of the theta rule in runs, without unit: 1/2 alone is of second order in the step."""
+THETA = 1.0
+"""Theta of the theta rule in runs: with 1, steps of controlled length are of second order on every rung."""
 WIDE = 100.0
 """A range more than so many times the default is not searched as a whole; see `box_of`. Chosen by trial, to a
 decade."""

@@ -41,7 +41,7 @@ class Batch:
         scene, model: as for `Simulation`.
         over: names of the parameters that points give, in order.
         parameters: values of other parameters; the rest keep their defaults.
-        step, tol, duration, theta, motion: as for `Simulation`; theta is 1/2 if not given (second order).
+        step, tol, duration, theta, motion: as for `Simulation`.
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """
 
@@ -55,7 +55,7 @@ class Batch:
         step: float | None = None,
         tol: float | None = 1e-3,
         duration: float | None = None,
-        theta: float = 0.5,
+        theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         threads: int | None = None,
     ) -> None:

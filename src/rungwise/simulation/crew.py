@@ -52,7 +52,7 @@ class Crew:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
-        theta: float = 0.5,
+        theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         threads: int | None = None,
     ) -> None:

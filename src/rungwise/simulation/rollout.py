@@ -150,7 +150,7 @@ def rollout(
     parameters: Mapping[str, ArrayLike] | None = None,
     step: float | None = None,
     tol: float | None = 1e-3,
-    theta: float = 0.5,
+    theta: float = 1.0,
     motion: Mapping[str, float] | None = None,
     keep: bool = True,
     threads: int | None = None,
@@ -160,7 +160,7 @@ def rollout(
     """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
 
     Args:
-        scene, model, step, tol, theta, motion: as for `Simulation`; theta is 1/2 if not given.
+        scene, model, step, tol, theta, motion: as for `Simulation`.
         states: one state or m; or places (m, n), or places and velocities (m, 2 n), at t = 0; the scene's
             start if not given. States of runs go on as `simulate(..., state=)` does.
         inputs: values (m, s, u) of the scene's inputs, or (s, u) for all samples, or a mapping of names to
