@@ -2,10 +2,11 @@
 
     python benchmarks/work_precision.py [--json]
 
-The error is the greatest difference of a coordinate at the end, angles times the longest lever, over the
-scene's extent. The observed order is that of errors over solves. The last table has the cost of each rung
-beside the rung above it in richness, at equal error: solves and time are interpolated between tolerances.
-Runs that end at a goal end within a nominal step of it: there errors have that floor.
+Each scene runs without its conditions, up to nine tenths of the time at which the first of its rungs ends
+with them. The error is the greatest difference of a coordinate at the end, angles times the longest lever,
+over the scene's extent. The observed order is that of errors over solves. The last tables are of the slow
+pushes, on which all rungs pass the same modes: solves for a given error, and the cost of each rung beside the
+rung above it in richness, at equal error; solves and time are interpolated between tolerances.
 """
 
 from __future__ import annotations
@@ -23,11 +24,14 @@ import numpy as np
 
 import rungwise as rw
 
-TOLS = (1e-3, 1e-4, 1e-5, 1e-6)
-FINE = 1e-3
+TOLS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+FINE = 1e-2
+CONDITIONS = ("goal", "unsafe", "doomed")
 RUNGS = tuple(rung for rung in rw.LADDER if rung.moves)
-SHIPPED = ("two_finger", "four_finger", "two_link")
-AT = (1e-3, 1e-4, 1e-5)
+SHIPPED = ("two_finger", "push", "four_finger", "two_link", "pivot")
+AT = (1e-3, 1e-4, 1e-5, 1e-6)
+SLOW = ("drag", "push")
+PART = 0.9
 
 
 @dataclass(frozen=True)
@@ -43,7 +47,7 @@ class Row:
     error: float
 
 
-def push() -> rw.Scene:
+def drag() -> rw.Scene:
     """A box of 0.2 on a plane that resists its sliding, pushed aside its centre by as much as its length."""
     damping = 0.5 * 9.81 * 0.3 / 0.05
     rubs = {"x": {"damping": damping}, "y": {"damping": damping}, "angle": {"damping": damping * 0.0645**2}}
@@ -57,13 +61,21 @@ def push() -> rw.Scene:
     box = {"role": "object", "mass": 0.5, "shape": {"kind": "box", "width": 0.2, "height": 0.1}}
     box |= {"motion": {"kind": "free"}, "coordinates": rubs}
     contact = {"between": ["pusher", "box"], "friction": 0.3, "stiffness": 1e5, "damping": 450.0}
-    data: dict[str, Any] = {"name": "push", "bodies": {"pusher": pusher, "box": box}, "contacts": [contact]}
+    data: dict[str, Any] = {"name": "drag", "bodies": {"pusher": pusher, "box": box}, "contacts": [contact]}
     return rw.load(data | {"tolerance": 1e-5, "duration": 2.0, "step": 1e-3})
 
 
-def measure(scene: rw.Scene, model: rw.Rung, tols: Sequence[float], repeats: int) -> list[Row]:
+def without_conditions(scene: rw.Scene) -> tuple[rw.Scene, float]:
+    """The scene without goal, unsafe and doomed, and the end of its runs."""
+    end = PART * min(rw.simulate(scene, rung, frames=3).time for rung in RUNGS)
+    return rw.load(scene.file.model_copy(update=dict.fromkeys(CONDITIONS)).model_dump(mode="json")), end
+
+
+def measure(
+    scene: rw.Scene, model: rw.Rung, duration: float, tols: Sequence[float], repeats: int
+) -> list[Row]:
     """Rows of one rung, at tolerances relative to the scene's extent."""
-    first = rw.simulate(scene, model, frames=3)
+    first = rw.simulate(scene, model, frames=3, duration=duration, tol=1e-2)
     if first.workspace is None:
         raise RuntimeError(first.reason)
     clock = first.workspace.state.clock[0]
@@ -71,7 +83,7 @@ def measure(scene: rw.Scene, model: rw.Rung, tols: Sequence[float], repeats: int
     lever = np.array([reach if name.endswith("angle") else 1.0 for name in scene.template.coordinates])
 
     def run(tol: float) -> rw.Run:
-        return rw.simulate(scene, model, tol=tol * extent, duration=first.time, frames=3)
+        return rw.simulate(scene, model, tol=tol * extent, duration=duration, frames=3)
 
     def end(done: rw.Run) -> np.ndarray[Any, Any]:
         return np.array([x for body in done.final.values() for x in body.values()]) * lever
@@ -103,19 +115,38 @@ def cost(rows: Sequence[Row], error: float, what: str) -> float:
     return math.exp(found)
 
 
-def ratios(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Cost of each rung over that of the rung above it, for the push, where all pass the same modes."""
-    of = {rung.name: [row for row in rows if (row.scene, row.model) == ("push", rung.name)] for rung in RUNGS}
-    found = []
+def costs(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Solves and time of each rung for given errors, on the slow pushes."""
+    return [
+        {"scene": scene, "model": rung.name, "error": error}
+        | {what: cost(of, error, what) for what in ("solves", "microseconds")}
+        for scene in SLOW
+        for rung in RUNGS
+        for of in [[row for row in rows if (row.scene, row.model) == (scene, rung.name)]]
+        for error in AT
+    ]
+
+
+def ratios(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Cost of each rung over that of the rung above it: geometric mean and greatest, over the slow pushes and
+    all errors that both reach."""
+    rows = []
     for low, high in pairwise(RUNGS):
-        for error in AT:
-            parts = {
-                what: cost(of[low.name], error, what) / cost(of[high.name], error, what)
-                for what in ("solves", "microseconds")
-            }
-            if all(math.isfinite(part) for part in parts.values()):
-                found.append({"model": low.name, "above": high.name, "error": error} | parts)
-    return found
+        pairs = [
+            (a, b)
+            for a in found
+            for b in found
+            if (a["model"], b["model"]) == (low.name, high.name)
+            and (a["scene"], a["error"]) == (b["scene"], b["error"])
+        ]
+        for what in ("solves", "microseconds"):
+            parts = [a[what] / b[what] for a, b in pairs if math.isfinite(a[what] / b[what])]
+            if parts:
+                mean = math.exp(sum(map(math.log, parts)) / len(parts))
+                rows.append(
+                    {"model": low.name, "above": high.name, "what": what, "mean": mean, "most": max(parts)}
+                )
+    return rows
 
 
 def main(
@@ -131,15 +162,20 @@ def main(
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     chosen = parser.parse_args(arguments)
     groups = [
-        measure(scene, rung, tols, repeats)
-        for scene in (push(), *(rw.load(name) for name in shipped))
+        measure(scene, rung, duration, tols, repeats)
+        for scene, duration in map(without_conditions, (drag(), *map(rw.load, shipped)))
         for rung in RUNGS
     ]
     rows = [row for group in groups for row in group]
-    beside = ratios(rows)
+    needed = costs(rows)
+    beside = ratios(needed)
     if chosen.json:
         orders = {f"{group[0].scene} {group[0].model}": order(group) for group in groups}
-        print(json.dumps({"rows": [asdict(row) for row in rows], "orders": orders, "ratios": beside}))
+        print(
+            json.dumps(
+                {"rows": [asdict(row) for row in rows], "orders": orders, "costs": needed, "ratios": beside}
+            )
+        )
         return 0
     print(f"{'scene':12} {'rung':22} {'tol':>8} {'steps':>7} {'solves':>7} {'us':>9} {'error':>9}")
     for group in groups:
@@ -149,10 +185,16 @@ def main(
                 f" {row.microseconds:9.0f} {row.error:9.1e}"
             )
         print(f"{'':12} {'':22} order {order(group):.2f}")
+    for part in needed:
+        if math.isfinite(part["solves"]):
+            print(
+                f"{part['scene']:12} {part['model']:22} error {part['error']:.0e}:"
+                f" {part['solves']:5.0f} solves {part['microseconds']:7.0f} us"
+            )
     for part in beside:
         print(
-            f"{part['model']} / {part['above']} at {part['error']:.0e}:"
-            f" solves {part['solves']:.2f}, time {part['microseconds']:.2f}"
+            f"{part['model']} / {part['above']}, {part['what']}: {part['mean']:.2f} in the mean,"
+            f" {part['most']:.2f} at most"
         )
     return 0
 
