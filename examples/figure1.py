@@ -33,11 +33,16 @@ def plane(height: float, doomed: rw.DoomedSet, points: int, speeds: int) -> np.n
     """Labels (points, points) of states with finger 2 `height` below its start, x3 by rows, x1 by columns."""
     x1, x3 = np.meshgrid(np.linspace(0.0, 1.98, points), np.linspace(-2.0, 2.0, points))
     states = np.column_stack([x1.ravel(), x3.ravel(), np.full(x1.size, height)])
-    batch = rw.Batch(rw.load("two_finger"), rw.QUASISTATIC_RIGID, tuple(SPEEDS), starts=STATE, tol=3e-3)
     ratios = np.geomspace(*SPEEDS["v1"], speeds)
     inputs = np.array([[v, 1.0] for v in ratios] + [[1.0, v] for v in ratios[:-1]])
-    asked = np.hstack([np.tile(inputs, (len(states), 1)), np.repeat(states, len(inputs), axis=0)])
-    outcome = batch.run(asked).outcome.reshape(len(states), -1)
+    v1, v2 = np.tile(inputs, (len(states), 1)).T
+    scene = rw.load("two_finger")
+    order = [STATE.index(name) for name in scene.template.coordinates]
+    runs = rw.rollout(
+        scene, rw.QUASISTATIC_RIGID, np.repeat(states[:, order], len(inputs), axis=0),
+        parameters={"v1": v1, "v2": v2}, tol=3e-3, keep=False,
+    )  # fmt: skip
+    outcome = runs.outcome.reshape(len(states), -1)
     labels = np.where(doomed.labels(states) == rw.Label.DOOMED, DOOMED, NEITHER)
     labels[(outcome == rw.Code.INVALID).all(axis=1)] = OVERLAP
     labels[(outcome == rw.Code.GOAL).any(axis=1)] = FEASIBLE

@@ -149,7 +149,9 @@ WRONG: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"durations": [1.0], "ramp": [True, True]}, rw.ScheduleError, "ramp: must be true or false, or 1"),
     ({"states": np.zeros((4, 5))}, rw.StateError, "states: must have the shape (m, 3) or (m, 6)"),
     ({"states": 5}, rw.StateError, "states: must be states, or an array of places, not 5"),
-    ({"parameters": {"zzz": 1.0}}, rw.SceneError, "over: unknown parameter 'zzz'"),
+    ({"parameters": {"zzz": 1.0}}, rw.SceneError, "parameters: unknown parameter 'zzz'"),
+    ({"durations": [1.0], "ramp": "n"}, rw.ScheduleError, "ramp: must be true or false, or 1"),
+    ({"chunk": 0}, rw.ModelError, "chunk: must be a whole number"),
     ({"threads": 0}, rw.ModelError, "threads: 0 must be at least 1"),
 ]  # fmt: skip
 
@@ -173,8 +175,47 @@ def test_progress_and_interruption() -> None:
         rw.rollout(
             scene, "kinematic", inputs=draws()[0], durations=draws()[1], chunk=1, on_progress=interrupt
         )
+    # A shell that starts the tests in the background has them ignore the signal.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.5, signal.raise_signal, (signal.SIGINT,))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        rw.rollout(scene, "dynamic-compliant", inputs=np.ones((100_000, 1, 2)), durations=1.0, tol=None)
-    timer.join()
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            rw.rollout(scene, "dynamic-compliant", inputs=np.ones((20_000, 1, 2)), durations=1.0, tol=None)
+    finally:
+        timer.join()
+        signal.signal(signal.SIGINT, before)
+
+
+def test_no_samples_and_schedules_of_no_length() -> None:
+    scene = rw.load("push")
+    none = rw.rollout(scene, "kinematic", inputs=np.zeros((0, 3, 2)), durations=np.zeros((0, 3)))
+    assert len(none.outcome) == len(none.final) == 0 and none.q.shape == (0, 3, 6)
+    assert len(rw.rollout(scene, "kinematic", np.zeros((0, 6))).outcome) == 0
+    assert len(rw.rollout(scene, "kinematic", parameters={"mu": np.zeros(0)}).outcome) == 0
+    for state in (None, rw.simulate(scene, "kinematic", duration=3.0, tol=1e-3).state):
+        found = rw.rollout(scene, "kinematic", state, np.ones((3, 1, 2)), [[0.0], [1.0], [0.5]])
+        began = 0.0 if state is None else state.time
+        assert [rw.Code(code).name for code in found.outcome] == ["MISSED"] * 3
+        assert np.array_equal(found.time, [began, began + 1.0, began + 0.5])
+        assert found.run(0).outcome.name == "missed"
+
+
+def test_segments_that_end_at_once_are_kept_where_they_end() -> None:
+    scene = rw.load("push")
+    found = rw.rollout(scene, "kinematic", inputs=[[[1.0, 0.2], [1.0, 0.3]]], durations=[[0.0, 1.0]])
+    assert found.times.tolist() == [[0.0, 1.0]] and found.q[0, 0, 0] == rw.State.of(scene)["rod.x"]
+    state = rw.simulate(scene, "kinematic", duration=3.0, tol=1e-3).state
+    held = rw.rollout(scene, "kinematic", state, {"ux": 1.0}, 2.0, until=["rod.x > -10"])
+    assert held.time[0] == state.time and np.array_equal(held.final[0], state.q)
+    run = held.run(0)
+    assert run.time == state.time and run.outcome.name == "missed"
+
+
+def test_a_number_is_the_duration_of_all_segments() -> None:
+    inputs = draws()[0]
+    one, other = (
+        rw.rollout("two_finger", "kinematic", inputs=inputs, durations=durations)
+        for durations in (0.3, [0.3, 0.3, 0.3])
+    )
+    assert one.memory.tobytes() == other.memory.tobytes()

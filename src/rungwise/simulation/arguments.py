@@ -24,10 +24,11 @@ class Count:
     """The number m of samples, on which all arguments must agree that have more than one row."""
 
     def __init__(self) -> None:
-        self.m, self._first = 0, ""
+        self.m: int | None = None
+        self._first = ""
 
     def agree(self, name: str, rows: int, error: type[InputError]) -> None:
-        if self.m and rows != self.m:
+        if self.m is not None and rows != self.m:
             raise error(f"{name}: has {rows} samples, and {self._first} has {self.m}")
         self.m, self._first = rows, self._first or name
 
@@ -80,6 +81,21 @@ def begins_of(scene: Scene, states: States, many: Count) -> Begins:
     return Begins(np.array([[*s.q, *s.v, s.time] for s in listed]), list(listed))
 
 
+def durations_of(
+    given: ArrayLike | None, inputs: ArrayLike | Mapping[str, ArrayLike] | None, many: Count
+) -> Reals:
+    """Durations (m or 1, s); a number holds for all segments that the inputs have."""
+    if given is None:
+        return np.zeros((1, 0))
+    lengths = many.rows("durations", given, 1, ScheduleError)
+    if np.ndim(given) > 0 or inputs is None:
+        return lengths
+    if isinstance(inputs, Mapping):
+        counts = [np.shape(values)[-1] for values in inputs.values() if np.ndim(values) > 0]
+        return np.repeat(lengths, max(counts, default=1), axis=1)
+    return np.repeat(lengths, np.shape(inputs)[-2] if np.ndim(inputs) > 1 else 1, axis=1)
+
+
 def levels_of(
     scene: Scene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
 ) -> Reals:
@@ -109,7 +125,7 @@ def levels_of(
                 f"inputs.{name}: has {values.shape[1]} segments, and durations has {segments}"
             )
         columns.append(values)
-    rows = max((len(values) for values in columns), default=1)
+    rows = _common(columns)
     return np.ascontiguousarray(
         np.stack([np.broadcast_to(values, (rows, segments)) for values in columns], axis=-1)
     )
@@ -121,9 +137,9 @@ def points_of(
     """Names of parameters, and their values (m or 1, k)."""
     if not isinstance(parameters, Mapping | None):
         raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(parameters)}")
-    names = names_of(scene, tuple(parameters)) if parameters else ()
+    names = names_of(scene, tuple(parameters), "parameters") if parameters else ()
     columns = [many.rows(f"parameters.{name}", (parameters or {})[name], 0, SceneError) for name in names]
-    rows = max((len(values) for values in columns), default=1)
+    rows = _common(columns)
     return names, np.array([np.broadcast_to(values, rows) for values in columns]).reshape(len(names), rows).T
 
 
@@ -135,9 +151,17 @@ def until_of(until: Sequence[str | None] | None, segments: int) -> tuple[str | N
     return tuple(until)
 
 
+def _common(columns: Sequence[Reals]) -> int:
+    """How many rows columns of one row, or of this many, have together."""
+    return next((len(values) for values in columns if len(values) != 1), 1)
+
+
 def ramps_of(ramp: bool | Sequence[bool], segments: int) -> tuple[bool, ...]:
     ramps = (ramp,) * segments if isinstance(ramp, bool | np.bool_) else ramp
-    if not isinstance(ramps, Sequence | np.ndarray) or len(ramps) != segments:
+    given = isinstance(ramps, Sequence | np.ndarray) and all(
+        isinstance(each, bool | np.bool_) for each in ramps
+    )
+    if not given or len(ramps) != segments:
         raise ScheduleError(f"ramp: must be true or false, or {segments} of them, not {shown(ramp)}")
     return tuple(bool(each) for each in ramps)
 

@@ -31,6 +31,8 @@ from rungwise.simulation.state import Memory, digest
 
 CHUNK = 256
 """Runs of one compiled call: long enough that Python does not count, short enough for progress."""
+MOST_THREADS = 256
+"""More are not started: what runs give does not depend on it."""
 BUDGET = 1_000_000
 """Greatest number of steps of one run; one that takes more has not converged."""
 
@@ -99,6 +101,7 @@ class Crew:
         """Run every point (m, k), values of `over`; the other arrays are those of `Samples`, and no row of
         one that is not given. The bytes do not depend on threads or `chunk`. `on_progress` is called with the
         number of runs done. Ctrl-C raises KeyboardInterrupt within one run."""
+        chunk = count("chunk", chunk, 1)
         m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
         inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
         samples = Samples(
@@ -184,7 +187,7 @@ def threads_of(threads: int | None) -> int:
     if threads is None:
         return os.cpu_count() or 1
     try:
-        return count("threads", threads, 1)
+        return min(count("threads", threads, 1), MOST_THREADS)
     except ModelError:
         raise ModelError(f"threads: {threads!r} must be at least 1") from None
 
@@ -199,16 +202,16 @@ def outside(scene: Scene, over: Sequence[str], points: Reals) -> Ints:
     return found.astype(np.int64)
 
 
-def names_of(scene: Scene, over: Sequence[str]) -> tuple[str, ...]:
+def names_of(scene: Scene, over: Sequence[str], field: str = "over") -> tuple[str, ...]:
     """The parameters' names, checked. Raises SceneError."""
     known = ", ".join(scene.file.parameters) or "none"
     for place, name in enumerate(over):
         if name not in scene.file.parameters:
-            raise SceneError(f"over: unknown parameter {str(name)[:60]!r}; valid: {known}")
+            raise SceneError(f"{field}: unknown parameter {str(name)[:60]!r}; valid: {known}")
         if name in over[:place]:
-            raise SceneError(f"over: {name} is given twice")
+            raise SceneError(f"{field}: {name} is given twice")
     if not over:
-        raise SceneError(f"over: needs at least one parameter; valid: {known}")
+        raise SceneError(f"{field}: needs at least one parameter; valid: {known}")
     return tuple(over)
 
 

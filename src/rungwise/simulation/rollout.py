@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,11 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
+from rungwise.scene import Scene, load
 from rungwise.simulation.arguments import (
     Begins,
     Count,
     begins_of,
+    durations_of,
     faults_of,
     levels_of,
     points_of,
@@ -25,7 +27,7 @@ from rungwise.simulation.arguments import (
     until_of,
 )
 from rungwise.simulation.crew import CHUNK, Crew
-from rungwise.simulation.inputs import ScheduleError, Segment, condition
+from rungwise.simulation.inputs import Segment, condition
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
@@ -107,7 +109,7 @@ class Rollouts:
         return np.stack([self._kept(name) for name in WORK], axis=-1)
 
     def _kept(self, name: str) -> NDArray[Any]:
-        if not len(self.memory):
+        if not len(self.memory) and len(self.outcome):
             raise ValueError(f"{name}: was not kept; roll out with keep=True")
         m, s, w = self.memory.shape
         found = in_memory(self._like, name, self.memory.reshape(m * s, w))
@@ -139,7 +141,7 @@ class Rollouts:
 
 
 def rollout(
-    scene: Scene,
+    scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
     states: States | None = None,
     inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
@@ -160,12 +162,13 @@ def rollout(
     """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
 
     Args:
-        scene, model, step, tol, theta, motion: as for `Simulation`.
+        scene, model, step, tol, theta, motion: as for `Simulation`, but that steps are error-controlled if
+            `tol` is not None.
         states: one state or m; or places (m, n), or places and velocities (m, 2 n), at t = 0; the scene's
             start if not given. States of runs go on as `simulate(..., state=)` does.
         inputs: values (m, s, u) of the scene's inputs, or (s, u) for all samples, or a mapping of names to
             values (m, s), (s,) or a number; inputs not named stay as they are.
-        durations: of segments, (m, s), (s,) or a number; 0 skips a segment. The runs end with the last.
+        durations: of segments, (m, s), (s,), or a number for all; 0 skips one. The runs end with the last.
             Without durations there is no segment, and runs end with the scene.
         until: for each segment a condition that ends it sooner, or None; see `Segment`.
         ramp: whether inputs go to their values linearly, for all segments or for each.
@@ -176,12 +179,12 @@ def rollout(
 
     Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
     values of a sample make it `invalid`, with a line in `faults`, and the others go on."""
-    rung, many = moving_rung(model), Count()
-    lengths = np.zeros((1, 0)) if durations is None else many.rows("durations", durations, 1, ScheduleError)
+    scene, rung, many = scene if isinstance(scene, Scene) else load(scene), moving_rung(model), Count()
+    lengths = durations_of(durations, inputs, many)
     levels = levels_of(scene, inputs, lengths.shape[1], many)
     over, points = points_of(scene, parameters, many)
     begins = None if states is None else begins_of(scene, states, many)
-    m = many.m or 1
+    m = 1 if many.m is None else many.m
     points = np.ascontiguousarray(np.broadcast_to(points, (m, len(over))))
     texts, ramps = until_of(until, lengths.shape[1]), ramps_of(ramp, lengths.shape[1])
     for k, text in enumerate(texts):

@@ -161,7 +161,7 @@ class Simulation:
                 self.reason = out_of_place(self.scene, records, self.workspace)
         else:
             end = float(self._control[0]["duration"])
-            if not state.time < end:
+            if not (state.time < end or (self._control[0]["ends"] and state.time == end)):
                 raise ModelError(f"duration: the run ends at {end:g}, and the state is of {state.time:g}")
             self.reason = begin_at(
                 state, self.scene, records, self._rung, self._control, self._inputs, self._bound.buffer,

@@ -19,6 +19,7 @@ from rungwise.simulation.planar.verdicts import sense
 from rungwise.simulation.planar.workspace import Scratch, State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
+from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
 
@@ -50,8 +51,8 @@ OVERLAP = 1e-4
 def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float, shortest: float) -> int:
     """Try a step of length h: on TAKEN the state has advanced, otherwise it is as before.
 
-    A step longer than `shortest` in which an impact begins at a contact that should bounce, or a preferred
-    motion begins, is TOO_COARSE.
+    A step longer than `shortest` is TOO_COARSE in which an impact begins at a contact that should bounce, a
+    preferred motion begins, or compliant bodies sink into each other unseen.
     """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
@@ -107,6 +108,9 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if clock.bend > terms.low[0]:
             status = COARSE
             break
+        if rung[0].compliant and h > shortest and _sinks(workspace):
+            status = COARSE
+            break
         overlap = tolerated(rung, workspace)
         closed = _opening(records, workspace) <= max(_open(rung, workspace), open_before)
         fits = closed and (
@@ -138,6 +142,22 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     if status in (ABSORBED, SUDDEN, PASSED, COARSE):
         return TOO_COARSE
     return LEFT_UNSUPPORTED if status == UNSUPPORTED else REFUSED
+
+
+@kernel
+def _sinks(workspace: Workspace) -> bool:
+    """Whether compliant bodies overlap at the trial end by more than contacts are deformed and the error that
+    is allowed: the step led past where they met."""
+    state, allowed = workspace.state, workspace.terms.low[0]
+    if math.isinf(allowed) or state.clock[0].least_gap >= -allowed:
+        return False
+    features, points = state.manifolds.features, state.manifolds.points
+    for slot in range(features.shape[0]):
+        if features[slot] != ABSENT:
+            yielded = max(state.deformation[slot, 0], 0.0)
+            if -points[slot, GAP] > yielded + max(allowed, workspace.terms.rounding[0]):
+                return True
+    return False
 
 
 @rare_kernel

@@ -36,6 +36,7 @@ from rungwise.simulation.planar.passing import thinnest
 from rungwise.simulation.planar.verdicts import (
     INVALID,
     JAMMED,
+    MISSED,
     MODEL_INVALID,
     NO_SUPPORT,
     NOT_CONVERGED,
@@ -154,8 +155,7 @@ def advance(
     state = workspace.state
     clock = state.clock[0]
     if clock.frames == 0:
-        clock.outcome = judge(conditions, state, workspace.scratch)
-        switch_inputs(inputs, buffer, 0.0, workspace)
+        clock.outcome = first_verdict(inputs, conditions, buffer, control, workspace)
         record(records, rung, workspace, True)
     for _ in range(turns):
         if clock.outcome != RUNNING:
@@ -163,6 +163,17 @@ def advance(
         clock.outcome = run_step(records, inputs, conditions, buffer, rung, control, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
+
+
+@kernel
+def first_verdict(
+    inputs: Inputs, conditions: Conditions, buffer: Reals, control: RecordArray, workspace: Workspace
+) -> int:
+    """Verdict at the beginning of a run; segments whose condition holds already end there."""
+    verdict = judge(conditions, workspace.state, workspace.scratch)
+    switch_inputs(inputs, buffer, 0.0, workspace)
+    spent_all = workspace.state.clock[0].segment >= inputs.durations.shape[0]
+    return MISSED if verdict == RUNNING and control[0].ends and spent_all else verdict
 
 
 @kernel

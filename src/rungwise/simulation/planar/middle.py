@@ -1,13 +1,10 @@
 """Rows in the middle of a step: the mean of those at its start and at a trial end.
 
-Where nothing has inertia and no spring pulls, velocities follow from the place alone, v = f(q), and a step
-with the rows at its start is Euler's. With mean rows it is of second order (the trapezoidal rule), and gaps
-still are met at the level of places: the gap that goes with a mean row is chosen such that the linear model
-is right at the trial end. The first solution is a part of the second: half the distance between their ends is
-what two halves of Euler's step would differ by from the whole.
-
-Compliant contacts yield by an implicit step of first order, whose errors do not add up: deformations follow
-the forces. A step in which one changes by more than the allowed error is none of these.
+Where nothing has inertia, no contact yields and no spring pulls, velocities follow from the place alone, v =
+f(q), and a step with the rows at its start is Euler's. With mean rows it is of second order (the trapezoidal
+rule), and gaps still are met at the level of places: the gap that goes with a mean row is chosen such that
+the linear model is right at the trial end. The first solution is a part of the second: half the distance
+between their ends is what two halves of Euler's step would differ by from the whole.
 """
 
 from __future__ import annotations
@@ -37,7 +34,7 @@ def is_centred(rung: RecordArray, allowed: float, terms: Terms, state: State) ->
     """Whether steps take rows in their middle: under error control, where velocities follow from the place
     alone and nothing is chosen among several motions."""
     clock = state.clock[0]
-    centred = allowed > 0.0 and rung[0].inertia == 0.0 and not clock.chooses
+    centred = allowed > 0.0 and rung[0].inertia == 0.0 and not rung[0].compliant and not clock.chooses
     for r in range(clock.limited):
         centred &= not 0.0 < terms.gains[r, 0] < math.inf
     for i in range(state.v.shape[0]):
@@ -94,11 +91,9 @@ def early_slot(slot: int, workspace: Workspace) -> int:
 @kernel
 def compare_rows(records: Records, h: float, allowed: float, contacts: int, workspace: Workspace) -> int:
     """Whether rows that matter differ at the trial end from those at the start: of contacts that push, of
-    joints and supports, and the loads. LOST where a contact that pushed is no more, whose rows at the end are
-    not known, or where one yields too much."""
+    joints and supports, and the loads. LOST where a contact that pushed is no more: its rows at the end are
+    not known."""
     state = workspace.state
-    if _yields(allowed, workspace):
-        return LOST
     path = 0.0
     for i in range(state.v.shape[0]):
         path = max(path, swing(records, state, i) * abs(h * workspace.early.v[i]))
@@ -172,19 +167,6 @@ def _supports_turn(h: float, turned: float, records: Records, workspace: Workspa
 
 
 @kernel
-def _yields(allowed: float, workspace: Workspace) -> bool:
-    """Whether a deformation changed by more than the allowed error."""
-    state, before = workspace.state, workspace.before
-    for slot in range(state.manifolds.features.shape[0]):
-        first = early_slot(slot, workspace)
-        for d in range(2):
-            kept = before.deformation[first, d] if first >= 0 else 0.0
-            if abs(state.deformation[slot, d] - kept) > allowed:
-                return True
-    return False
-
-
-@kernel
 def _weighs_otherwise(h: float, turned: float, records: Records, workspace: Workspace) -> bool:
     """Whether a body under load turned about its hinge."""
     early = workspace.early
@@ -198,14 +180,11 @@ def _weighs_otherwise(h: float, turned: float, records: Records, workspace: Work
 @kernel
 def take_means(contacts: int, workspace: Workspace) -> None:
     """Replace rows and loads at the trial end by their means with those at the start; a contact that was not
-    there keeps its rows. Deformations are those at the start."""
+    there keeps its rows."""
     state, terms, early = workspace.state, workspace.terms, workspace.early
-    before = workspace.before.deformation
     clock = state.clock[0]
     for k in range(contacts):
         first = early_slot(workspace.scratch.slots[k], workspace)
-        for d in range(2):
-            terms.deformation[2 * k + d] = before[first, d] if first >= 0 else 0.0
         if first >= 0:
             for d in range(2):
                 for i in range(state.v.shape[0]):

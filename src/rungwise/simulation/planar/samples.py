@@ -11,10 +11,10 @@ from rungwise.scene.faults import BOUND
 from rungwise.scene.records import Records
 from rungwise.scene.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand
-from rungwise.simulation.planar.inputs import Inputs, begin_inputs, switch_inputs
-from rungwise.simulation.planar.loop import begin, run_step
+from rungwise.simulation.planar.inputs import Inputs, begin_inputs
+from rungwise.simulation.planar.loop import begin, first_verdict, run_step
 from rungwise.simulation.planar.memory import clear, go_on
-from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, judge, margin
+from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margin
 from rungwise.simulation.planar.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
@@ -188,10 +188,9 @@ def _run(
     control[0].longest = control[0].step
     if options[0].tol > 0.0:
         control[0].longest = control[0].duration / options[0].longest
-    outcome = judge(conditions, state, workspace.scratch)
+    outcome = first_verdict(inputs, conditions, place.buffer, control, workspace)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
-    switch_inputs(inputs, place.buffer, 0.0, workspace)
-    ended = 0
+    ended = _keep_switches(samples, i, 0, workspace)
     while outcome == RUNNING:
         if signals[STOPPED] != 0:
             return RUNNING
@@ -200,18 +199,28 @@ def _run(
             break
         outcome = run_step(place.records, inputs, conditions, place.buffer, rung, control, workspace)
         best, danger = _watch(conditions, workspace, best, danger)
-        while ended < clock.segment:
-            if kept.shape[0] > 0:
-                copy(state.memory, kept[i, ended])
-            ended += 1
+        ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:
         copy(state.memory, kept[i, ended])
-    left = 1.0 - (clock.time - began) / (control[0].duration - began)
+    left = 0.0
+    if control[0].duration > began:
+        left = 1.0 - (clock.time - began) / (control[0].duration - began)
     result[0].margin = _margin(outcome, best, danger, left)
     result[0].steps, result[0].attempts, result[0].switches = clock.steps, clock.attempts, ended
     result[0].solves = clock.solves
     result[0].time, result[0].worst_residual = clock.time, clock.worst_residual
     return outcome
+
+
+@kernel
+def _keep_switches(samples: Samples, i: int, ended: int, workspace: Workspace) -> int:
+    """Keep the state for each segment that ended now, `ended` of them being known; returns how many have."""
+    state = workspace.state
+    while ended < state.clock[0].segment:
+        if samples.kept.shape[0] > 0:
+            copy(state.memory, samples.kept[i, ended])
+        ended += 1
+    return ended
 
 
 @kernel
