@@ -158,10 +158,8 @@ def _common(columns: Sequence[Reals]) -> int:
 
 def ramps_of(ramp: bool | Sequence[bool], segments: int) -> tuple[bool, ...]:
     ramps = (ramp,) * segments if isinstance(ramp, bool | np.bool_) else ramp
-    given = isinstance(ramps, Sequence | np.ndarray) and all(
-        isinstance(each, bool | np.bool_) for each in ramps
-    )
-    if not given or len(ramps) != segments:
+    listed = isinstance(ramps, Sequence | np.ndarray) and len(ramps) == segments
+    if not listed or not all(isinstance(each, bool | np.bool_) for each in ramps):
         raise ScheduleError(f"ramp: must be true or false, or {segments} of them, not {shown(ramp)}")
     return tuple(bool(each) for each in ramps)
 

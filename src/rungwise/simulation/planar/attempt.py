@@ -43,6 +43,8 @@ ROUNDED = 1e-14
 SWIFT = 4.0
 """Speed of a pushed body over the speed of a driven body, above which a rigid step that overlaps is halved
 and not linearised again: near a singular position the step would lead through whatever holds the body."""
+UNSEEN = 1e-3
+"""Overlap without deformation where compliant bodies with momentum meet, over the error allowed in a step."""
 OVERLAP = 1e-4
 """Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
@@ -108,7 +110,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if clock.bend > terms.low[0]:
             status = COARSE
             break
-        if rung[0].compliant and h > shortest and _sinks(workspace):
+        if rung[0].compliant and h > shortest and _sinks(rung, workspace):
             status = COARSE
             break
         overlap = tolerated(rung, workspace)
@@ -145,17 +147,20 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
 
 
 @kernel
-def _sinks(workspace: Workspace) -> bool:
+def _sinks(rung: RecordArray, workspace: Workspace) -> bool:
     """Whether compliant bodies overlap at the trial end by more than contacts are deformed and the error that
-    is allowed: the step led past where they met."""
-    state, allowed = workspace.state, workspace.terms.low[0]
-    if math.isinf(allowed) or state.clock[0].least_gap >= -allowed:
+    is allowed: the step led past where they met. Where bodies have momentum, overlap that no deformation
+    explains turns into speed: where they meet only a small part of that error is allowed."""
+    state, allowed, rounding = workspace.state, workspace.terms.low[0], workspace.terms.rounding[0]
+    meeting = UNSEEN * allowed if rung[0].inertia > 0.0 else allowed
+    if math.isinf(allowed) or state.clock[0].least_gap >= -max(meeting, rounding):
         return False
     features, points = state.manifolds.features, state.manifolds.points
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT:
+            met = workspace.before.deformation[slot, 0] != 0.0
             yielded = max(state.deformation[slot, 0], 0.0)
-            if -points[slot, GAP] > yielded + max(allowed, workspace.terms.rounding[0]):
+            if -points[slot, GAP] > yielded + max(allowed if met else meeting, rounding):
                 return True
     return False
 
