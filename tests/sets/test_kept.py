@@ -202,11 +202,11 @@ def test_scenes_that_are_impossible_are_reported_and_the_rest_goes_on() -> None:
 
 
 def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of runs that may take no more steps than nine of ten need."""
+    """Of runs that may take no more steps than all but the longest need."""
     accuracy, over = 3e-3, ("v1", "v2")
     batch = rw.Batch(rw.load("two_finger"), rw.DYNAMIC_RIGID, over, tol=accuracy)
     steps = batch.run(np.random.default_rng(0).uniform(0.2, 2.2, (2000, 2))).steps
-    monkeypatch.setattr(crew, "BUDGET", int(np.quantile(steps, 0.9)))
+    monkeypatch.setattr(crew, "BUDGET", int(steps.max()) - 1)
     found = rw.feasible_set("two_finger", rw.DYNAMIC_RIGID, over, box=BOX, tol=0.02, accuracy=accuracy)
     parts = found.volumes()
     assert set(parts) >= {"unknown", "doomed"} and sum(parts.values()) == pytest.approx(1.0)

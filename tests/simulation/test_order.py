@@ -179,3 +179,23 @@ def test_turning_bodies_that_meet_a_floor_gain_no_energy(tol: float) -> None:
         run = rw.simulate(data | {"duration": 2.0, "step": 1e-3}, "dynamic-compliant", tol=tol)
         energy = run.trajectory["kinetic_energy"] + run.trajectory["elastic_energy"]
         assert float(energy.max()) < 1.02 * float(energy[0]), (number, tol)
+
+
+def test_rigid_impacts_of_turning_bodies_converge_with_the_error_allowed() -> None:
+    """A capsule that turns while it falls on its end, and is thrown, beside short steps."""
+    body = {
+        "role": "object",
+        "shape": {"kind": "capsule", "length": 0.3, "radius": 0.1},
+        "mass": 1.0,
+        "motion": {"kind": "free"},
+        "pose": {"y": 0.5, "angle": 1.17},
+        "coordinates": {"y": {"speed": -1.0}, "angle": {"speed": 3.868}},
+    }
+    floor = {"role": "obstacle", "shape": {"kind": "halfplane"}}
+    data = {"name": "falls", "bodies": {"body": body, "floor": floor}, "duration": 2.0, "step": 1e-3}
+    scene = rw.load(data | {"contacts": [{"between": ["body", "floor"]}]})
+    exact = rw.simulate(scene, rw.DYNAMIC_RIGID, step=1e-5).final["body"]["y"]
+    for tol in (1e-5, 1e-6, 1e-7):
+        assert rw.simulate(scene, rw.DYNAMIC_RIGID, tol=tol).final["body"]["y"] == pytest.approx(
+            exact, abs=1e-4
+        )

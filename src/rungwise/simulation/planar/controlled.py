@@ -186,8 +186,9 @@ def until_contact(
     and is open by `held` at most, does not count.
 
     A compliant impact begins with a small part of its own period: a step that spans the whole impact looks
-    plastic, and so do two halves. A rigid impact takes a step of `impact` at most: the next contact of the
-    thrown body is known after it. Returns the step, and whether a compliant impact begins.
+    plastic, and so do two halves. A rigid impact takes a step of `impact` at most, in which bodies approach
+    by no more than `held`, if that is not 0: the next contact of the thrown body is known after it. Returns
+    the step, and whether a compliant impact begins.
     """
     state, terms = workspace.state, workspace.terms
     sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False
@@ -209,4 +210,6 @@ def until_contact(
             h, begins = min(h, ONSET / math.sqrt(ease)), True
         elif not rung[0].compliant and -rate * h > max(closed, terms.rounding[0]):
             h = min(h, impact)
+            if held > 0.0:
+                h = min(h, max(held, terms.rounding[0]) / -rate)
     return h, begins
