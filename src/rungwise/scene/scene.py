@@ -22,7 +22,7 @@ from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
 from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
-from rungwise.scene.values import shown
+from rungwise.scene.values import finite, shown
 
 if TYPE_CHECKING:
     import rungwise
@@ -226,14 +226,7 @@ def _inside(data: object, part: str | int) -> object:
 
 def _parameter(path: str, value: object, declared: Parameter) -> float:
     """A parameter's value as float, in its range. Raises SceneError."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise SceneError(f"{path}: must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise SceneError(f"{path}: must be finite, not {shown(value)}")
+    number = finite(path, value, SceneError)
     if declared.range is not None and not declared.range[0] <= number <= declared.range[1]:
         raise SceneError(f"{path}: {number:g} is outside {declared.range[0]:g} to {declared.range[1]:g}")
     return number

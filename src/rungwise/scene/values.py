@@ -7,8 +7,11 @@ import math
 import re
 from typing import Annotated
 
+import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
+
+from rungwise.errors import InputError
 
 NAME = r"^[A-Za-z][A-Za-z0-9_]*$"
 _UNIT = re.compile(r"1|[A-Za-zµ]+(\^-?[0-9]+)?([*/·][A-Za-zµ]+(\^-?[0-9]+)?)*")
@@ -86,6 +89,19 @@ Number = Annotated[
 Finite = Annotated[float, BeforeValidator(_finite)]
 Unit = Annotated[str, BeforeValidator(_unit)]
 Pair = tuple[Number, Number]
+
+
+def finite(field: str, value: object, error: type[InputError]) -> float:
+    """A given number as float. Raises the error, in one line that begins with the field."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise error(f"{field}: must be a number, not {shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise error(f"{field}: must be finite, not {shown(value)}")
+    return number
 
 
 def shown(value: object) -> str:

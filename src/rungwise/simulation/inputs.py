@@ -15,7 +15,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.expression import Code, Programs
 from rungwise.scene.names import Names
-from rungwise.scene.values import shown
+from rungwise.scene.values import finite, shown
 from rungwise.simulation.planar.inputs import Inputs
 
 MOST = 10_000
@@ -74,7 +74,7 @@ def _segment(scene: Scene, path: str, given: object) -> Segment:
     if not isinstance(ramp, bool | np.bool_):
         raise ScheduleError(f"{path}.ramp: must be true or false, not {shown(ramp)}")
     values = {name: _level(scene, f"{path}.inputs", name, value) for name, value in levels.items()}
-    duration = _number(f"{path}.duration", given["duration"])
+    duration = finite(f"{path}.duration", given["duration"], ScheduleError)
     if duration < 0.0:
         raise ScheduleError(f"{path}.duration: must be >= 0, not {duration:g}")
     condition(scene, until, f"{path}.until")
@@ -85,21 +85,9 @@ def _level(scene: Scene, path: str, name: object, value: object) -> float:
     known = scene.template.inputs
     if name not in known:
         raise ScheduleError(f"{path}: unknown input {shown(name)}; valid: {', '.join(known) or 'none'}")
-    number, declared = _number(f"{path}.{name}", value), scene.file.parameters[str(name)].range
+    number, declared = finite(f"{path}.{name}", value, ScheduleError), scene.file.parameters[str(name)].range
     if declared is not None and not declared[0] <= number <= declared[1]:
         raise ScheduleError(f"{path}.{name}: {number:g} is outside {declared[0]:g} to {declared[1]:g}")
-    return number
-
-
-def _number(path: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise ScheduleError(f"{path}: must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ScheduleError(f"{path}: must be finite, not {shown(value)}")
     return number
 
 

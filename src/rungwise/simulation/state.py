@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import uuid
 from collections.abc import Mapping
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from rungwise.errors import InputError
 from rungwise.kernel import Reals, Record
 from rungwise.models.ladder import Rung, rung
-from rungwise.scene.values import shown
+from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
 from rungwise.simulation.planar.workspace import in_memory
@@ -115,8 +114,8 @@ class State:
             for name, value in (given or {}).items():
                 if name not in names:
                     raise StateError(f"state.{field}: unknown {shown(name)}; valid: {', '.join(names)}")
-                values[names.index(name)] = _finite(f"state.{field}.{name}", value)
-        return cls(names, places, speeds, _finite("state.time", time))
+                values[names.index(name)] = finite(f"state.{field}.{name}", value, StateError)
+        return cls(names, places, speeds, finite("state.time", time, StateError))
 
     def __repr__(self) -> str:
         places = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.names[:8], self.q, strict=False))
@@ -206,11 +205,11 @@ def check_state(state: State, scene: Scene) -> None:
         if values.shape != (len(names),):
             raise StateError(f"state.{field}: must have the shape ({len(names)},), not {values.shape}")
         for name, value in zip(names, values, strict=True):
-            _finite(f"state.{field}.{name}", value)
+            finite(f"state.{field}.{name}", value, StateError)
     for name, value in zip(names, state.q, strict=True):
         if abs(value) > FARTHEST:
             raise StateError(f"state.q.{name}: must be within -{FARTHEST:g}..{FARTHEST:g}, not {value:g}")
-    _finite("state.time", state.time)
+    finite("state.time", state.time, StateError)
     if state.memory is not None and not _is_memory(state.memory):
         raise StateError("state.memory: must be null, or the memory of a run's state")
 
@@ -262,15 +261,3 @@ def _frozen(values: Reals) -> Reals:
         values = values.copy()
         values.flags.writeable = False
     return values
-
-
-def _finite(field: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        raise StateError(f"{field}: must be a number, not {shown(value)}")
-    try:
-        number = float(value)
-    except OverflowError:
-        raise StateError(f"{field}: must be finite, not {shown(value)}") from None
-    if not math.isfinite(number):
-        raise StateError(f"{field}: must be finite, not {number}")
-    return number
