@@ -204,7 +204,10 @@ class _Maker:
         body["support"] = {"friction": float(self.beside.uniform(0.1, 0.8)), "pressure": kind}
         body["support"] |= {"load": f"{20.0 * x!r} * p"} if self.beside.random() < 0.5 else {"gravity": 9.81}
         if self.beside.random() < 0.5:
-            body["support"]["centre"] = [x, -y]
+            shapes = body["shape"] if isinstance(body["shape"], list) else [body["shape"]]
+            at = [0.25 * x, 0.0] if kind["kind"] == "points" else shapes[0].get("at", [0.0, 0.0])
+            if kind["kind"] == "points" or shapes[0]["kind"] in ("point", "disc", "capsule", "box"):
+                body["support"]["centre"] = at
 
     def contacts(self) -> list[dict[str, Any]]:
         def contact(a: str, b: str) -> dict[str, Any]:

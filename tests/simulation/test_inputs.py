@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import rungwise as rw
+from rungwise.scene.scene import LIBRARY
 from tests.simulation.conftest import MOVING
 
 TWO = {"v1": 1.0, "v2": 1e-6}
@@ -180,6 +182,65 @@ def test_a_run_cut_within_its_schedule_goes_on_bit_for_bit(
         "two_finger", model, state=states[len(states) // 2], inputs=[{"duration": 0.25}], **options
     )
     assert again.time == pytest.approx(states[len(states) // 2].time + 0.25) or str(again.outcome) != "missed"
+
+
+DRIVES: dict[str, dict[str, Any]] = {
+    "servo": {"kind": "servo", "stiffness": 300, "damping": 30, "limit": "torque"},
+    "stiff": {"kind": "servo", "stiffness": 300, "damping": 30},
+    "speed": {"kind": "speed"},
+    "force": {"kind": "force"},
+}
+
+
+def arm(drive: str) -> rw.Scene:
+    """The scene `two_link` without its goal, each joint driven by an input."""
+    file = yaml.safe_load((LIBRARY / "two_link.yaml").read_text("utf-8"))
+    file.pop("goal")
+    for joint in ("shoulder", "elbow"):
+        field = "target" if "stiffness" in DRIVES[drive] else drive
+        file["joints"][joint]["coordinate"]["drive"] = DRIVES[drive] | {field: joint}
+    return rw.load(file | {"inputs": ["shoulder", "elbow"]})
+
+
+@pytest.mark.parametrize("tol", [None, 1e-3])
+@pytest.mark.parametrize("model", MOVING, ids=str)
+@pytest.mark.parametrize("drive", DRIVES)
+def test_drives_of_joints_follow_a_schedule_and_go_on_within_it(
+    drive: str, model: rw.Rung, tol: float | None
+) -> None:
+    """Random segments, some guarded; a run that is cut, also at its end, is the run that is not, and so is
+    the rollout."""
+    scene, rng = arm(drive), np.random.default_rng(4)
+    segments = [
+        rw.Segment(
+            {"shoulder": float(rng.uniform(-0.2, 0.5)), "elbow": float(rng.uniform(-0.4, 0.4))}, 0.1,
+            "gap(disc, lower) <= 0.02" if k == 2 else None, bool(k % 2),
+        )
+        for k in range(4)
+    ]  # fmt: skip
+    options: dict[str, Any] = {"tol": tol} if tol else {"step": 4e-3}
+    whole = rw.simulate(scene, model, inputs=segments, stride=1, **options)
+    for cut in (1, len(whole.states) // 2, -1):
+        rest = rw.simulate(scene, model, state=whole.states[cut], **options)
+        assert rest.outcome == whole.outcome, (rest.reason, whole.reason)
+        assert np.array_equal(rest.state.q, whole.state.q) and np.array_equal(rest.state.v, whole.state.v)
+    levels = {name: [segment.inputs[name] for segment in segments] for name in ("shoulder", "elbow")}
+    found = rw.rollout(
+        scene, model, inputs=levels, durations=[0.1] * 4, until=[segment.until for segment in segments],
+        ramp=[segment.ramp for segment in segments], **({"tol": None} | options),
+    )  # fmt: skip
+    if str(whole.outcome) in ("missed", "timeout"):
+        assert found.outcome[0] == whole.outcome.code
+        assert np.array_equal(found.final[0], whole.state.q)
+
+
+def test_a_target_of_a_joint_that_jumps_is_named_on_the_kinematic_rung() -> None:
+    jump = [{"inputs": {"shoulder": -1.5}, "duration": 0.5}]
+    run = rw.simulate(
+        arm("stiff"), "kinematic", inputs=jump, tol=1e-4, parameters={"shoulder": 0, "elbow": 0}
+    )
+    assert str(run.outcome) == "not_converged"
+    assert run.reason.startswith("joints.shoulder.coordinate.drive: its target is ")
 
 
 def test_a_state_within_a_schedule_goes_on_with_it_on_other_rungs() -> None:

@@ -156,6 +156,32 @@ def test_a_push_that_sticks_and_slips_takes_few_solves() -> None:
     assert costs[1e-4] <= 80 and costs[1e-6] <= 800, costs
 
 
+@pytest.mark.parametrize("damping", [0.0, 5.0])
+@pytest.mark.parametrize("tol", [1e-4, 1e-5, 1e-6])
+def test_a_contact_that_closes_yields_by_its_law(damping: float, tol: float) -> None:
+    """Against a box on a plane that resists its sliding, (d + C) x' = K e + C u, e' = u - x', in steps far
+    longer than that takes."""
+    speed, stiffness, drag = 0.1, 100.0, 0.5
+    pusher = {
+        "role": "robot",
+        "shape": {"kind": "disc", "radius": RADIUS},
+        "pose": {"x": -HALF - RADIUS},
+        "motion": {"kind": "slide", "axis": [1, 0], "name": "x"},
+        "coordinates": {"x": {"drive": {"kind": "speed", "speed": speed}}},
+    }
+    part = {"role": "object", "shape": {"kind": "box", "width": 2.0 * HALF, "height": 0.1}}
+    part |= {
+        "motion": {"kind": "free"},
+        "coordinates": {name: {"damping": drag} for name in ("x", "y", "angle")},
+    }
+    contacts = [{"between": ["pusher", "part"], "stiffness": stiffness, "damping": damping}]
+    data = {"name": "line", "bodies": {"pusher": pusher, "part": part}, "contacts": contacts, "step": 1e-3}
+    for duration in (0.02, 0.05, 0.2, 1.0):
+        run = rw.simulate(data | {"duration": duration}, rw.QUASISTATIC_COMPLIANT, tol=tol, frames=3)
+        yielded = speed * drag / stiffness * -math.expm1(-duration * stiffness / (drag + damping))
+        assert run.final["part"]["x"] == pytest.approx(speed * duration - yielded, abs=tol)
+
+
 @pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-5])
 def test_turning_bodies_that_meet_a_floor_gain_no_energy(tol: float) -> None:
     """Capsules and boxes that turn while they fall: the far end comes round within a long step."""

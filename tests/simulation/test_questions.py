@@ -118,7 +118,11 @@ def test_a_margin_does_not_depend_on_units_of_length() -> None:
 @pytest.mark.parametrize(
     "condition, states, text",
     [
-        ("part.x4 > 0", rw.State.of(SCENE), r"condition: unknown name part\.x4; valid: "),
+        (
+            "part.x4 > 0",
+            rw.State.of(SCENE),
+            r"condition: unknown name part\.x4 \(did you mean part\.x3\?\); valid: ",
+        ),
         ("unsafe", rw.State.of(SCENE), r"unsafe: the scene states none"),
         (5, rw.State.of(SCENE), r"condition: must be text, not 5"),
         ("goal", np.zeros((2, 2)), r"states: must have the shape \(m, 3\) or \(m, 6\), not \(2, 2\)"),
@@ -184,3 +188,13 @@ def test_gaps_are_finite_wherever_places_are_taken() -> None:
             for place in (1e75, -1e75):
                 gaps = rw.geometry(scene, rw.State.of(scene, {name: place})).gaps
                 assert np.isfinite(gaps[near]).all(), (number, name, gaps)
+
+
+def test_what_parts_of_a_condition_lack_adds_up() -> None:
+    """The parts that "and" joins, also in brackets and chains; "or" and "not" are one part."""
+    condition = "(part.x3 >= 1 and finger1.x1 >= 2) and 0 <= finger2.x2 <= 1 and (part.x3 >= 4 or t >= 0)"
+    found = rw.ask(SCENE, condition, np.random.default_rng(0).uniform(0.0, 3.0, (50, 3)))
+    assert found.lacks.shape == (50, 5) and (found.lacks >= 0.0).all()
+    assert found.lacks.sum(axis=1) == pytest.approx(found.lack, rel=1e-12)
+    assert (found.lacks[:, 0] > 0.0).tolist() == (found.values[:, 0] < 0.0).tolist()
+    assert rw.ask(SCENE, "part.x3 >= 1 or t > 1", np.zeros((2, 3))).lacks.shape == (2, 1)

@@ -134,13 +134,43 @@ def test_a_condition_that_never_holds_is_named_for_its_sample() -> None:
     assert found.reason(0).startswith("inputs.0.until: finger1.x1 >= 0.5 did not hold within 1")
 
 
+def test_arguments_of_one_sample_serve_all() -> None:
+    """Every choice of the arguments that have one row against the same arguments written out m times."""
+    m, rng = 4, np.random.default_rng(3)
+    full = {
+        "states": np.hstack([rng.uniform(-0.1, 0.1, (m, 3)) * (0.0, 0.0, 1.0), np.zeros((m, 3))]),
+        "inputs": rng.uniform(0.5, 1.0, (m, 2, 2)),
+        "durations": rng.uniform(0.2, 0.5, (m, 2)),
+        "parameters": {"mu": rng.uniform(0.0, 0.5, m)},
+    }
+
+    def pick(name: str, rows: slice) -> Any:
+        value = full[name]
+        return {"mu": value["mu"][rows]} if isinstance(value, dict) else value[rows]
+
+    for chosen in range(1, 16):
+        single = {name for k, name in enumerate(full) if chosen >> k & 1}
+        given = {name: pick(name, slice(1) if name in single else slice(None)) for name in full}
+        rows = 1 if len(single) == len(full) else m
+        written = {
+            name: {"mu": np.repeat(value["mu"], rows if name in single else 1)}
+            if isinstance(value, dict)
+            else np.repeat(value, rows if name in single else 1, axis=0)
+            for name, value in given.items()
+        }
+        found, expected = (rw.rollout("two_finger", "quasistatic-rigid", **each) for each in (given, written))
+        assert np.array_equal(found.final, expected.final, equal_nan=True)
+        assert np.array_equal(found.outcome, expected.outcome)
+        assert len(found.final) == rows
+
+
 WRONG: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"inputs": [[1.0, 1.0]]}, rw.ScheduleError, "durations: are required with inputs"),
     ({"inputs": np.ones((4, 2, 2)), "durations": [1.0]}, rw.ScheduleError, "inputs: must have the shape"),
     (
         {"inputs": np.ones((4, 1, 2)), "durations": np.ones((5, 1))},
         rw.ScheduleError,
-        "inputs: has 4 samples, and durations has 5",
+        "inputs: has 4 samples, and durations has 5: must be 1 or 5",
     ),
     ({"inputs": {"w": 1.0}, "durations": 1.0}, rw.ScheduleError, "inputs: unknown input 'w'; valid: v1"),
     ({"inputs": "x", "durations": 1.0}, rw.ScheduleError, "inputs: must be numbers in an array, not 'x'"),

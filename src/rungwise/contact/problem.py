@@ -89,6 +89,12 @@ class Problem:
         if not isinstance(self.velocities, int | np.integer) or not 0 <= self.velocities <= len(self.lower):
             raise ValueError(f"velocities: must be 0 to {len(self.lower)}, not {self.velocities!r}")
 
+    def __repr__(self) -> str:
+        return (
+            f"<Problem of {len(self.b)} unknowns, {len(self.mu)} contacts in {self.directions} directions"
+            " among them>"
+        )
+
     def _lock(self) -> None:
         """Lock the numbers, as own copies: systems prepared from a problem are kept."""
         for name in ("A", "b", "mu", "lower", "upper"):

@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.contact.judge.farkas import Infeasible
 from rungwise.contact.judge.verdict import Residuals
 from rungwise.contact.problem import Array, Problem
+from rungwise.plain import brief
 
 
 class Status(StrEnum):
@@ -58,6 +59,8 @@ class ContactSolution:
     attempts: tuple[Attempt, ...]
     certificate: Infeasible | None = None
     massless: bool = False
+
+    __repr__ = brief
 
     @property
     def r(self) -> Array:

@@ -30,6 +30,7 @@ from rungwise.contact.solvers.refine import SMALL, rate_error, refined, sharpene
 from rungwise.contact.solvers.small import try_at_once
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.keywords import keywords
 
 SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy, proximal_point)
 """In the order of the default chain. Each has NAME, accepts(system), solve(system, start, tol, work)."""
@@ -50,6 +51,7 @@ _WORTH = 60
 """Unknowns from which on it takes less time to solve islands one by one; chosen by trial."""
 
 
+@keywords
 def solve(
     problem: Problem | ContactProblem,
     *,

@@ -18,19 +18,22 @@ from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.inputs import ScheduleError
 from rungwise.simulation.questions import States, rows_of
 from rungwise.simulation.state import FARTHEST, State, StateError, check_state
+from rungwise.wording import choices
 
 
 class Count:
-    """The number m of samples, on which all arguments must agree that have more than one row."""
+    """The number m of samples, on which all arguments must agree that have more than one row; those of one
+    row serve all samples."""
 
     def __init__(self) -> None:
         self.m: int | None = None
         self._first = ""
 
     def agree(self, name: str, rows: int, error: type[InputError]) -> None:
-        if self.m is not None and rows != self.m:
-            raise error(f"{name}: has {rows} samples, and {self._first} has {self.m}")
-        self.m, self._first = rows, self._first or name
+        if self.m is None or self.m == 1:
+            self.m, self._first = rows, name
+        elif rows not in (1, self.m):
+            raise error(f"{name}: has {rows} samples, and {self._first} has {self.m}: must be 1 or {self.m}")
 
     def rows(self, name: str, given: ArrayLike, inner: int, error: type[InputError]) -> Reals:
         """Values (m, ...) with `inner` axes for each sample, from these or from values of one sample."""
@@ -116,7 +119,7 @@ def levels_of(
     columns, nothing = [], np.full((1, segments), math.nan)
     for name in given:
         if name not in names:
-            raise ScheduleError(f"inputs: unknown input {shown(name)}; valid: {', '.join(names) or 'none'}")
+            raise ScheduleError(f"inputs: unknown input {shown(name)}{choices(name, names)}")
     for name in names:
         values = many.rows(f"inputs.{name}", given[name], 1, ScheduleError) if name in given else nothing
         values = np.where(np.isnan(values), math.inf, values) if name in given else values

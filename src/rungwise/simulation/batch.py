@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
+from rungwise.plain import cut
+from rungwise.scene import Scene, load
 from rungwise.simulation.crew import CHUNK, Crew, names_of, outside
 from rungwise.simulation.options import moving_rung
+from rungwise.simulation.result import counted, texts
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,14 @@ class Results:
     final: Reals
     speed: Reals
 
+    @property
+    def outcomes(self) -> NDArray[np.str_]:
+        """Outcomes (m,) as texts, as of `Run.outcome`."""
+        return texts(self.outcome)
+
+    def __repr__(self) -> str:
+        return f"<Results of {len(self.outcome)} runs: {counted(self.outcome)}>"
+
 
 class Batch:
     """Runs of one scene on one rung, whatever the points. Raises SceneError or ModelError for wrong input.
@@ -45,9 +59,10 @@ class Batch:
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """
 
+    @keywords
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | Path | Mapping[str, Any],
         model: Rung | str,
         over: Sequence[str],
         *,
@@ -59,14 +74,19 @@ class Batch:
         motion: Mapping[str, float] | None = None,
         threads: int | None = None,
     ) -> None:
-        self.scene, self.model = scene, moving_rung(model)
-        self.over = names_of(scene, over)
+        self.scene, self.model = load(scene), moving_rung(model)
+        self.over = names_of(self.scene, over)
         self._crew = Crew(
-            scene, self.model, self.over, parameters, step=step, tol=tol, duration=duration, theta=theta,
+            self.scene, self.model, self.over, parameters, step=step, tol=tol, duration=duration, theta=theta,
             motion=motion, threads=threads,
         )  # fmt: skip
         self.parameters, self.threads = self._crew.parameters, self._crew.threads
 
+    def __repr__(self) -> str:
+        over = cut(", ".join(self.over), 200)
+        return f"<Batch of {cut(self.scene.name)} on {cut(self.model.name)} over {over}>"
+
+    @keywords
     def run(
         self, points: Reals, *, chunk: int = CHUNK, on_progress: Callable[[int], None] | None = None
     ) -> Results:

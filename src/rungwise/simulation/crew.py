@@ -14,6 +14,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
+from rungwise.scene.values import shown
 from rungwise.simulation.inputs import compiled
 from rungwise.simulation.options import ModelError, check_options, count, preferences
 from rungwise.simulation.planar.samples import (
@@ -28,6 +29,7 @@ from rungwise.simulation.planar.samples import (
 from rungwise.simulation.planar.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS
 from rungwise.simulation.state import Memory, digest
+from rungwise.wording import choices, listed
 
 CHUNK = 256
 """Runs of one compiled call: long enough that Python does not count, short enough for progress."""
@@ -39,8 +41,9 @@ BUDGET = 1_000_000
 
 class Crew:
     """Threads for runs of one scene on one rung, with segments whose conditions are `until` and that ramp
-    where `ramps` says so. Options as for `Simulation`. Raises SceneError, ScheduleError or ModelError for
-    wrong input."""
+    where `ramps` says so; `budget` is the greatest number of steps of one run, and `jam` the motion in a step
+    without solution, in parts of the goal's tolerance, that counts as a jam. Other options as for
+    `Simulation`. Raises SceneError, ScheduleError or ModelError for wrong input."""
 
     def __init__(
         self,
@@ -56,6 +59,8 @@ class Crew:
         duration: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
+        budget: int | None = None,
+        jam: float = JAM * CLOSER**LOOKS,
         threads: int | None = None,
     ) -> None:
         self.scene, self.model, self.over = scene, model, tuple(over)
@@ -77,8 +82,8 @@ class Crew:
         self._options["duration"] = math.nan if duration is None else duration
         self._options["tol"] = 0.0 if tol is None else tol
         self._options["longest"] = LONGEST
-        self._options["jam"] = JAM * CLOSER**LOOKS
-        self._options["budget"] = BUDGET
+        self._options["jam"] = jam
+        self._options["budget"] = BUDGET if budget is None else budget
         self.threads = threads_of(threads)
         self._places: SimpleQueue[Place] = SimpleQueue()
         for _ in range(self.threads):
@@ -204,14 +209,14 @@ def outside(scene: Scene, over: Sequence[str], points: Reals) -> Ints:
 
 def names_of(scene: Scene, over: Sequence[str], field: str = "over") -> tuple[str, ...]:
     """The parameters' names, checked. Raises SceneError."""
-    known = ", ".join(scene.file.parameters) or "none"
+    known = scene.file.parameters
     for place, name in enumerate(over):
-        if name not in scene.file.parameters:
-            raise SceneError(f"{field}: unknown parameter {str(name)[:60]!r}; valid: {known}")
+        if name not in known:
+            raise SceneError(f"{field}: unknown parameter {shown(name)}{choices(name, known)}")
         if name in over[:place]:
             raise SceneError(f"{field}: {name} is given twice")
     if not over:
-        raise SceneError(f"{field}: needs at least one parameter; valid: {known}")
+        raise SceneError(f"{field}: needs at least one parameter; valid: {listed(known)}")
     return tuple(over)
 
 

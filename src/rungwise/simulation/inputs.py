@@ -17,6 +17,7 @@ from rungwise.scene.expression import Code, Programs
 from rungwise.scene.names import Names
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.planar.inputs import Inputs
+from rungwise.wording import choices
 
 MOST = 10_000
 """Most segments of a schedule."""
@@ -65,7 +66,7 @@ def _segment(scene: Scene, path: str, given: object) -> Segment:
         )
     for name in given:
         if name not in names:
-            raise ScheduleError(f"{path}: unknown field {shown(name)}; valid: {', '.join(names)}")
+            raise ScheduleError(f"{path}: unknown field {shown(name)}{choices(name, names)}")
     if "duration" not in given:
         raise ScheduleError(f"{path}.duration: is required")
     levels, ramp, until = given.get("inputs", {}), given.get("ramp", False), given.get("until")
@@ -84,7 +85,7 @@ def _segment(scene: Scene, path: str, given: object) -> Segment:
 def _level(scene: Scene, path: str, name: object, value: object) -> float:
     known = scene.template.inputs
     if name not in known:
-        raise ScheduleError(f"{path}: unknown input {shown(name)}; valid: {', '.join(known) or 'none'}")
+        raise ScheduleError(f"{path}: unknown input {shown(name)}{choices(name, known)}")
     number, declared = finite(f"{path}.{name}", value, ScheduleError), scene.file.parameters[str(name)].range
     if declared is not None and not declared[0] <= number <= declared[1]:
         raise ScheduleError(f"{path}.{name}: {number:g} is outside {declared[0]:g} to {declared[1]:g}")

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rungwise.scene import Scene
 from rungwise.scene.expression import STACK
 from rungwise.scene.numbers import evaluate_numbers
-from rungwise.scene.records import SERVO
+from rungwise.scene.records import ANGLE, SERVO
 from rungwise.scene.scene import Bound
 from rungwise.simulation.planar.workspace import Workspace, time_slot
+from rungwise.system.planar.joints import measure
 from rungwise.system.planar.terms import target
 
 HALVINGS = 60
@@ -20,19 +22,29 @@ HALVINGS = 60
 
 @dataclass(frozen=True)
 class Leap:
-    """A servo's target moves by `far` in no time, at `time`; `coordinate` is its name."""
+    """A servo's target moves by `far` in no time, at `time`; `field` is the path of the servo."""
 
-    coordinate: str
+    field: str
     far: float
     time: float
 
     def __str__(self) -> str:
-        body, coordinate = self.coordinate.split(".")
         return (
-            f"bodies.{body}.coordinates.{coordinate}.drive: its target is {self.far:.3g} away from"
+            f"{self.field}: its target is {self.far:.3g} away from"
             f" t = {self.time:.6g} on, and the kinematic rung follows it at once, through what is in the way."
             " Start at the target, let it move with t, or use a richer rung."
         )
+
+
+@dataclass(frozen=True)
+class _Servo:
+    """A servo of a coordinate, or of a joint's: its path, its place now, its lever, and its target at a
+    time."""
+
+    field: str
+    place: float
+    lever: float
+    target: Callable[[float], float]
 
 
 def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -> Leap | None:
@@ -47,55 +59,86 @@ def leap_taken(scene: Scene, bound: Bound, workspace: Workspace, least: float) -
     i, moved, end = int(clock["leaper"]), float(clock["leap"]), float(clock["leap_time"])
     if abs(moved) * bound.records.coordinates["lever"][i] <= least:
         return None
-    begin, place = end - float(clock["leap_step"]), _target(scene, bound, workspace, i, end) - moved
-    return _leap(scene, bound, workspace, i, place, begin, end, least)
+    servo, begin = _of_coordinate(scene, bound, workspace, i), end - float(clock["leap_step"])
+    return _leap(replace(servo, place=servo.target(end) - moved), begin, end, least)
 
 
 def leap_ahead(scene: Scene, bound: Bound, workspace: Workspace, least: float, span: float) -> Leap | None:
-    """The leap beyond `least` that a servo would have to take within so long a time, if any."""
+    """The leap beyond `least` that a servo would have to take within so long a time, if any; one to which no
+    contact and no joint is near has nothing to do with what stops the run."""
     state = workspace.state
     now = float(state.clock[0]["time"])
-    for i in range(len(state.q)):
-        if state.prescribed[i] and bound.records.coordinates["drive"][i] == SERVO:
-            found = _leap(scene, bound, workspace, i, float(state.q[i]), now, now + span, least)
-            if found is not None:
-                return found
+    drives, measures = bound.records.coordinates["drive"], bound.records.measures
+    servos = [
+        _of_coordinate(scene, bound, workspace, i)
+        for i in range(len(state.q))
+        if state.prescribed[i] and drives[i] == SERVO and _is_concerned(i, workspace)
+    ]
+    servos += [
+        _of_joint(scene, bound, workspace, m)
+        for m in range(len(measures))
+        if measures[m]["drive"] == SERVO and not measures[m]["held"]
+    ]
+    for servo in servos:
+        found = _leap(servo, now, now + span, least)
+        if found is not None:
+            return found
     return None
 
 
-def _leap(
-    scene: Scene,
-    bound: Bound,
-    workspace: Workspace,
-    i: int,
-    place: float,
-    begin: float,
-    end: float,
-    least: float,
-) -> Leap | None:
-    """Halve the time towards where the target of coordinate i, followed from `place`, moves most."""
+def _is_concerned(i: int, workspace: Workspace) -> bool:
+    """Whether rows of contacts or joints of the last problem contain coordinate i."""
+    clock, terms = workspace.state.clock[0], workspace.terms
+    joined = terms.limited[clock["drives"] : clock["limited"], i]
+    return bool(terms.rows[: 2 * clock["contacts"], i].any() or joined.any())
 
-    def wanted(time: float) -> float:
-        return _target(scene, bound, workspace, i, time)
 
-    low, high = place, wanted(end)
+def _leap(servo: _Servo, begin: float, end: float, least: float) -> Leap | None:
+    """Halve the time towards where the target, followed from the servo's place, moves most."""
+    low, high = servo.place, servo.target(end)
     for _ in range(HALVINGS):
         middle = 0.5 * (begin + end)
         if not begin < middle < end:
             break
-        value = wanted(middle)
+        value = servo.target(middle)
         if abs(value - low) > abs(high - value):
             end, high = middle, value
         else:
             begin, low = middle, value
-    if not abs(high - low) * bound.records.coordinates["lever"][i] > least:
+    if not abs(high - low) * servo.lever > least:
         return None
-    return Leap(scene.template.coordinates[i], high - low, begin)
+    return Leap(servo.field, high - low, begin)
 
 
-def _target(scene: Scene, bound: Bound, workspace: Workspace, i: int, time: float) -> float:
-    """Position that the servo of coordinate i wants at a time; the numbers that depend on time stay there."""
+def _of_coordinate(scene: Scene, bound: Bound, workspace: Workspace, i: int) -> _Servo:
+    body, coordinate = scene.template.coordinates[i].split(".")
+
+    def wanted(time: float) -> float:
+        _set_time(scene, bound, workspace, time)
+        return float(target(bound.records.coordinates[i], workspace.state.start[i], time))
+
+    lever, place = float(bound.records.coordinates["lever"][i]), float(workspace.state.q[i])
+    return _Servo(f"bodies.{body}.coordinates.{coordinate}.drive", place, lever, wanted)
+
+
+def _of_joint(scene: Scene, bound: Bound, workspace: Workspace, m: int) -> _Servo:
+    records, state = bound.records, workspace.state
+    kind, row = records.measures[m], np.zeros(len(state.q))
+    lever = float(records.joints[int(kind["joint"])]["lever"]) if kind["which"] == ANGLE else 1.0
+
+    def wanted(time: float) -> float:
+        _set_time(scene, bound, workspace, time)
+        led = float(state.start[len(state.q) + m] + kind["target_speed"] * time)
+        return float(np.clip(kind["target"] if kind["has_target"] else led, kind["lower"], kind["upper"]))
+
+    place = measure(kind, records, state.placed.pose, state.q, row) / lever
+    return _Servo(
+        f"joints.{scene.template.joints[int(kind['joint'])]}.coordinate.drive", place, lever, wanted
+    )
+
+
+def _set_time(scene: Scene, bound: Bound, workspace: Workspace, time: float) -> None:
+    """Set the numbers that depend on time as they are then; they stay so."""
     values = workspace.state.values.copy()
     values[time_slot(workspace.state)] = time
     evaluate_numbers(scene.template.timed_numbers(), values, np.zeros(STACK), bound.buffer)
-    return float(target(bound.records.coordinates[i], workspace.state.start[i], time))

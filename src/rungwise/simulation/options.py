@@ -13,6 +13,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
 from rungwise.scene import Scene
 from rungwise.scene.values import shown
+from rungwise.wording import choices
 
 MANY = 10**9
 """Most frames, and most steps between two of them."""
@@ -30,8 +31,7 @@ def moving_rung(model: Rung | str) -> Rung:
         raise ModelError(str(error)) from None
     if not chosen.moves:
         raise ModelError(
-            "model: the geometric rung does not say how bodies move; it is for planning,"
-            " which is not there yet; use a richer rung"
+            "model: the geometric rung does not say how bodies move; plans begin on it; use a richer rung"
         )
     return chosen
 
@@ -58,7 +58,7 @@ def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -
         raise ModelError(f"motion: must be a mapping of coordinates to numbers, not {shown(motion)}")
     for name, value in (motion or {}).items():
         if name not in names:
-            raise ModelError(f"motion: unknown coordinate {shown(name)}; valid: {', '.join(names) or 'none'}")
+            raise ModelError(f"motion: unknown coordinate {shown(name)}{choices(name, names)}")
         if not math.isfinite(_real(value)):
             raise ModelError(f"motion.{name}: must be a finite number, not {shown(value)}")
         chosen[names.index(name)] = float(value)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC
-from rungwise.scene import Scene, SceneError
+from rungwise.plain import brief
+from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.expression import Programs
 from rungwise.scene.names import Names
 from rungwise.scene.terms import ANGLE, LENGTH, Combination, Dimension, Term, terms_of
@@ -37,18 +40,23 @@ class Answers:
     """Whether a condition holds at states, and how clearly.
 
     holds (m,); margin (m,): at least 0 where the condition holds, the greatest or least of its terms as "or"
-    and "and" combine them, each over its scale. terms: the text of each comparison (k); values (m, k): each
-    comparison's own signed margin, in its own unit; units: their dimensions ("length", "angle", ...); scales
-    (k,): the scene's size for a length, 1 for an angle, its duration for a time, and the speeds and forces
-    that follow with the heaviest body.
+    and "and" combine them, each over its scale; lack (m,): by how much the condition fails, 0 where it holds,
+    with the sum in place of the least; lacks (m, p): the same of each part that "and" joins. terms: the text
+    of each comparison (k); values (m, k): each comparison's own signed margin, in its own unit; units: their
+    dimensions ("length", "angle", ...); scales (k,): the scene's size for a length, 1 for an angle, its
+    duration for a time, and the speeds and forces that follow with the heaviest body.
     """
 
     holds: NDArray[np.bool_]
     margin: Reals
+    lack: Reals
+    lacks: Reals
     terms: tuple[str, ...]
     values: Reals
     units: tuple[str, ...]
     scales: Reals
+
+    __repr__ = brief
 
 
 @dataclass(frozen=True)
@@ -63,9 +71,15 @@ class Geometry:
     bodies: tuple[str, ...]
     poses: Reals
 
+    __repr__ = brief
 
+
+@keywords
 def ask(
-    scene: Scene, condition: str, states: States, parameters: Mapping[str, float] | None = None
+    scene: Scene | str | Path | Mapping[str, Any],
+    condition: str,
+    states: States,
+    parameters: Mapping[str, float] | None = None,
 ) -> Answers:
     """Whether a condition holds at states.
 
@@ -73,41 +87,67 @@ def ask(
     and impulses are those that a state's run read there; without a run they are 0. Raises SceneError and
     StateError for wrong input.
     """
-    template = scene.template
-    if not isinstance(condition, str):
-        raise SceneError(f"condition: must be text, not {shown(condition)}")
-    text = getattr(scene.file, condition) if condition in ("goal", "unsafe", "doomed") else condition
-    if text is None:
-        raise SceneError(f"{condition}: the scene states none")
-    names = Names(template.parameters, template.coordinates, template.contacts)
-    names.condition(text, "condition")
-    place = _Place(scene, parameters)
-    terms, combined = terms_of(text, names, place.dimensions())
-    values = place.answers(place.rows(states), terms)[0]
-    scales = np.array([place.scale(term.dimension) for term in terms])
-    truths, margins = values >= 0.0, _scaled(values, scales)
-    return Answers(
-        holds=_combined(combined, truths, np.logical_and, np.logical_or, np.logical_not),
-        margin=_combined(combined, margins, np.minimum, np.maximum, _opposite),
-        terms=tuple(term.text for term in terms), values=values,
-        units=tuple("number" if term.dimension is None else str(term.dimension) for term in terms),
-        scales=scales,
-    )  # fmt: skip
+    return Question(load(scene), condition, parameters).ask(states)
 
 
-def geometry(scene: Scene, states: States, parameters: Mapping[str, float] | None = None) -> Geometry:
+@keywords
+def geometry(
+    scene: Scene | str | Path | Mapping[str, Any],
+    states: States,
+    parameters: Mapping[str, float] | None = None,
+) -> Geometry:
     """Gaps, collisions and poses at states: the question of the geometric rung. Raises SceneError and
     StateError for wrong input."""
-    place = _Place(scene, parameters)
-    rows = place.rows(states)
-    _, gaps, poses = place.answers(rows, [])
-    allowed = slack(place.workspace) + rows.overlaps
-    template = scene.template
-    return Geometry(
-        contacts=template.contacts, gaps=gaps, collides=np.any(gaps < -allowed, axis=1),
-        bodies=template.bodies,
-        poses=np.concatenate([poses[..., :2], np.arctan2(poses[..., 3:], poses[..., 2:3])], axis=-1),
-    )  # fmt: skip
+    return Question(load(scene), None, parameters).geometry(states)
+
+
+class Question:
+    """A condition of a scene at one set of parameters, read once, to be asked of states again and again; see
+    `ask`. Without a condition, only `geometry` answers."""
+
+    def __init__(
+        self, scene: Scene, condition: str | None, parameters: Mapping[str, float] | None = None
+    ) -> None:
+        template = scene.template
+        if not isinstance(condition, str | None):
+            raise SceneError(f"condition: must be text, not {shown(condition)}")
+        text = getattr(scene.file, condition) if condition in ("goal", "unsafe", "doomed") else condition
+        if text is None and condition is not None:
+            raise SceneError(f"{condition}: the scene states none")
+        names = Names(template.parameters, template.coordinates, template.contacts)
+        names.condition(text, "condition")
+        self._scene, self._place = scene, _Place(scene, parameters)
+        self._terms: list[Term] = []
+        self._combined: Combination = 0
+        if text is not None:
+            self._terms, self._combined = terms_of(text, names, self._place.dimensions())
+        self._scales = np.array([self._place.scale(term.dimension) for term in self._terms])
+
+    def ask(self, states: States) -> Answers:
+        """Whether the condition holds at states. Raises StateError for wrong input."""
+        values = self._place.answers(self._place.rows(states), self._terms)[0]
+        truths, margins = values >= 0.0, _scaled(values, self._scales)
+        return Answers(
+            holds=_combined(self._combined, truths, np.logical_and, np.logical_or, np.logical_not),
+            margin=_combined(self._combined, margins, np.minimum, np.maximum, _opposite),
+            lack=_lack(self._combined, margins),
+            lacks=np.stack([_lack(part, margins) for part in _joined(self._combined)], axis=1),
+            terms=tuple(term.text for term in self._terms), values=values,
+            units=tuple("number" if term.dimension is None else str(term.dimension) for term in self._terms),
+            scales=self._scales,
+        )  # fmt: skip
+
+    def geometry(self, states: States) -> Geometry:
+        """Gaps, collisions and poses at states. Raises StateError for wrong input."""
+        place, template = self._place, self._scene.template
+        rows = place.rows(states)
+        _, gaps, poses = place.answers(rows, [])
+        allowed = slack(place.workspace) + rows.overlaps
+        return Geometry(
+            contacts=template.contacts, gaps=gaps, collides=np.any(gaps < -allowed, axis=1),
+            bodies=template.bodies,
+            poses=np.concatenate([poses[..., :2], np.arctan2(poses[..., 3:], poses[..., 2:3])], axis=-1),
+        )  # fmt: skip
 
 
 class Rows(NamedTuple):
@@ -248,3 +288,22 @@ def _combined(
     if word == "not":
         return np.asarray(opposite(found[0]))
     return np.asarray((both if word == "and" else either).reduce(found))
+
+
+def _joined(combined: Combination) -> list[Combination]:
+    """The parts that "and" joins."""
+    if isinstance(combined, int) or combined[0] != "and":
+        return [combined]
+    return [each for inner in combined[1] for each in _joined(inner)]
+
+
+def _lack(combined: Combination, margins: Reals) -> Reals:
+    """By how much the condition fails: "and" adds what its parts lack, "or" takes the least."""
+    if isinstance(combined, int):
+        return np.asarray(np.maximum(-margins[:, combined], 0.0))
+    word, inner = combined
+    if word == "not":
+        holds = _combined(inner[0], margins, np.minimum, np.maximum, _opposite)
+        return np.asarray(np.maximum(holds, 0.0))
+    lacks = [_lack(each, margins) for each in inner]
+    return np.asarray((np.add if word == "and" else np.minimum).reduce(lacks))

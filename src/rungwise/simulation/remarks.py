@@ -13,17 +13,24 @@ FINE, COARSE = 1e-9, 1e-2
 """The goal's tolerance in reaches of the smallest shape: gaps below the first count as rounding where bodies
 touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second, bodies
 would count as touching that are apart to the eye."""
+ROUGH = 2e-3
+"""Error allowed in a step, in reaches of the smallest body that forces move, from which on the course after
+impacts is not sure. Chosen by trial."""
 
 
-def remarks(rung: Rung, theta: float, control: RecordArray, clock: RecordArray) -> tuple[str, ...]:
+def remarks(
+    rung: Rung, theta: float, control: RecordArray, clock: RecordArray, size: float
+) -> tuple[str, ...]:
     """All remarks on a run so far, beside its verdict; add a line here for a new kind.
 
-    `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come.
+    `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come; `size` is the
+    reach of the smallest body that forces move.
     """
     found = (
         _theta(rung, theta),
         _step(control, clock),
         _tolerance(control, clock),
+        _error(rung, control, size),
         _jumps(clock),
         _strays(clock),
     )
@@ -64,6 +71,18 @@ def _tolerance(control: RecordArray, clock: RecordArray) -> str:
     return (
         f"tolerance: {tolerance:.3g} is out of proportion to the smallest shape, whose reach is"
         f" {smallest:.3g}: {why}; {1e-6 * smallest:.1g} would fit"
+    )
+
+
+def _error(rung: Rung, control: RecordArray, size: float) -> str:
+    """An allowed error that is not small beside the bodies, where they have momentum: impacts turn small
+    errors into other courses."""
+    error = float(control[0]["error"])
+    if rung.inertia == 0.0 or not math.isfinite(size) or error <= ROUGH * size:
+        return ""
+    return (
+        f"tol: {error:.3g} is not small beside the smallest body that moves, whose reach is {size:.3g}: after"
+        f" impacts another course, and other outcomes, are possible; {ROUGH * size:.1g} or less would fit"
     )
 
 

@@ -11,6 +11,7 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
+from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs, set_all
 from rungwise.simulation.planar.loop import CLOSED, begin, slack
 from rungwise.simulation.planar.memory import go_on
@@ -54,19 +55,38 @@ def begin_at(
         _take_inputs(memory, inputs, workspace)
     goes_on = memory is not None and _continues(memory, rung, len(scene.template.parameters), workspace)
     before = None if memory is None or goes_on else _before(state, scene, memory, workspace)
-    if not goes_on:
+    if before is not None:
         _check_travel(state, records, before)
     now.q[:], now.v[:], now.clock["time"] = state.q, state.v, state.time
     (begin_inputs if fresh else set_all)(inputs, buffer, workspace)
+    if memory is None:
+        return _begin_by_hand(state, scene, records, rung, control, workspace)
     code = Code(begin(records, rung, control, workspace))
-    if memory is not None and goes_on:
+    if before is None:
         go_on(records, workspace, memory.values.copy())
         (begin_inputs if fresh else set_all)(inputs, buffer, workspace)
         return ""
-    _start_servos(state, records, before, workspace)
-    if memory is not None:
-        _hand_on(memory, bool(rung[0]["compliant"]), workspace)
+    # Servos that follow a speed go on from where they have led before.
+    speeds = _followed(before.records) - _followed(records)
+    workspace.state.start[:] = before.start + speeds * state.time
+    _hand_on(memory, bool(rung[0]["compliant"]), workspace)
     return out_of_place(scene, records, workspace, before) if code == Code.INVALID else ""
+
+
+def _begin_by_hand(
+    state: State,
+    scene: Scene,
+    records: Records,
+    rung: RecordArray,
+    control: RecordArray,
+    workspace: Workspace,
+) -> str:
+    """Begin at a state that no run has left, as samples of a rollout do."""
+    code = Code(begin_by_hand(records, rung, control, workspace))
+    i = outside_travel(records, workspace)
+    if i >= 0:
+        raise _outside(state, records, i)
+    return out_of_place(scene, records, workspace) if code == Code.INVALID else ""
 
 
 def out_of_place(scene: Scene, records: Records, workspace: Workspace, before: Before | None = None) -> str:
@@ -151,15 +171,6 @@ def _hand_on(memory: Memory, compliant: bool, workspace: Workspace) -> None:
         now.deformation[same] = before("deformation")[same]
 
 
-def _start_servos(state: State, records: Records, before: Before | None, workspace: Workspace) -> None:
-    """Let servos that follow a speed pass through the state, or go on from where they have led before."""
-    speeds = _followed(records)
-    if before is None:  # led from where it is
-        workspace.state.start[:] -= speeds * state.time
-    else:
-        workspace.state.start[:] = before.start + (_followed(before.records) - speeds) * state.time
-
-
 def _followed(records: Records) -> Reals:
     """Speeds that servos without target follow, of coordinates and of joints' measures; 0 for all others."""
     return np.concatenate(
@@ -170,12 +181,15 @@ def _followed(records: Records) -> Reals:
     )
 
 
-def _check_travel(state: State, records: Records, before: Before | None) -> None:
-    outside = np.zeros(len(state.q))
-    if before is not None:
-        c = before.records.coordinates
-        outside = np.maximum(np.maximum(c["lower"] - state.q, state.q - c["upper"]), 0.0)
-    for i, (name, value, c) in enumerate(zip(state.names, state.q, records.coordinates, strict=True)):
-        low, high, most = float(c["lower"]), float(c["upper"]), outside[i] + CLOSED * abs(float(value))
-        if not low - most <= value <= high + most:
-            raise StateError(f"state.q.{name}: {value:g} is outside its travel, {low:g} to {high:g}")
+def _check_travel(state: State, records: Records, before: Before) -> None:
+    c = before.records.coordinates
+    outside = np.maximum(np.maximum(c["lower"] - state.q, state.q - c["upper"]), 0.0)
+    for i, (value, c) in enumerate(zip(state.q, records.coordinates, strict=True)):
+        most = outside[i] + CLOSED * abs(float(value))
+        if not c["lower"] - most <= value <= c["upper"] + most:
+            raise _outside(state, records, i)
+
+
+def _outside(state: State, records: Records, i: int) -> StateError:
+    low, high = float(records.coordinates["lower"][i]), float(records.coordinates["upper"][i])
+    return StateError(f"state.q.{state.names[i]}: {state.q[i]:g} is outside its travel, {low:g} to {high:g}")

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.contact.judge import Certificate
 from rungwise.contact.step import ContactProblem
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
+from rungwise.plain import cut
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
 from rungwise.simulation import trajectory
@@ -23,6 +26,7 @@ from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
     from rungwise.simulation.hard import HardSteps
 
@@ -57,6 +61,29 @@ class Run:
     workspace: Workspace | None
     hard: HardSteps | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer is positive: the run came to the goal."""
+        return self.outcome.exit_code == 0
+
+    def __repr__(self) -> str:
+        return (
+            f"<Run of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at t ="
+            f" {self.time:.6g}, {self.steps} steps, worst residual {self.worst_residual:.1e}>"
+        )
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        return rungwise.to_html(self)
+
+    @keywords
+    def plot(self, frames: int = 6) -> Figure:
+        """Picture of so many frames, from the first to the last (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self, frames=frames)
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
@@ -131,6 +158,7 @@ class Run:
             **({} if self.hard is None else {"hard": self.hard.summary()}),
         }
 
+    @keywords
     def save(self, folder: str | Path) -> Path:
         """Write trajectory and summary into `folder` (see `trajectory.save`)."""
         return trajectory.save(folder, self.trajectory, self.summary())
@@ -146,3 +174,14 @@ def pair_labels(scene: Scene) -> list[str]:
         several = int(np.sum(contact_of == contact)) > 1
         labels.append(f"{name}/{int(np.sum(contact_of[:index] == contact))}" if several else name)
     return labels
+
+
+def texts(outcomes: Ints) -> NDArray[np.str_]:
+    """Outcomes as texts, from their codes, of the same shape."""
+    return np.array([str(outcome) for outcome in Outcome])[outcomes]
+
+
+def counted(outcomes: Ints) -> str:
+    """How many runs ended how, from codes."""
+    names, counts = np.unique(texts(outcomes), return_counts=True)
+    return ", ".join(f"{name} {count}" for name, count in zip(names, counts, strict=True)) or "none"

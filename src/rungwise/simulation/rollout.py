@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.plain import cut
 from rungwise.scene import Scene, load
 from rungwise.simulation.arguments import (
     Begins,
@@ -32,7 +34,7 @@ from rungwise.simulation.options import moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.questions import States
-from rungwise.simulation.result import Run, pair_labels
+from rungwise.simulation.result import Run, counted, pair_labels, texts
 from rungwise.simulation.run import Simulation, simulate
 from rungwise.simulation.state import Memory, State, StateError, digest, memory_of
 
@@ -70,6 +72,17 @@ class Rollouts:
     _options: Callable[[int], dict[str, Any]] = field(repr=False)
     _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
     _theta: float = field(repr=False)
+
+    @property
+    def outcomes(self) -> NDArray[np.str_]:
+        """Outcomes (m,) as texts, as of `Run.outcome`."""
+        return texts(self.outcome)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Rollouts of {cut(self.scene.name)} on {cut(self.model.name)}: {len(self.outcome)} runs:"
+            f" {counted(self.outcome)}>"
+        )
 
     @property
     def times(self) -> Reals:
@@ -115,6 +128,7 @@ class Rollouts:
         found = in_memory(self._like, name, self.memory.reshape(m * s, w))
         return found.reshape(m, s, *found.shape[1:])
 
+    @keywords
     def state(self, sample: int, segment: int | None = None) -> State:
         """The state of a run at the end of a segment; of the run, if none is given. Raises ValueError where
         the run had ended before, or did not begin."""
@@ -127,6 +141,7 @@ class Rollouts:
         memory = Memory(values, digest(self.scene), self.model, self._theta, self._schedules(sample))
         return State(names, self.q[sample, k], self.v[sample, k], time, memory)
 
+    @keywords
     def run(self, sample: int) -> Run:
         """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
         for a sample with wrong values."""
@@ -140,6 +155,7 @@ class Rollouts:
             return str(error)
 
 
+@keywords
 def rollout(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -178,8 +194,9 @@ def rollout(
         on_progress: called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
 
     Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
-    values of a sample make it `invalid`, with a line in `faults`, and the others go on."""
-    scene, rung, many = scene if isinstance(scene, Scene) else load(scene), moving_rung(model), Count()
+    values of a sample make it `invalid`, with a line in `faults`, and the others go on. What is given for one
+    sample, also as an array of one row, serves all m."""
+    scene, rung, many = load(scene), moving_rung(model), Count()
     lengths = durations_of(durations, inputs, many)
     levels = levels_of(scene, inputs, lengths.shape[1], many)
     over, points = points_of(scene, parameters, many)

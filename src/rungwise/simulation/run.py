@@ -15,8 +15,10 @@ import numpy as np
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
 from rungwise.contact.step import TOLERANCE, ContactProblem, trim
 from rungwise.kernel import linking_time
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
+from rungwise.plain import cut
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.simulation.core.support import without_law
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
@@ -72,6 +74,7 @@ class Simulation:
         save_hard: a folder, for the problems of hard steps (see `HardSteps`); needs h5py.
     """
 
+    @keywords
     def __init__(
         self,
         scene: Scene | str | Path | Mapping[str, Any],
@@ -89,7 +92,7 @@ class Simulation:
         stride: int | None = None,
         save_hard: str | Path | None = None,
     ) -> None:
-        self.scene = scene if isinstance(scene, Scene) else load(scene)
+        self.scene = load(scene)
         self.model = moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
         frames = count("frames", frames, 3)
@@ -187,6 +190,12 @@ class Simulation:
         if state is not None and state.memory is not None and not self._begins_inputs:
             began = float(state.memory.clock["opened"])
         return reduce(add, (segment.duration for segment in self.inputs), began)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Simulation of {cut(self.scene.name)} on {cut(self.model.name)}:"
+            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
+        )
 
     @property
     def time(self) -> float:
@@ -347,10 +356,23 @@ class Simulation:
         """Remarks on the run so far (see `simulation.remarks`)."""
         if self.workspace is None:
             return ()
-        found = remarks(self.model, self.theta, self._control, self.workspace.state.clock)
+        found = remarks(
+            self.model, self.theta, self._control, self.workspace.state.clock, self._least_moved()
+        )
         found += ignored(self.scene, self.model, self.inputs)
         leap = leap_taken(self.scene, self._bound, self.workspace, self._far())
         return found if leap is None else (*found, str(leap))
+
+    def _least_moved(self) -> float:
+        """Reach of the smallest body with a coordinate that forces move, by its largest shape; inf if there
+        is none."""
+        assert self.workspace is not None
+        records, free = self._bound.records, self.workspace.state.prescribed == 0
+        least = math.inf
+        for b in np.unique(records.coordinates["body"][free]):
+            reach = records.shapes["reach"][records.shapes["body"] == b]
+            least = min(least, float(reach.max(initial=0.0)) or math.inf)
+        return least
 
     def _looks_closer(self) -> bool:
         """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
@@ -380,18 +402,32 @@ class Simulation:
         return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 
+@keywords
 def simulate(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
     *,
+    parameters: Mapping[str, float] | None = None,
+    step: float | None = None,
+    tol: float | None = None,
+    duration: float | None = None,
+    theta: float = 1.0,
+    motion: Mapping[str, float] | None = None,
+    state: State | None = None,
+    inputs: Schedule | None = None,
+    frames: int = 2000,
+    stride: int | None = None,
+    save_hard: str | Path | None = None,
     on_progress: Callable[[Simulation], None] | None = None,
-    **options: Any,
 ) -> Run:
-    """Run `scene` on `model` to its outcome; options as for `Simulation`.
+    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`.
 
     `on_progress` is called about ten times a second. Ctrl-C raises KeyboardInterrupt within the same time.
     """
-    simulation = Simulation(scene, model, **options)
+    simulation = Simulation(
+        scene, model, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
+        motion=motion, state=state, inputs=inputs, frames=frames, stride=stride, save_hard=save_hard,
+    )  # fmt: skip
     while simulation.advance():
         if on_progress is not None:
             on_progress(simulation)

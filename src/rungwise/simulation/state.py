@@ -10,22 +10,22 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Reals, Record
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
+from rungwise.plain import cut
+from rungwise.scene import Scene, load
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
 from rungwise.simulation.planar.workspace import in_memory
-
-if TYPE_CHECKING:
-    from rungwise.scene import Scene
-
+from rungwise.wording import choices
 
 FARTHEST = 1e75
 """Farthest place, in the scene's unit: products of four places are finite."""
@@ -87,9 +87,10 @@ class State:
         return State, (self.names, self.q, self.v, self.time, self.memory)
 
     @classmethod
+    @keywords
     def of(
         cls,
-        scene: Scene,
+        scene: Scene | str | Path | Mapping[str, Any],
         q: Mapping[str, float] | None = None,
         v: Mapping[str, float] | None = None,
         *,
@@ -103,7 +104,8 @@ class State:
         """
         from rungwise.system.planar.place import start
 
-        names, bound = scene.template.coordinates, scene.bind(parameters)
+        loaded = load(scene)
+        names, bound = loaded.template.coordinates, loaded.bind(parameters)
         places, speeds = np.zeros(len(names)), np.zeros(len(names))
         start(bound.records, places, speeds)
         for field, given, values in (("q", q, places), ("v", v, speeds)):
@@ -113,7 +115,7 @@ class State:
                 )
             for name, value in (given or {}).items():
                 if name not in names:
-                    raise StateError(f"state.{field}: unknown {shown(name)}; valid: {', '.join(names)}")
+                    raise StateError(f"state.{field}: unknown {shown(name)}{choices(name, names)}")
                 values[names.index(name)] = finite(f"state.{field}.{name}", value, StateError)
         return cls(names, places, speeds, finite("state.time", time, StateError))
 
@@ -121,12 +123,12 @@ class State:
         places = ", ".join(f"{name}={value:.6g}" for name, value in zip(self.names[:8], self.q, strict=False))
         more = ", ..." if len(self.names) > 8 else ""
         run = "" if self.memory is None else f", of a {self.memory.model.name} run"
-        return f"State(time={self.time:.6g}, {places}{more}{run})"
+        return f"State(time={self.time:.6g}, {cut(places + more, 400)}{run})"
 
     def __getitem__(self, name: str) -> float:
         """The place of a coordinate."""
         if name not in self.names:
-            raise StateError(f"state: unknown {shown(name)}; valid: {', '.join(self.names)}")
+            raise StateError(f"state: unknown {shown(name)}{choices(name, self.names)}")
         return float(self.q[self.names.index(name)])
 
     def save(self, file: str | Path) -> Path:
@@ -151,6 +153,7 @@ class State:
         return target
 
 
+@keywords
 def load_state(file: str | Path) -> State:
     """A saved state. Raises FileNotFoundError, and StateError for a file that holds none."""
     if not isinstance(file, str | os.PathLike):

@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.keywords import keywords
+from rungwise.plain import brief
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
+from rungwise.wording import choices
 
 if TYPE_CHECKING:
     from rungwise.simulation.result import Run
@@ -23,7 +26,10 @@ class Touching:
     friction: NDArray[np.float64]
     others: tuple[str, ...]
 
+    __repr__ = brief
 
+
+@keywords
 def touching(run: Run, body: str, within: float | None = None) -> Touching:
     """Contacts of `body` when `run` ended, with a gap of at most `within` (by default the scene's tolerance).
 
@@ -31,7 +37,7 @@ def touching(run: Run, body: str, within: float | None = None) -> Touching:
     """
     names = run.scene.template.bodies
     if body not in names:
-        raise ValueError(f"body: unknown {body!r}; valid: {', '.join(names)}")
+        raise ValueError(f"body: unknown {body!r}{choices(body, names)}")
     workspace = run.workspace
     if workspace is None:
         raise ValueError(f"the run did not begin: {run.reason}")

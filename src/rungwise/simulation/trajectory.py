@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.contact.step import NAMES
+from rungwise.keywords import keywords
 from rungwise.plain import json_text
 from rungwise.simulation.planar.workspace import SCALARS, recorded
 
@@ -112,6 +113,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     return target
 
 
+@keywords
 def load_run(folder: str | Path) -> tuple[xarray.Dataset, dict[str, Any]]:
     """Trajectory and summary of a saved run. Raises FileNotFoundError when the folder holds none."""
     import xarray as xr

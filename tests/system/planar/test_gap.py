@@ -175,3 +175,30 @@ def test_gap_is_exact_within_the_margin_and_a_lower_bound_beyond(planar: Callabl
         assert least <= exact
         if exact <= 0.5:
             assert least == exact and placed.features[0] != ABSENT
+
+
+def nearly_flush(rng: Generator) -> list[dict[str, Any]]:
+    """Two rounded shapes whose faces are nearly parallel and near each other, at the ends of the faces."""
+    bodies, tilt = [], float(rng.uniform(-0.2, 0.2))
+    radius = float(rng.uniform(0.01, 0.2))
+    for k in range(2):
+        shape: dict[str, Any] = {"kind": "capsule", "length": float(rng.uniform(0.1, 1.0)), "radius": radius}
+        if rng.random() < 0.5:
+            shape = {"kind": "box", "width": shape["length"], "height": 0.3, "radius": radius}
+        bodies.append({"shape": shape, "pose": {"x": 0.0, "y": 0.0, "angle": k * tilt}})
+    half, lift = (sum(body["shape"].get(name, 0.0) for body in bodies) / 2.0 for name in ("width", "height"))
+    half += sum(body["shape"].get("length", 0.0) for body in bodies) / 2.0
+    beside = (
+        half + radius * float(rng.uniform(-0.5, 0.2)) if rng.random() < 0.7 else float(rng.uniform(-1, 1))
+    )
+    bodies[1]["pose"]["x"] = beside
+    bodies[1]["pose"]["y"] = lift + half * abs(np.sin(tilt)) + 2.0 * radius * float(rng.uniform(0.5, 1.2))
+    return bodies
+
+
+def test_gap_at_the_ends_of_nearly_flush_faces(planar: Callable[..., Any]) -> None:
+    """Of rounded shapes the closest features may be two vertices, however small the tilt: a gap to the line
+    of an edge, beside the edge, would jump where the faces count as parallel."""
+    rng = np.random.default_rng(11)
+    for _ in range(1500):
+        assert_gap(planar, *nearly_flush(rng))

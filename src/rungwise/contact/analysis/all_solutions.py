@@ -37,6 +37,7 @@ from rungwise.contact.solve import demands_little, is_kinematic, solve
 from rungwise.contact.solvers import branching
 from rungwise.contact.solvers.refine import SMALL, rate_terms
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.keywords import keywords
 
 NODES = 5000
 _STRICT = 1e-6
@@ -45,6 +46,7 @@ to a decade, far above the tolerance 1e-10 of the linear programs."""
 _INFEASIBLE, _UNBOUNDED = 2, 3
 
 
+@keywords
 def solutions(problem: Problem | ContactProblem, *, nodes: int = NODES) -> Solutions:
     """All solutions, one piece for each contact mode that has any, and their `Kind`.
 
@@ -169,6 +171,7 @@ class _Holding:
         return None, int(np.argmax(found.x[size:])) // self.system.directions
 
 
+@keywords
 def extreme_motions(found: Solutions, objects: Sequence[Sequence[int]] = ()) -> Array:
     """Least and greatest of each velocity (rate, where the problem has none) over all solutions: (m, 2).
 

@@ -14,6 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.keywords import keywords
+from rungwise.plain import brief
+
 _SMALL = 1e-9
 """Forces over the greatest force, singular values over the greatest, and power in units of the unit wrenches,
 that count as zero. Chosen by trial, to a decade, far above rounding."""
@@ -37,10 +40,13 @@ class Closure:
     centre: NDArray[np.float64]
     length: float
 
+    __repr__ = brief
+
     def __bool__(self) -> bool:
         return self.holds
 
 
+@keywords
 def form_closure(points: ArrayLike, normals: ArrayLike) -> Closure:
     """First-order form closure of a body by frictionless contacts that do not move.
 
@@ -54,6 +60,7 @@ def form_closure(points: ArrayLike, normals: ArrayLike) -> Closure:
     return _closure(where, directions, np.arange(len(where)))
 
 
+@keywords
 def force_closure(points: ArrayLike, normals: ArrayLike, friction: ArrayLike) -> Closure:
     """Force closure of a body by contacts with Coulomb friction (a number, or one for each contact).
 

@@ -41,6 +41,7 @@ from rungwise.contact.judge.farkas import (
 from rungwise.contact.judge.verdict import in_own_terms
 from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.problem import Array, Problem
+from rungwise.plain import brief
 
 _TIGHT, _RANK, _SAME = 1e-8, 1e-9, 1e-6
 """Zero for rates and forces, over 1 plus the scaled point's size; for singular values of rows of length 1;
@@ -79,6 +80,8 @@ class Piece:
     point: Array
     multipliers: Array
 
+    __repr__ = brief
+
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
@@ -100,6 +103,8 @@ class Solutions:
     undecided: tuple[Mode, ...]
     nodes: int
     massless: bool = False
+
+    __repr__ = brief
 
     def names(self, piece: Piece) -> tuple[str, ...]:
         """The mode in words: one for each contact, then for each other unknown that is not eliminated."""

@@ -22,6 +22,7 @@ from rungwise.contact.problem import Array, Problem, numbers
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.keywords import keywords
 
 DATA = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F")
 ACTIVE = 1e-7
@@ -303,6 +304,7 @@ def _units(matrix: Array) -> Array:
     return unit
 
 
+@keywords
 def sensitivity(problem: ContactProblem, solution: ContactSolution, active: float = ACTIVE) -> Sensitivity:
     """Sensitivity at the answer of `solve(problem)`. Raises ValueError unless it is solved, and of
     `problem`."""

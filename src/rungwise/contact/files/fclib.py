@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rungwise.contact.prepare.equivalent import in_contacts
 from rungwise.contact.problem import Array, Matrix, Problem, numbers, sized, vector
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.keywords import keywords
 
 _CSR = -2
 _STEP = "rungwise"
@@ -150,6 +151,7 @@ def _read_matrix(parent: Any, name: str, shape: tuple[int, int]) -> sp.csr_array
     return made
 
 
+@keywords
 def write_fclib(
     path: str | Path,
     problem: Problem | ContactProblem,

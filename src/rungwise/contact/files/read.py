@@ -13,6 +13,8 @@ from rungwise.contact.files.fclib import read_fclib
 from rungwise.contact.files.textfile import KINDS, read_text
 from rungwise.contact.problem import Problem, matrix, vector
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.keywords import keywords
+from rungwise.wording import choices
 
 _DAMAGED = (
     KeyError, ValueError, OSError, EOFError, NotImplementedError, RuntimeError, MemoryError, AttributeError,
@@ -22,6 +24,7 @@ _DAMAGED = (
 _HDF5, _ZIP = b"\x89HDF", b"PK"
 
 
+@keywords
 def read_problem(path: str | Path, kind: str | None = None) -> Problem | ContactProblem:
     """The problem in `path`: FCLIB (HDF5), Siconos' text (of `kind`, else by its name), ContactBench (npz).
 
@@ -30,7 +33,7 @@ def read_problem(path: str | Path, kind: str | None = None) -> Problem | Contact
     """
     path = Path(path)
     if kind is not None and kind not in KINDS:
-        raise ValueError(f"kind: must be one of {', '.join(KINDS)}, not {kind!r}")
+        raise ValueError(f"kind: unknown {str(kind)[:60]!r}{choices(kind, KINDS)}")
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
             raise ValueError(f"file: {path} is not a regular file")

@@ -1,6 +1,6 @@
 """The problem of one compiled step, and the chain that solves it in the plane."""
 
-from rungwise.contact.step.modes import BACKWARD, FORWARD, NAMES, OPEN, STICK
+from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
 from rungwise.contact.step.planar import (
     ENUMERATION,
     NO_SOLUTION,
@@ -14,7 +14,7 @@ from rungwise.contact.step.problem import ContactProblem, allocate_problem, trim
 from rungwise.contact.step.steady import correct_velocities
 
 __all__ = [
-    "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "SOLVED", "STICK",
-    "TOLERANCE", "ContactProblem", "allocate_problem", "correct_velocities", "matrix_size",
+    "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "SOLVED",
+    "STICK", "TOLERANCE", "ContactProblem", "allocate_problem", "correct_velocities", "matrix_size",
     "solve_planar", "trim",
 ]  # fmt: skip

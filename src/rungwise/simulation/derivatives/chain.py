@@ -16,7 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.plain import brief
 from rungwise.scene import Scene, load
 from rungwise.simulation.derivatives.changes import KINDS
 from rungwise.simulation.derivatives.sensitivity import WRT, differentiated, prepared, started
@@ -45,7 +47,10 @@ class RunSensitivity:
     names: tuple[str, ...]
     weak: tuple[int, ...]
 
+    __repr__ = brief
 
+
+@keywords
 def run_sensitivity(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -78,7 +83,7 @@ def run_sensitivity(
         ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
             limit of travel or a new feature reached within it.
     """
-    scene = scene if isinstance(scene, Scene) else load(scene)
+    scene = load(scene)
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps: must be a whole number of at least 1, not {steps!r}")
     if (q is None) != (v is None):

@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
 from rungwise.contact.step import solve_planar, trim
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.plain import brief
 from rungwise.scene import Scene, load
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
@@ -28,6 +30,7 @@ from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.attempt import MAX_LINEARISATIONS, TAKEN, attempt
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import is_continued
+from rungwise.wording import choices
 
 Array: TypeAlias = NDArray[np.float64]
 WRT = ("q", "v", "inputs", "parameters")
@@ -55,7 +58,10 @@ class StepSensitivity:
     names: tuple[str, ...]
     contact: Sensitivity
 
+    __repr__ = brief
 
+
+@keywords
 def step_sensitivity(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -112,12 +118,12 @@ def prepared(
     names: Sequence[str] | None,
 ) -> tuple[Assembly, Changes]:
     """The objects that differentiate steps of a scene. Raises ModelError."""
-    scene = scene if isinstance(scene, Scene) else load(scene)
+    scene = load(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
     for name in chosen:
         if name not in values:
-            raise ModelError(f"names: unknown parameter {name!r}; valid: {', '.join(values) or 'none'}")
+            raise ModelError(f"names: unknown parameter {name!r}{choices(name, values)}")
     for kind in wrt:
         if kind not in KINDS:
             raise ModelError(f"wrt: {kind!r} is none of {', '.join(KINDS)}")

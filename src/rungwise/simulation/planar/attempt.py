@@ -11,7 +11,16 @@ from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED, accept_forces, 
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember
-from rungwise.simulation.planar.middle import BENT, LOST, SAME, bend, compare_rows, note_early, take_means
+from rungwise.simulation.planar.middle import (
+    BENT,
+    LOST,
+    SAME,
+    bend,
+    compare_rows,
+    note_early,
+    take_means,
+    yield_fully,
+)
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.planar.passing import SLIP, passes
 from rungwise.simulation.planar.strays import note_strays
@@ -34,8 +43,8 @@ ASKED, GREATEST = 0.1, 1e-2
 """Overlap, over the error allowed in a step, up to which one that is centred is not linearised again; under
 error control none is beyond this overlap over the smallest shape's reach."""
 LEAP = 8.0
-"""Motion of a servo that is followed exactly, over the smallest shape's reach. Above this a step that pushes
-something, or is linearised again, is halved: where the target jumps, no step is short enough."""
+"""Motion of a servo that is followed exactly, over the smallest shape's reach. Above this a step in which it
+pushes or holds something is halved: where the target jumps, no step is short enough."""
 TORN = 1e-3
 """Opening of a rigid joint, over its lever, beyond which a step that adds to it is halved."""
 ROUNDED = 1e-14
@@ -94,12 +103,14 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
-        if rung[0].metric and (not first or _is_pushed(state, scratch.v_new)) and _leaps(records, h, state):
+        if rung[0].metric and _leaps(records, h, contacts, workspace):
             status = UNSOLVED
             break
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
         accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
+        if not first and clock.centred and not clock.lost and rung[0].compliant:
+            yield_fully(contacts, workspace)
         if first and math.isfinite(terms.low[0]):
             note_early(records, contacts, workspace)
         _move(records, workspace, h)
@@ -229,15 +240,6 @@ def _is_finite(q: Reals) -> bool:
 
 
 @kernel
-def _is_pushed(state: State, v: Reals) -> bool:
-    """Whether something moves whose motion is not given."""
-    pushed = False
-    for i in range(v.shape[0]):
-        pushed |= not state.prescribed[i] and v[i] != 0.0
-    return pushed
-
-
-@kernel
 def _is_thrown(records: Records, state: State, v: Reals) -> bool:
     """Whether something moves far faster than all that is driven."""
     driven, free = 0.0, 0.0
@@ -250,17 +252,31 @@ def _is_thrown(records: Records, state: State, v: Reals) -> bool:
     return free > SWIFT * driven
 
 
-@rare_kernel
-def _leaps(records: Records, h: float, state: State) -> bool:
-    """Whether a servo that is followed exactly moves something far in the step."""
+@kernel
+def _leaps(records: Records, h: float, contacts: int, workspace: Workspace) -> bool:
+    """Whether a servo that is followed exactly moves something far in the step, and what it moves pushes or
+    holds something."""
+    state = workspace.state
     clock, leaps = state.clock[0], False
     for i in range(state.q.shape[0]):
         c = records.coordinates[i]
         if c.drive == SERVO:
             turns = records.bodies[c.body].motion == HINGE or i == records.bodies[c.body].coordinate + 2
             lever = clock.reach if turns and clock.reach > 0.0 else 1.0
-            leaps |= 4.0 * lever * h * abs(state.speed[i]) > LEAP * clock.smallest
+            far = 4.0 * lever * h * abs(state.speed[i]) > LEAP * clock.smallest
+            leaps |= far and _takes_along(i, contacts, workspace)
     return leaps
+
+
+@rare_kernel
+def _takes_along(i: int, contacts: int, workspace: Workspace) -> bool:
+    """Whether coordinate i takes part in a contact that pushes, or in a joint."""
+    clock, terms, takes = workspace.state.clock[0], workspace.terms, False
+    for k in range(contacts):
+        takes |= workspace.scratch.contact_force[2 * k] > 0.0 and terms.rows[2 * k, i] != 0.0
+    for r in range(clock.drives, clock.limited):
+        takes |= terms.limited[r, i] != 0.0
+    return takes
 
 
 @kernel

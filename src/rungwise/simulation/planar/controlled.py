@@ -186,9 +186,9 @@ def until_contact(
     and is open by `held` at most, does not count.
 
     A compliant impact begins with a small part of its own period: a step that spans the whole impact looks
-    plastic, and so do two halves. A rigid impact takes a step of `impact` at most, in which bodies approach
-    by no more than `held`, if that is not 0: the next contact of the thrown body is known after it. Returns
-    the step, and whether a compliant impact begins.
+    plastic, and so do two halves. A rigid impact of bodies with momentum takes a step of `impact` at most, in
+    which they approach by no more than `held`, if that is not 0: the next contact of the thrown body is known
+    after it. Returns the step, and whether a compliant impact begins.
     """
     state, terms = workspace.state, workspace.terms
     sprung, begins = rung[0].compliant and rung[0].inertia > 0.0, False
@@ -208,7 +208,7 @@ def until_contact(
                 h = SHORT_OF * terms.gap[k] / -rate
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
             h, begins = min(h, ONSET / math.sqrt(ease)), True
-        elif not rung[0].compliant and -rate * h > max(closed, terms.rounding[0]):
+        elif rung[0].inertia > 0.0 and not rung[0].compliant and -rate * h > max(closed, terms.rounding[0]):
             h = min(h, impact)
             if held > 0.0:
                 h = min(h, max(held, terms.rounding[0]) / -rate)

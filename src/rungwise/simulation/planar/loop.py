@@ -56,6 +56,9 @@ from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART, METRIC
 
 MAX_HALVINGS = 60
+STALLS, NOWHERE = 10, 0.2
+"""After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
+without solution, a step without solution by no more than that is a jam: what closes in between is closed."""
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 PAUSE = 2.0
@@ -169,9 +172,11 @@ def advance(
 def first_verdict(
     inputs: Inputs, conditions: Conditions, buffer: Reals, control: RecordArray, workspace: Workspace
 ) -> int:
-    """Verdict at the beginning of a run; segments whose condition holds already end there."""
+    """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
+    segment has no time left for its condition."""
     verdict = judge(conditions, workspace.state, workspace.scratch)
-    switch_inputs(inputs, buffer, 0.0, workspace)
+    if switch_inputs(inputs, buffer, 0.0, workspace):
+        return TIMEOUT if verdict == RUNNING else verdict
     spent_all = workspace.state.clock[0].segment >= inputs.durations.shape[0]
     return MISSED if verdict == RUNNING and control[0].ends and spent_all else verdict
 
@@ -194,6 +199,7 @@ def run_step(
     h = min(planned, control[0].duration - clock.time, clock.switch - clock.time)
     cut = clock.switch - clock.time < planned
     past, guarded, before = False, is_guarded(inputs, state), until_margin(inputs, workspace)
+    refused, nowhere = False, max(NOWHERE * control[0].tolerance, control[0].jam)
     if h > control[0].step:
         copy(state.values, workspace.scratch.begun)
     if guarded:
@@ -209,7 +215,7 @@ def run_step(
             show_inputs(inputs, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
-                clear = look_back(conditions, inputs, control, h, workspace)
+                clear = look_back(verdict, conditions, inputs, control, h, workspace)
                 if clear < 1.0:
                     restore(records, workspace)
                     h = max(min(clear, 0.5) * h if past else clear * h, control[0].step)
@@ -222,9 +228,13 @@ def run_step(
                 continue
             clock.steps += 1
             clock.taken = h
+            stalls = refused and h * max(moving, _fastest(records, rung, workspace)) < nowhere
+            clock.stalled = clock.stalled + 1 if stalls else 0
             clock.next = control[0].step if past else following
             if cut and following >= h:
                 clock.next = max(clock.next, planned)
+            if stalls:
+                clock.next = min(clock.next, 2.0 * h)
             if withholds(records, state):
                 clock.next = min(clock.next, control[0].step)
             if rung[0].compliant and has_sunk(records, state):
@@ -237,14 +247,20 @@ def run_step(
         if status == LEFT_UNSUPPORTED:
             return NO_SUPPORT
         if status == REFUSED and moving > 0.0:
-            # A pushed body may move faster than the body that pushes it.
-            fastest = fastest_pair(records, rung, workspace.terms, state, state.v, 0.0)
-            if h * max(moving, fastest) < control[0].jam:
+            refused = True
+            moved = h * max(moving, _fastest(records, rung, workspace))
+            if moved < control[0].jam or (clock.stalled >= STALLS and moved < nowhere):
                 return JAMMED
         if status == UNDEFINED and h <= control[0].step:
             return INVALID
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
+
+
+@rare_kernel
+def _fastest(records: Records, rung: RecordArray, workspace: Workspace) -> float:
+    """The fastest approach of a pair: a pushed body may move faster than the body that pushes it."""
+    return fastest_pair(records, rung, workspace.terms, workspace.state, workspace.state.v, 0.0)
 
 
 @rare_kernel

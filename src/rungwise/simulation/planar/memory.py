@@ -15,15 +15,8 @@ from rungwise.system.terms import APART
 @kernel
 def keep(workspace: Workspace, kept: Snapshot) -> None:
     """Keep the state; `restore` brings back the one in `workspace.kept`."""
-    state = workspace.state
-    remember(state, kept)
-    kept.clock[0] = state.clock[0]
-    copy(state.v, kept.v)
-    copy(state.force, kept.force)
-    copy(state.impulse, kept.impulse)
-    copy(state.impulses, kept.impulses)
-    copy(state.recent, kept.recent)
-    copy(workspace.scratch.limited_mode, kept.limited_mode)
+    copy(workspace.state.memory, kept.memory)
+    copy(workspace.state.impulse, kept.impulse)
 
 
 @kernel

@@ -1,10 +1,14 @@
 """Rows in the middle of a step: the mean of those at its start and at a trial end.
 
-Where nothing has inertia, no contact yields and no spring pulls, velocities follow from the place alone, v =
-f(q), and a step with the rows at its start is Euler's. With mean rows it is of second order (the trapezoidal
-rule), and gaps still are met at the level of places: the gap that goes with a mean row is chosen such that
-the linear model is right at the trial end. The first solution is a part of the second: half the distance
-between their ends is what two halves of Euler's step would differ by from the whole.
+Where nothing has inertia and no spring pulls, velocities follow from the place alone, v = f(q), and a step
+with the rows at its start is Euler's. With mean rows it is of second order (the trapezoidal rule), and gaps
+still are met at the level of places: the gap that goes with a mean row is chosen such that the linear model
+is right at the trial end. The first solution is a part of the second: half the distance between their ends is
+what two halves of Euler's step would differ by from the whole.
+
+Where contacts yield, forces belong to the middle too, and deformations to the end. They differ by what a
+contact yields in half a step, which the first solution tells. A deformation that is not the one that balances
+(a contact that has just closed) comes to minus a half of its error in each step, however long.
 """
 
 from __future__ import annotations
@@ -32,9 +36,9 @@ HELD = 0
 @kernel
 def is_centred(rung: RecordArray, allowed: float, terms: Terms, state: State) -> bool:
     """Whether steps take rows in their middle: under error control, where velocities follow from the place
-    alone and nothing is chosen among several motions."""
+    alone, all is implicit, and nothing is chosen among several motions."""
     clock = state.clock[0]
-    centred = allowed > 0.0 and rung[0].inertia == 0.0 and not rung[0].compliant and not clock.chooses
+    centred = allowed > 0.0 and rung[0].inertia == 0.0 and rung[0].theta == 1.0 and not clock.chooses
     for r in range(clock.limited):
         centred &= not 0.0 < terms.gains[r, 0] < math.inf
     for i in range(state.v.shape[0]):
@@ -90,9 +94,9 @@ def early_slot(slot: int, workspace: Workspace) -> int:
 
 @kernel
 def compare_rows(records: Records, h: float, allowed: float, contacts: int, workspace: Workspace) -> int:
-    """Whether rows that matter differ at the trial end from those at the start: of contacts that push, of
-    joints and supports, and the loads. LOST where a contact that pushed is no more: its rows at the end are
-    not known."""
+    """Whether rows that matter differ at the trial end from those at the start (of contacts that push, of
+    joints and supports, and the loads), or a contact that pushes yields further. LOST where a contact that
+    pushed is no more: its rows at the end are not known."""
     state = workspace.state
     path = 0.0
     for i in range(state.v.shape[0]):
@@ -108,6 +112,8 @@ def compare_rows(records: Records, h: float, allowed: float, contacts: int, work
             if slot < 0:
                 return LOST
             if found == SAME and _turns(first, slot, turned, records, workspace):
+                found = BENT
+            if found == SAME and _yields(first, slot, turned * path, workspace):
                 found = BENT
     if found == SAME and records.joints.shape[0] > 0 and _joints_turn(turned, records, workspace):
         found = BENT
@@ -140,6 +146,13 @@ def _turns(first: int, slot: int, turned: float, records: Records, workspace: Wo
             if change > turned * swing(records, state, i):
                 return True
     return False
+
+
+@kernel
+def _yields(first: int, slot: int, least: float, workspace: Workspace) -> bool:
+    """Whether the contact that began in slot `first` and is in `slot` now yielded by more than `least`."""
+    now, before = workspace.state.deformation[slot], workspace.before.deformation[first]
+    return bool(max(abs(now[0] - before[0]), abs(now[1] - before[1])) > least)
 
 
 @rare_kernel
@@ -179,12 +192,13 @@ def _weighs_otherwise(h: float, turned: float, records: Records, workspace: Work
 
 @kernel
 def take_means(contacts: int, workspace: Workspace) -> None:
-    """Replace rows and loads at the trial end by their means with those at the start; a contact that was not
+    """Replace rows, loads and deformations at the trial end by those of the middle; a contact that was not
     there keeps its rows."""
     state, terms, early = workspace.state, workspace.terms, workspace.early
     clock = state.clock[0]
     for k in range(contacts):
         first = early_slot(workspace.scratch.slots[k], workspace)
+        _yield_half(k, first, workspace)
         if first >= 0:
             for d in range(2):
                 for i in range(state.v.shape[0]):
@@ -196,6 +210,29 @@ def take_means(contacts: int, workspace: Workspace) -> None:
     for i in range(state.v.shape[0]):
         terms.load[i] = 0.5 * (terms.load[i] + early.pull[i])
         state.passive[i] = 0.5 * (state.passive[i] + early.passive[i])
+
+
+@kernel
+def _yield_half(k: int, first: int, workspace: Workspace) -> None:
+    """Let the force of contact k, which began in slot `first`, be that of its deformation in the middle: what
+    it yields in half a step, by the first solution, is taken from deformations and added to the gap."""
+    terms, early, before = workspace.terms, workspace.early, workspace.before.deformation
+    after = workspace.state.deformation[workspace.scratch.slots[k]]
+    for d in range(2):
+        start = before[first, d] if first >= 0 else 0.0
+        early.yielded[2 * k + d] = 0.5 * (after[d] - start) if first >= 0 else 0.0
+        terms.deformation[2 * k + d] = start - early.yielded[2 * k + d]
+    terms.gap[k] += early.yielded[2 * k]
+
+
+@kernel
+def yield_fully(contacts: int, workspace: Workspace) -> None:
+    """Add to the deformations of contacts that push what they yield in the second half of the step."""
+    state, scratch = workspace.state, workspace.scratch
+    for k in range(contacts):
+        if scratch.mode[k] != OPEN:
+            for d in range(2):
+                state.deformation[scratch.slots[k], d] += workspace.early.yielded[2 * k + d]
 
 
 @kernel

@@ -55,6 +55,8 @@ def gather(records: Records, workspace: Workspace) -> int:
         records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,
         workspace.terms, scratch.slots,
     )  # fmt: skip
+    if records.joints.shape[0] == 0:
+        return contacts
     return joints.stops(
         records, state.placed.pose, state.q, contacts, 2 * records.pairs.shape[0] + 2 * n, workspace.terms,
         scratch.slots, scratch.row,

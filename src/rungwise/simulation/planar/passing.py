@@ -109,7 +109,9 @@ def _least_distance(
     speed = math.hypot(far_x - x, far_y - y) + bend
     apart = math.hypot(x, y) + speed
     best = -math.inf
-    for turn in (0.0, turn_a, turn_b):
+    for k, turn in enumerate((0.0, turn_a, turn_b)):
+        if k > 0 and turn == 0.0:
+            continue
         c, s = math.cos(turn), math.sin(turn)
         last = _distance(a, b, c * nx - s * ny, s * nx + c * ny, workspace)
         bent = bend + turn**2 * apart + 2.0 * abs(turn) * speed

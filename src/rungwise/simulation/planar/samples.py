@@ -14,7 +14,7 @@ from rungwise.simulation.planar.begin import begin_by_hand
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.loop import begin, first_verdict, run_step
 from rungwise.simulation.planar.memory import clear, go_on
-from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margin
+from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
 from rungwise.simulation.planar.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
@@ -255,15 +255,8 @@ def _set_control(options: RecordArray, place: Place) -> None:
 @kernel
 def _watch(conditions: Conditions, workspace: Workspace, best: float, danger: float) -> tuple[float, float]:
     """Greatest margins so far: of the goal, and of the unsafe and doomed conditions."""
-    state, scratch = workspace.state, workspace.scratch
-    goal = margin(conditions, 0, state, scratch)
-    if goal > best:
-        best = goal
-    for index in (1, 2):
-        near = margin(conditions, index, state, scratch)
-        if near > danger:
-            danger = near
-    return best, danger
+    goal, near = margins(conditions, workspace.state, workspace.scratch)
+    return goal if goal > best else best, near if near > danger else danger
 
 
 @kernel

@@ -51,31 +51,44 @@ def _verdict(conditions: Conditions, state: State, scratch: Scratch) -> int:
 
 
 @kernel
-def margin(conditions: Conditions, index: int, state: State, scratch: Scratch) -> float:
-    """Signed margin of a condition (0 goal, 1 unsafe, 2 doomed) in the state last judged: the condition holds
-    from 0 on; nan when it is not stated."""
+def margins(conditions: Conditions, state: State, scratch: Scratch) -> tuple[float, float]:
+    """Signed margins, in the state last judged, of the goal, and of the unsafe or the doomed condition,
+    whichever is nearer: a condition holds from 0 on; -inf where none is stated."""
     code, constants, table = conditions
-    first, last = table[index, 0], table[index, 1]
-    return evaluate(code, constants, first, last, state.values, scratch.stack) if last > first else math.nan
+    goal, danger = -math.inf, -math.inf
+    for index in range(3):
+        first, last = table[index, 0], table[index, 1]
+        if last > first:
+            found = evaluate(code, constants, first, last, state.values, scratch.stack)
+            if index == 0:
+                goal = found
+            elif found > danger:
+                danger = found
+    return goal, danger
 
 
 @kernel
 def look_back(
-    conditions: Conditions, inputs: Inputs, control: RecordArray, h: float, workspace: Workspace
+    verdict: int,
+    conditions: Conditions,
+    inputs: Inputs,
+    control: RecordArray,
+    h: float,
+    workspace: Workspace,
 ) -> float:
     """Part of the step just taken, of length h, up to which no condition holds, neither one of the scene nor
     the one that ends the present segment; 1 if none holds at all.
 
-    `scratch.begun` holds the values that conditions read at its start. Between start and end places and gaps
-    are linear in time, looked at `SIGHTS` times in a step of the greatest length, and the first condition is
-    dated to a quarter of the nominal step.
+    `verdict` is that of its end; `scratch.begun` holds the values that conditions read at its start. Between
+    start and end places and gaps are linear in time, looked at `SIGHTS` times in a step of the greatest
+    length, and the first condition is dated to a quarter of the nominal step.
     """
     state, scratch = workspace.state, workspace.scratch
     copy(state.values, scratch.ended)
     count = max(1, math.ceil(SIGHTS * h / control[0].longest - 1e-9))
     before, after = 0.0, 1.0
-    found = False
-    for k in range(1, count + 1):
+    found = verdict != RUNNING or until_margin(inputs, workspace) >= 0.0
+    for k in range(1, count):
         _interpolate(k / count, h, state, scratch)
         if _is_met(conditions, inputs, workspace):
             after, found = k / count, True

@@ -23,6 +23,8 @@ from rungwise.system.terms import Terms, allocate_terms
 
 Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 """Programs of the scene's conditions: code, constants and table."""
+Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
+"""Shapes and types of fields, by name."""
 
 ROUNDING = 1e-12
 """Rounding of positions, relative to the extent of the scene."""
@@ -30,7 +32,7 @@ ROUNDING = 1e-12
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " centred lost",
+    " centred lost stalled",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend",
@@ -46,7 +48,8 @@ to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedul
 `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
-that a contact of the last step is no more at its end, and that rows are those of the start."""
+that a contact of the last step is no more at its end, and that rows are those of the start. `stalled` counts
+the last steps that went nearly nowhere, each in place of a longer one without solution."""
 
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
@@ -101,7 +104,7 @@ class Scratch(core.Scratch):
 class Early(Block):
     """What a step began with: rows, gap and feature of each slot (ABSENT where nothing was near), the rows of
     joints and of their measures, the load without and with the forces in joints, the passive load; `v` is the
-    first solution, `trial` (2, n) rows of a contact at its end."""
+    first solution, `yielded` half of what contacts yield in it; `trial` (2, n) are rows at its end."""
 
     rows: Reals
     gap: Reals
@@ -113,11 +116,14 @@ class Early(Block):
     pull: Reals
     passive: Reals
     v: Reals
+    yielded: Reals
 
 
 class Snapshot(Block):
-    """The state that is restored when a step is not accepted, or the end of one that is compared."""
+    """The state that is restored when a step is not accepted, or the end of one that is compared: a memory
+    like that of the state, with views of it, and impulses."""
 
+    memory: Reals
     clock: RecordArray
     q: Reals
     v: Reals
@@ -203,9 +209,7 @@ def in_memory(state: State, name: str, memories: Reals) -> NDArray[Any]:
     return part.view(own.dtype).reshape(len(part), *own.shape)
 
 
-def _in_one_array(
-    fields: dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]],
-) -> tuple[Reals, dict[str, NDArray[Any]]]:
+def _in_one_array(fields: Fields) -> tuple[Reals, dict[str, NDArray[Any]]]:
     """An array of zeros, and fields of these shapes and types, whose elements are 8 bytes long or several
     times that, as views of it."""
     length = {name: math.prod(shape) * np.dtype(kind).itemsize // 8 for name, (shape, kind) in fields.items()}
@@ -214,6 +218,25 @@ def _in_one_array(
         views[name] = memory[at : at + length[name]].view(kind).reshape(shape)
         at += length[name]
     return memory, views
+
+
+def _snapshot(memory: Reals, carried: dict[str, NDArray[Any]], at: int, n: int) -> Snapshot:
+    """A snapshot in this memory, whose values have n places from `at` on, then speeds."""
+    values, contacts = carried["values"], carried["recent"].shape[1]
+    return Snapshot(
+        memory=memory,
+        clock=carried["clock"],
+        q=values[at : at + n],
+        v=values[at + n : at + 2 * n],
+        features=carried["features"],
+        deformation=carried["deformation"],
+        modes=carried["modes"],
+        limited_mode=carried["limited_mode"],
+        force=carried["force"],
+        impulse=np.zeros_like(carried["force"]),
+        impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
+        recent=carried["recent"],
+    )
 
 
 def allocate(
@@ -230,22 +253,21 @@ def allocate(
     at, inputs = len(template.parameters) + 1, len(template.inputs)
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
-    memory, carried = _in_one_array(
-        {  # in the order of `in_memory`
-            "clock": ((1,), CLOCK),
-            "values": (values.shape, np.float64),
-            "start": ((n + len(records.measures),), np.float64),
-            "levels": ((inputs,), np.float64),
-            "recent": ((2, contacts), np.float64),
-            "features": ((2 * pairs,), np.int64),
-            "points": ((2 * pairs, 5), np.float64),
-            "deformation": ((slots, d), np.float64),
-            "modes": ((slots,), np.int64),
-            "force": ((slots, d), np.float64),
-            "limited_mode": ((limited,), np.int64),
-            "limited_force": ((limited,), np.float64),
-        }
-    )
+    fields: Fields = {  # in the order of `in_memory`
+        "clock": ((1,), CLOCK),
+        "values": (values.shape, np.float64),
+        "start": ((n + len(records.measures),), np.float64),
+        "levels": ((inputs,), np.float64),
+        "recent": ((2, contacts), np.float64),
+        "features": ((2 * pairs,), np.int64),
+        "points": ((2 * pairs, 5), np.float64),
+        "deformation": ((slots, d), np.float64),
+        "modes": ((slots,), np.int64),
+        "force": ((slots, d), np.float64),
+        "limited_mode": ((limited,), np.int64),
+        "limited_force": ((limited,), np.float64),
+    }
+    memory, carried = _in_one_array(fields)
     carried["values"][:], carried["features"][:], carried["limited_mode"][:] = values, ABSENT, STICK
     values = carried["values"]
     state = State(
@@ -285,22 +307,7 @@ def allocate(
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
     )
-    before, kept, whole = (
-        Snapshot(
-            clock=np.zeros(1, CLOCK),
-            q=np.zeros(n),
-            v=np.zeros(n),
-            features=np.zeros(2 * pairs, np.int64),
-            deformation=np.zeros((slots, d)),
-            modes=np.zeros(slots, np.int64),
-            limited_mode=np.zeros(limited, np.int64),
-            force=np.zeros((slots, d)),
-            impulse=np.zeros((slots, d)),
-            impulses=np.zeros(contacts),
-            recent=np.zeros((2, contacts)),
-        )
-        for _ in range(3)
-    )
+    before, kept, whole = (_snapshot(*_in_one_array(fields), at, n) for _ in range(3))
     early = Early(
         rows=np.zeros((2 * slots, n)),
         gap=np.zeros(slots),
@@ -312,6 +319,7 @@ def allocate(
         pull=np.zeros(n),
         passive=np.zeros(n),
         v=np.zeros(n),
+        yielded=np.zeros(2 * rows),
     )
     recorded = Frames(
         memory=np.zeros((frames, len(memory))),

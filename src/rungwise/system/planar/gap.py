@@ -128,14 +128,21 @@ def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifold
 def _stays(old: int, new: int, a: Record, b: Record, outline: Reals) -> bool:
     """Whether two features are one contact: equal, or the same end of the stretch where two faces meet.
 
-    Where the faces end together, rounding decides whose vertex is over the other's edge.
+    Where the faces end together, rounding decides whose vertex is over the other's edge, and between rounded
+    shapes the two vertices there are closest for a while.
     """
     if old == ABSENT or new == ABSENT:
         return False
     if old == new:
         return True
     edge, vertex, facing, corner = old // VERTICES, old % VERTICES, new // VERTICES, new % VERTICES
-    if edge >= VERTICES or facing >= VERTICES or not are_parallel(edge, facing, outline):
+    if edge >= VERTICES and facing >= VERTICES:
+        return False
+    if edge >= VERTICES:
+        return _ends_in(facing, corner, vertex, edge - VERTICES, a, b, outline)
+    if facing >= VERTICES:
+        return _ends_in(edge, vertex, corner, facing - VERTICES, a, b, outline)
+    if not are_parallel(edge, facing, outline):
         return False
     if a.first <= edge < a.end:
         return _end_together(a, edge, vertex, b, facing, corner)
@@ -148,3 +155,17 @@ def _end_together(shape: Record, edge: int, vertex: int, other: Record, facing: 
     if vertex == facing:
         return corner == next_vertex(shape, edge)
     return corner == edge and vertex == next_vertex(other, facing)
+
+
+@kernel
+def _ends_in(edge: int, vertex: int, i: int, j: int, a: Record, b: Record, outline: Reals) -> bool:
+    """Whether vertices i and j are `vertex` and an end of the edge, and the shape of `vertex` has a face
+    there that may come to lie on the edge."""
+    if vertex not in (i, j):
+        return False
+    corner = i if vertex == j else j
+    own, other = (a, b) if a.first <= edge < a.end else (b, a)
+    if corner not in (edge, next_vertex(own, edge)):
+        return False
+    before = vertex - 1 if vertex > other.first else other.end - 1
+    return are_parallel(edge, vertex, outline) or are_parallel(edge, before, outline)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from rungwise.kernel import Reals, Record, RecordArray, kernel
+from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, kernel
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import coordinate_count, lever
 
 
-@kernel
+@inner_kernel
 def contact_rows(
     a: int, b: int, bodies: RecordArray, pose: Reals, point: Reals, rows: Reals, first: int
 ) -> None:

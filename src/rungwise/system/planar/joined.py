@@ -208,35 +208,60 @@ def _from_edge(
     first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
     faces = edge, facing, first_vertex, last_vertex
     over = _ends_over(plane, single, faces, outline, seams)
+    lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
+    nearest = first_vertex if lower else last_vertex
+    gap = height(edge, nearest, outline)
     deepest, least = -1, math.inf
     for k in range(4):
         if over[k]:
             e, j = _end(k, faces, seams)
             distance = height(e, j, outline)
-            if distance < least:
+            if distance < least and (k < 2 or gap <= 0.0 or _is_over(e, j, outline, seams)):
                 deepest, least = k, distance
-    lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
-    nearest = first_vertex if lower else last_vertex
-    gap = height(edge, nearest, outline)
-    if deepest < 0 or (gap > 0.0 and least > gap + TIE * span(edge, nearest, outline)):
-        if apart:
-            return _closest_vertices(shape, other, sign, outline, seams, points, features)
+    if deepest >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, nearest, outline)):
+        count = _put_end(deepest, faces, shape, other, sign, outline, seams, points, features, 0)
+        _, nearest = _end(deepest, faces, seams)
+        least -= shape.radius + other.radius
+    elif apart:
+        count = _closest_vertices(shape, other, sign, outline, seams, points, features)
+        deepest, least = -1, points[0, GAP]
+        if not are_parallel(edge, facing, outline):
+            return count
+    else:
         if not (other.first <= nearest < other.end) or _is_beyond_seam(edge, nearest, plane, outline, seams):
             return 0
         features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    count = _put_end(deepest, faces, shape, other, sign, outline, seams, points, features, 0)
+    second = _other_end(deepest, nearest, edge, over, faces, outline, seams)
+    if second < 0:
+        return count
+    both = _put_end(second, faces, shape, other, sign, outline, seams, points, features, count)
+    if gap > 0.0 and both > count and points[count, GAP] < least - TIE * span(edge, nearest, outline):
+        features[count] = ABSENT
+        return count
+    return both
+
+
+@kernel
+def _other_end(
+    deepest: int,
+    nearest: int,
+    edge: int,
+    over: tuple[bool, bool, bool, bool],
+    faces: Faces,
+    outline: Reals,
+    seams: Seams,
+) -> int:
+    """The candidate, but for `deepest`, that is farthest along the edge from the vertex `nearest`; -1 if
+    there is none."""
     second, farthest = -1, 0.0
-    _, j0 = _end(deepest, faces, seams)
     for k in range(4):
         if over[k] and k != deepest:
             _, j = _end(k, faces, seams)
-            away = abs(along(edge, j, outline) - along(edge, j0, outline))
+            away = abs(along(edge, j, outline) - along(edge, nearest, outline))
             if away > farthest:
                 second, farthest = k, away
-    if second < 0:
-        return count
-    return _put_end(second, faces, shape, other, sign, outline, seams, points, features, count)
+    return second
 
 
 @kernel

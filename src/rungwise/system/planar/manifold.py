@@ -132,26 +132,51 @@ def _from_edge(
         if over[k]:
             e, j = _end(k, shape, other, edge, facing)
             distance = height(e, j, outline)
-            if distance < least:
+            owner = other if k >= 2 else shape
+            if distance < least and (k < 2 or gap <= 0.0 or _is_over(owner, e, j, outline)):
                 first, least = k, distance
-    if first < 0 or (gap > 0.0 and least > gap + TIE * span(edge, vertex, outline)):
-        if apart:
-            return closest_vertices(shape, other, sign, outline, points, features)
+    if first >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, vertex, outline)):
+        features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
+        _, nearest = _end(first, shape, other, edge, facing)
+    elif apart:
+        closest_vertices(shape, other, sign, outline, points, features)
+        if not are_parallel(edge, facing, outline):
+            return 1
+        first, nearest = -1, vertex
+    else:
         features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
-    second, farthest = -1, 0.0
-    _, j0 = _end(first, shape, other, edge, facing)
-    for k in range(4):
-        if over[k] and k != first:
-            _, j = _end(k, shape, other, edge, facing)
-            away = abs(along(edge, j, outline) - along(edge, j0, outline))
-            if away > farthest:
-                second, farthest = k, away
+    second = _other_end(first, nearest, over, shape, other, edge, facing, outline)
     if second < 0:
         return 1
     features[1] = _put_end(second, shape, other, edge, facing, sign, outline, points[1])
+    if gap > 0.0 and points[1, GAP] < points[0, GAP] - TIE * span(edge, vertex, outline):
+        features[1] = ABSENT
+        return 1
     return 2
+
+
+@kernel
+def _other_end(
+    first: int,
+    nearest: int,
+    over: tuple[bool, bool, bool, bool],
+    shape: Record,
+    other: Record,
+    edge: int,
+    facing: int,
+    outline: Reals,
+) -> int:
+    """The candidate, but for `first`, that is farthest along the edge from the vertex `nearest`; -1 if there
+    is none."""
+    second, farthest = -1, 0.0
+    for k in range(4):
+        if over[k] and k != first:
+            _, j = _end(k, shape, other, edge, facing)
+            away = abs(along(edge, j, outline) - along(edge, nearest, outline))
+            if away > farthest:
+                second, farthest = k, away
+    return second
 
 
 @kernel
@@ -261,7 +286,7 @@ def _put_end(
     return put(e, j, other.radius, shape.radius, -sign, outline, point)
 
 
-@kernel
+@inner_kernel
 def put(
     edge: int,
     vertex: int,

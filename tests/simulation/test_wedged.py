@@ -1,0 +1,48 @@
+"""Rollouts of pushes that wedge a box against a post end as runs do, and after about as many steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+
+SAMPLES = 60
+TOL = 7.071067811865475e-05
+START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
+
+
+def compare(found: rw.Rollouts, least: int) -> None:
+    """Jams of rollouts are jams of runs, at the same place, after not many more attempts at steps."""
+    jammed = np.flatnonzero(found.outcome == rw.Code.JAMMED)
+    assert len(jammed) >= least
+    for i in jammed:
+        run = found.run(int(i))
+        assert run.outcome.code == rw.Code.JAMMED, (i, run.reason)
+        assert found.attempts[i] <= 3 * run.attempts + 100, i
+        places = [x for body in run.final.values() for x in body.values()]
+        assert found.final[i] == pytest.approx(places, abs=1e-5)
+
+
+def test_wedged_boxes_end_rollouts() -> None:
+    rng = np.random.default_rng(7)
+    posts = {"post1_x": rng.uniform(0.118, 0.125, SAMPLES), "post1_y": rng.uniform(0.042, 0.05, SAMPLES)}
+    turns = np.array([0.887, -0.504]) + rng.uniform(-0.1, 0.1, (SAMPLES, 2))
+    heading = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    found = rw.rollout(
+        "push", "quasistatic-rigid", inputs=heading, durations=[1.346, 6.0], parameters=START | posts,
+        tol=TOL, threads=1,
+    )  # fmt: skip
+    compare(found, 20)
+
+
+def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long() -> None:
+    """Here each step that has a solution moves the box by some hundredths of the tolerance, in place of a
+    longer one without: thousands of them before nothing moves."""
+    at = START | {"post1_x": 0.12132715515343598, "post1_y": 0.045899312196799685}
+    heading = [[[0.631427183782538, 0.7754351756146048], [0.8755964316005573, -0.48304336137490866]]]
+    durations = [1.3461568045077035, 4.398193643920042]
+    found = rw.rollout(
+        "push", "quasistatic-rigid", inputs=heading, durations=durations, parameters=at, tol=TOL, threads=1
+    )
+    compare(found, 1)
