@@ -72,7 +72,7 @@ def drag() -> rw.Scene:
 def without_conditions(scene: rw.Scene, parameters: dict[str, float]) -> tuple[rw.Scene, float]:
     """The scene with these parameters, without goal, unsafe and doomed, and the end of its runs."""
     end = PART * min(rw.simulate(scene, rung, parameters=parameters, frames=3).time for rung in RUNGS)
-    data = scene.file.model_copy(update=dict.fromkeys(CONDITIONS)).model_dump(mode="json")
+    data = scene.file.model_copy(update=dict.fromkeys((*CONDITIONS, "task"))).model_dump(mode="json")
     for name, value in parameters.items():
         data["parameters"][name]["default"] = value
     return rw.load(data), end

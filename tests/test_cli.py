@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -53,7 +54,7 @@ def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 
 def refused(answer: Answer, *words: str) -> None:
     assert answer.code == 2
-    assert answer.out == ""
+    assert answer.out == "" or json.loads(answer.out) == {"error": answer.err[len("rungwise: ") : -1]}
     assert answer.err.startswith("rungwise: ") and answer.err.endswith("\n")
     assert answer.err.count("\n") == 1 and len(answer.err) < 600
     assert "Traceback" not in answer.err
@@ -130,7 +131,7 @@ def test_check(rungwise: Command, name: str) -> None:
 
 def test_check_shows_what_joints_leave_free(rungwise: Command) -> None:
     text = rungwise("check", "two_link").out
-    assert "elbow        hinge  upper | lower  travels -2.61799 to 2.61799  drive servo" in text
+    assert "elbow        hinge  upper | lower  travels -2.61799 to 2.61799 rad, driven by a servo: " in text
     elbow = rungwise("check", "two_link", "--json").json["joints"]["elbow"]["coordinate"]
     assert elbow["drive"] == "servo" and elbow["upper"] == pytest.approx(np.radians(150))
 
@@ -384,6 +385,42 @@ def test_interruption_keeps_what_was_reached(tmp_path: Path) -> None:
     assert rw.load_run(folder)[1]["time"] == report["time"]
 
 
+def test_interrupted_search_keeps_the_plan_of_the_stage_before(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    # The second stage waits for the signal.
+    waiting = (
+        "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler);"
+        "from rungwise.planning import climb; take = climb._take_stage\n"
+        "def stage(work, found, stage):\n"
+        "    if found.records: print('waits', flush=True); time.sleep(60)\n"
+        "    return take(work, found, stage)\n"
+        "climb._take_stage = stage\n"
+    )
+    command = [
+        *MAIN[:-1],
+        waiting + MAIN[-1],
+        "plan",
+        "push",
+        "--task-seed",
+        "3",
+        "--schedule",
+        "quasistatic",
+    ]
+    with subprocess.Popen(
+        [*command, "--out", str(plan)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stdout.readline() == "waits\n"
+        process.send_signal(signal.SIGINT)
+        try:
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()
+    assert process.returncode == 130, err
+    assert "interrupted; the plan holds on quasistatic-rigid @ 0.001" in out and "Traceback" not in err
+    kept = rw.load_plan(plan)
+    assert str(kept.replay().outcome) == "goal" and not kept.found
+
+
 def test_output_that_cannot_be_written() -> None:
     with subprocess.Popen([*MAIN, "models"], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stdout is not None and process.stderr is not None
@@ -462,7 +499,7 @@ def test_sets_without_a_feasible_point_is_negative(rungwise: Command) -> None:
         (("--over", "v1,v1"), ("given twice",)),
         (("--over", "x3"), ("x3 needs an interval",)),
         (("--over", "v1", "--tol", "0"), ("tol",)),
-        (("--over", "v1", "--solutions", "any"), ("solutions: 'any' must be one of slowest, possible",)),
+        (("--over", "v1", "--solutions", "any"), ("solutions: unknown 'any'; valid: slowest, possible",)),
         (("--over", "v1", "--resume"), ("resume", "--out")),
         (("--over", "v1", "--accuracy", "-1"), ("tol: must be",)),
         (("--over", "v1", "--out", "/dev/null/x"), ("cannot be written",)),
@@ -499,3 +536,130 @@ def test_the_package_is_the_command() -> None:
         [sys.executable, "-m", "rungwise", "models"], capture_output=True, text=True, check=True, timeout=60
     )
     assert done.stdout.startswith("geometric")
+
+
+WRONG_SCHEDULES = {
+    "": "is empty; it must be a list",
+    "# nothing": "is empty; it must be a list",
+    "3": "inputs: must be a list of segments, not 3",
+    "[null]": "inputs.0: must be a mapping of fields",
+    "[{duration: 1, foo: 2}]": "inputs.0: unknown field 'foo'",
+    "[{duration: .nan}]": "inputs.0.duration: must be finite",
+    "[{duration: -1}]": "inputs.0.duration: must be >= 0",
+    "[{duration: 1, inputs: {zz: 1}}]": "inputs.0.inputs: unknown input 'zz'; valid: ux, uy",
+    "[{duration: 1, inputs: {ux: .nan}}]": "inputs.0.inputs.ux: must be finite",
+    "[{duration: 1, inputs: {ux: abc}}]": "inputs.0.inputs.ux: must be a number",
+    "[{duration: 1, inputs: [1, 2]}]": "inputs.0.inputs: must be a mapping",
+    "[{duration: 1, until: 'zz > 9'}]": "inputs.0.until: unknown name zz",
+    "[{duration: 1": "line 1",
+}
+
+
+@pytest.mark.parametrize("text", WRONG_SCHEDULES)
+def test_wrong_schedules_are_one_line(rungwise: Command, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "inputs.yaml"
+    path.write_text(text)
+    refused(rungwise("sim", "push", "--model", "kinematic", "--inputs", path), WRONG_SCHEDULES[text])
+
+
+def test_schedules_that_are_no_files_are_one_line(rungwise: Command, tmp_path: Path) -> None:
+    refused(rungwise("sim", "push", "--model", "kinematic", "--inputs", tmp_path / "none.yaml"), "is no file")
+    refused(rungwise("sim", "push", "--model", "kinematic", "--inputs", tmp_path), "is a folder")
+
+
+def test_plan_is_found_saved_verified_and_drawn(rungwise: Command, tmp_path: Path) -> None:
+    plan, table, page = tmp_path / "new" / "plan.json", tmp_path / "plan.csv", tmp_path / "plan.html"
+    answer = rungwise(
+        "plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", plan, "--csv", table, "--json"
+    )
+    assert answer.code == 0 and answer.json["found"] and answer.json["model"] == "quasistatic-rigid"
+    assert table.read_text().startswith("time,label,until,ux,uy\n")
+    answer = rungwise("verify", plan, "--samples", 20, "--json")
+    assert answer.json["samples"] == 20 and answer.code == (0 if answer.json["lower"] >= 0.9 else 1)
+    assert rungwise("verify", plan, "--samples", 20, "--rate", 0).code == 0
+    answer = rungwise("view", plan, "--model", "kinematic", "--model", "dynamic-rigid", "--html", page)
+    assert answer.code == 0 and page.stat().st_size > 10_000
+    drawn = tmp_path / "apart.svg"
+    rungs = ("--model", "kinematic", "--model", "quasistatic-rigid")
+    answer = rungwise("view", plan, *rungs, "--parting", drawn, "--json")
+    assert answer.code == 0 and answer.json["diagnosis"]["after"] == "quasistatic-rigid"
+    assert drawn.read_text().count("<path") > 20
+    answer = rungwise("plan", "push", "--task-seed", 3, "--to", "geometric", "--out", plan, "--csv", table)
+    refused(answer, "csv: it is of the geometric rung")
+    refused(rungwise("view", plan), "plan: it is of the geometric rung: it has places, but no inputs")
+    refused(rungwise("verify", plan), "plan: it is of the geometric rung")
+    refused(rungwise("view", plan, "--parting", drawn), "plan: it is of the geometric rung")
+    refused(rungwise("view", plan, *rungs, "--parting", drawn), "plan: it is of the geometric rung")
+    for more in (("--robust", 0.9), ("--improve", 10)):
+        answer = rungwise("plan", "push", "--task-seed", 3, "--to", "geometric", *more)
+        refused(answer, f"{more[0][2:]}: needs a plan with inputs; on geometric @ 0.01 there are only places")
+    schedule = "geometric,kinematic@0.01,quasistatic-rigid@0.01"
+    answer = rungwise("plan", "push", "--task-seed", 3, "--schedule", schedule, "--out", plan)
+    assert answer.code == 0 and "without being touched by a robot" in answer.out
+    assert rungwise("view", plan, "--parting", drawn).code == 0
+    answer = rungwise("plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--out", plan)
+    again = rungwise("plan", "push", "--task-seed", 3, "--initial", plan, "--schedule", "dynamic-rigid@0.01")
+    assert again.code == 0 and "dynamic-rigid @ 0.01" in again.out
+
+
+def test_version_and_choices(rungwise: Command) -> None:
+    assert rungwise("--version").out == f"rungwise {version('rungwise')}\n"
+    refused(rungwise("sim", "push"), "Missing option '--model'. Valid: kinematic, quasistatic-rigid")
+    refused(rungwise("sim", "push", "--model"), "Valid: kinematic, quasistatic-rigid")
+    refused(rungwise("check"), "Missing argument", "a YAML file, or blocks, four_finger")
+    refused(rungwise("sets", "push", "--model", "kinematic"), "Valid: names of parameters")
+    refused(rungwise("sim", "push", "--modle", "kinematic"), "--model")
+    assert "--install-completion" in rungwise("--help").out
+
+
+def test_errors_are_json_where_answers_are(rungwise: Command) -> None:
+    answer = rungwise("sim", "push", "--model", "zzz", "--json")
+    assert answer.code == 2 and json.loads(answer.out)["error"].startswith("model: unknown 'zzz'")
+
+
+def test_check_tells_units_travel_and_drives(rungwise: Command) -> None:
+    text = rungwise("check", "grasp").out
+    assert "finger1.x: starts at 0, travels freely, driven by a servo: stiffness spring" in text
+    assert "part.angle: starts at 0 rad, travels freely\n" in text
+    assert (
+        "finger1.x1: starts at 0, travels 0 to 2, driven by speed v1" in rungwise("check", "two_finger").out
+    )
+    assert "  mu           0.6, 0 to 100  friction between fingers and part" in text
+
+
+def test_a_rate_of_success_names_its_mode(rungwise: Command, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    answer = rungwise(
+        "plan", "push", "--task-seed", 3, "--to", "quasistatic-rigid", "--robust", 0.5, "--samples", 12,
+        "--out", plan, "--json",
+    )  # fmt: skip
+    assert answer.code == 0 and answer.json["mode"] in ("open loop", "guarded moves", "re-planning")
+    assert answer.json["checks"][-1]["lower"] >= 0.5
+    assert rungwise("verify", plan, "--samples", 12, "--json").json["mode"] == answer.json["mode"]
+    refused(rungwise("plan", "push", "--robust", 2), "robust: must be between 0 and 1, not 2")
+    refused(rungwise("verify", plan, "--mode", "zzz"), "mode: unknown 'zzz'", "guarded moves")
+
+
+def test_no_plan_is_exit_code_1(rungwise: Command) -> None:
+    answer = rungwise("plan", "push", "--task-seed", 3, "--budget", 300)
+    assert answer.code == 1 and "no plan" in answer.out and "the budget is spent" in answer.out
+
+
+def test_plans_that_cannot_be(rungwise: Command, tmp_path: Path) -> None:
+    refused(rungwise("plan", "pivot"), "task: the scene has none")
+    refused(rungwise("plan", "push", "--to", "zzz"), "unknown 'zzz'", "dynamic-compliant")
+    refused(rungwise("plan", "push", "--schedule", "zzz"), "schedule: unknown 'zzz'", "coarse-fine")
+    refused(rungwise("plan", "push", "--schedule", "kinematic@x"), "an accuracy must be a number")
+    refused(
+        rungwise("plan", "push", "--set", "post1_x=0", "--set", "post1_y=0"), "start: box and post1 overlap"
+    )
+    refused(rungwise("plan", "push", "--out", tmp_path), "is a folder")
+    refused(rungwise("plan", "push", "--initial", tmp_path / "no.json"), "is no file")
+    wrong = tmp_path / "wrong.json"
+    wrong.write_text("{}")
+    for command in (("verify", wrong), ("view", wrong), ("plan", "push", "--initial", wrong)):
+        refused(rungwise(*command), "holds no plan that was saved")
+    refused(rungwise("verify", tmp_path / "no.json"), "is no file")
+    apart = ("--parting", tmp_path / "apart.png")
+    refused(rungwise("view", "push", *apart), "parting: needs one saved plan (JSON)")
+    refused(rungwise("view", wrong, *apart, "--png", "x.png"), "--parting is a picture of its own")

@@ -16,6 +16,8 @@ from .contact.files import read_problem, write_fclib
 from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
+from .errors import InputError
+from .keywords import KeywordError
 from .models.ladder import (
     DYNAMIC_COMPLIANT,
     DYNAMIC_RIGID,
@@ -27,6 +29,12 @@ from .models.ladder import (
     Rung,
 )
 from .outcome import OUTCOMES, Code, Outcome
+from .planning.climb import plan
+from .planning.diagnose import Diagnosis, diagnose
+from .planning.plan import Plan, PlanError, load_plan
+from .planning.predict import Stage
+from .planning.task import TaskError, instances
+from .planning.verify import Verification, verify
 from .scene import InvalidScene, Scene, SceneError, load, schema, shipped
 from .sets.between import Between, between
 from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
@@ -46,6 +54,8 @@ from .simulation.run import Simulation, simulate
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
+from .viewing.inline import PictureError, plot, to_html
+from .viewing.parting import draw_parting
 from .viewing.view import ViewError, view
 
 __all__ = [
@@ -63,15 +73,21 @@ __all__ = [
     "Closure",
     "Code",
     "ContactSolution",
+    "Diagnosis",
     "DoomedSet",
     "FeasibleSet",
     "Geometry",
+    "InputError",
     "InvalidScene",
+    "KeywordError",
     "Kind",
     "Label",
     "ModelError",
     "Outcome",
+    "PictureError",
     "Piece",
+    "Plan",
+    "PlanError",
     "Problem",
     "Results",
     "Rollouts",
@@ -88,26 +104,35 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "Stage",
     "State",
     "StateError",
     "States",
     "Status",
     "StepSensitivity",
+    "TaskError",
     "Touching",
+    "Verification",
     "ViewError",
     "ask",
     "between",
+    "diagnose",
     "doomed_set",
+    "draw_parting",
     "extreme_motions",
     "feasible_set",
     "force_closure",
     "form_closure",
     "geometry",
+    "instances",
     "load",
     "load_doomed_set",
+    "load_plan",
     "load_run",
     "load_set",
     "load_state",
+    "plan",
+    "plot",
     "read_problem",
     "rollout",
     "run_sensitivity",
@@ -119,7 +144,9 @@ __all__ = [
     "solutions",
     "solve",
     "step_sensitivity",
+    "to_html",
     "touching",
+    "verify",
     "view",
     "write_fclib",
 ]

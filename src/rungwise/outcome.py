@@ -5,8 +5,7 @@ Kernels return the codes; people read the texts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 
 
 class Code(IntEnum):
@@ -25,9 +24,8 @@ class Code(IntEnum):
     NOT_CONVERGED = 10
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a run ended.
+class Outcome(StrEnum):
+    """How a run ended: a text (`run.outcome == "goal"`), with its `code`, what it means, and advice.
 
     `exit_code` is the exit code of the command line: 0 the answer is positive, 1 negative, 2 bad input.
     """
@@ -37,69 +35,68 @@ class Outcome:
     meaning: str
     advice: str
 
+    RUNNING = Code.RUNNING, 1, "the run was interrupted", "Continue it, or run it again."
+    GOAL = Code.GOAL, 0, "the goal condition holds", "Lift the plan to the next rung."
+    UNSAFE = Code.UNSAFE, 1, "an unsafe condition holds", "Change inputs or design, or relax the condition."
+    DOOMED = (
+        Code.DOOMED,
+        1,
+        "the scene's rule says that no input can reach the goal from here",
+        "Change the inputs that led here; the set Z_A begins before this state.",
+    )
+    JAMMED = (
+        Code.JAMMED,
+        1,
+        "no motion satisfies contact, friction and the prescribed speeds",
+        "Use a force-limited servo, a compliant rung, or lower friction; see the certificate.",
+    )
+    UNSUPPORTED = (
+        Code.UNSUPPORTED,
+        1,
+        "loads act that contacts and drives cannot balance without inertia",
+        "Use a dynamic rung, or support the body.",
+    )
+    MISSED = (
+        Code.MISSED,
+        1,
+        "the inputs are spent and the goal is not reached",
+        "Change the inputs or the start.",
+    )
+    TIMEOUT = (
+        Code.TIMEOUT,
+        1,
+        "the time is over, and no condition of the scene has decided the run",
+        "Give more time (--time), or state a goal.",
+    )
+    MODEL_INVALID = (
+        Code.MODEL_INVALID,
+        1,
+        "a local deformation outgrew the feature that carries it",
+        "The compliant model no longer holds here: raise stiffness, lower loads, or use a rigid rung.",
+    )
+    INVALID = (
+        Code.INVALID,
+        2,
+        "the scene is impossible at these parameters",
+        "See the reason; `rungwise check` shows parameters and their ranges.",
+    )
+    NOT_CONVERGED = (
+        Code.NOT_CONVERGED,
+        1,
+        "no solver brought the step's residual below tolerance, and no certificate says why",
+        "Use a smaller step; --save-hard DIR keeps the problem for `rungwise solve` and other solvers.",
+    )
+
+    def __new__(cls, code: Code, exit_code: int, meaning: str, advice: str) -> Outcome:
+        text = code.name.lower()
+        outcome = str.__new__(cls, text)
+        outcome._value_ = text
+        outcome.code, outcome.exit_code, outcome.meaning, outcome.advice = code, exit_code, meaning, advice
+        return outcome
+
     @property
     def name(self) -> str:
-        return self.code.name.lower()
-
-    def __str__(self) -> str:
-        return self.name
+        return self.value
 
 
-OUTCOMES: dict[Code, Outcome] = {
-    outcome.code: outcome
-    for outcome in (
-        Outcome(Code.RUNNING, 1, "the run was interrupted", "Continue it, or run it again."),
-        Outcome(Code.GOAL, 0, "the goal condition holds", "Lift the plan to the next rung."),
-        Outcome(
-            Code.UNSAFE, 1, "an unsafe condition holds", "Change inputs or design, or relax the condition."
-        ),
-        Outcome(
-            Code.DOOMED,
-            1,
-            "the scene's rule says that no input can reach the goal from here",
-            "Change the inputs that led here; the set Z_A begins before this state.",
-        ),
-        Outcome(
-            Code.JAMMED,
-            1,
-            "no motion satisfies contact, friction and the prescribed speeds",
-            "Use a force-limited servo, a compliant rung, or lower friction; see the certificate.",
-        ),
-        Outcome(
-            Code.UNSUPPORTED,
-            1,
-            "loads act that contacts and drives cannot balance without inertia",
-            "Use a dynamic rung, or support the body.",
-        ),
-        Outcome(
-            Code.MISSED,
-            1,
-            "the inputs are spent and the goal is not reached",
-            "Change the inputs or the start.",
-        ),
-        Outcome(
-            Code.TIMEOUT,
-            1,
-            "the time is over, and no condition of the scene has decided the run",
-            "Give more time (--time), or state a goal.",
-        ),
-        Outcome(
-            Code.MODEL_INVALID,
-            1,
-            "a local deformation outgrew the feature that carries it",
-            "The compliant model no longer holds here: raise stiffness, lower loads, or use a rigid rung.",
-        ),
-        Outcome(
-            Code.INVALID,
-            2,
-            "the scene is impossible at these parameters",
-            "See the reason; `rungwise check` shows parameters and their ranges.",
-        ),
-        Outcome(
-            Code.NOT_CONVERGED,
-            1,
-            "no solver brought the step's residual below tolerance, and no certificate says why",
-            "Use a smaller step; --save-hard DIR keeps the problem for `rungwise solve` and other solvers.",
-        ),
-    )
-}
+OUTCOMES: dict[Code, Outcome] = {outcome.code: outcome for outcome in Outcome}

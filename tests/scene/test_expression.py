@@ -32,13 +32,13 @@ def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
 
 
 def value(text: str, *, condition: bool = False) -> float:
-    programs = Programs([compile_expression(text, lookup, lambda: "a, b", condition=condition)])
+    programs = Programs([compile_expression(text, lookup, lambda _: "; valid: a, b", condition=condition)])
     return float(evaluate(programs.code, programs.constants, *programs.table[0], VALUES, np.zeros(STACK)))
 
 
 def refusal(text: str, *, condition: bool = False) -> str:
     with pytest.raises(ExpressionError) as caught:
-        compile_expression(text, lookup, lambda: "a, b", condition=condition)
+        compile_expression(text, lookup, lambda _: "; valid: a, b", condition=condition)
     message = str(caught.value)
     assert "\n" not in message and len(message) < 200
     return message
@@ -144,6 +144,11 @@ def test_names_and_constants() -> None:
     assert value("-2 ** 2") == -4.0
 
 
+@pytest.mark.parametrize("text", ["max(-{}, 0)", "min(0, -{})", "-{}", "{} * -1", "floor(-{})"])
+def test_zero_has_no_sign(text: str) -> None:
+    assert math.copysign(1.0, value(text.format("(a - 0.75)"))) == 1.0
+
+
 def test_not_a_number_is_never_hidden() -> None:
     for text in (
         "min(0/0, 1)",
@@ -240,7 +245,7 @@ NESTED = st.recursive(
 @settings(deadline=None, derandomize=True, max_examples=300)
 @given(NESTED)
 def test_a_condition_holds_where_its_margin_is_not_negative(text: str) -> None:
-    programs = Programs([compile_expression(text, lookup, lambda: "a, b", condition=True)])
+    programs = Programs([compile_expression(text, lookup, lambda _: "; valid: a, b", condition=True)])
     found = holds(programs.code, programs.constants, *programs.table[0], VALUES, np.zeros(STACK))
     assert found is (value(text, condition=True) >= 0.0), text
 
@@ -373,6 +378,6 @@ def test_nothing_reaches_standard_error() -> None:
 def test_any_text_is_an_expression_or_refused(text: str) -> None:
     for condition in (False, True):
         try:
-            compile_expression(text, lookup, lambda: "a, b", condition=condition)
+            compile_expression(text, lookup, lambda _: "; valid: a, b", condition=condition)
         except ExpressionError as error:
             assert "\n" not in str(error)

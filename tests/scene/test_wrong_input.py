@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rungwise.scene import InvalidScene, SceneError, fields, load, shipped, values
+from rungwise.scene import InvalidScene, SceneError, fields, load, shipped, task, values
 
 WHOLE: dict[str, Any] = {
     "name": "whole",
@@ -121,6 +121,12 @@ WHOLE: dict[str, Any] = {
             },
             "motion": {"kind": "fixed"},
         },
+        "rod": {
+            "role": "robot",
+            "shape": {"kind": "disc", "radius": 0.1},
+            "pose": {"x": 70.0},
+            "motion": {"kind": "free"},
+        },
         "palm": {"role": "obstacle", "shape": {"kind": "halfplane", "normal": [0.0, 1.0], "at": [0.0, -5.0]}},
         "cross": {
             "role": "obstacle",
@@ -175,6 +181,19 @@ WHOLE: dict[str, Any] = {
     "tolerance": 1e-6,
     "duration": 1.0,
     "step": 1e-2,
+    "task": {
+        "instances": {"p": {"uniform": [0.1, 0.9]}},
+        "where": "p < 2",
+        "uncertain": {"p": {"normal": [0.5, 0.1]}},
+        "inputs": {"u": {"range": [0.0, 1.0], "rate": 10.0}},
+        "transit": {"rod": {"speed": 1.0, "clearance": 0.1, "push": [0.1, 1.0], "lean": 0.5}},
+        "keep_out": ["part.x < -9"],
+        "moves": [1, 2],
+        "duration": [0.1, 1.0],
+        "weights": {"part.x": 1.0},
+        "cost": {"time": 1.0, "work": 1.0, "moves": 1.0},
+        "reserve": 0.1,
+    },
 }
 
 Path = tuple[str | int, ...]
@@ -190,7 +209,7 @@ NUMBER, FINITE, UNIT, NAME, TEXT, CONDITION, CHOICE, MODEL, MANY, TABLE = (
     "many",
     "table",
 )
-CONDITIONS = ("goal", "unsafe", "doomed")
+CONDITIONS = ("goal", "unsafe", "doomed", "where")
 
 
 def put(path: Path, value: object) -> dict[str, Any]:
@@ -232,7 +251,7 @@ def parts(annotation: Any, path: Path) -> Iterator[tuple[Path, str, Any]]:
         for key in value:
             yield from parts(arguments[1], (*path, key))
     elif annotation is str:
-        yield path, CONDITION if path[-1] in CONDITIONS else TEXT, None
+        yield path, CONDITION if path[-1] in CONDITIONS or "keep_out" in path else TEXT, None
     else:
         yield path, MODEL, annotation
         for name, field in annotation.model_fields.items():
@@ -492,7 +511,8 @@ def names_the_field(message: str, path: Path) -> bool:
 def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
     load(WHOLE).bind()
     filled = {(info, name) for path, kind, info in PARTS if kind == MODEL for name in at(WHOLE, path)}
-    models = [m for m in vars(fields).values() if isinstance(m, type) and issubclass(m, fields.Strict)]
+    known = [*vars(fields).values(), *vars(task).values()]
+    models = {m for m in known if isinstance(m, type) and issubclass(m, fields.Strict)}
     models.remove(fields.Strict)
     assert filled == {(model, name) for model in models for name in model.model_fields}
 
@@ -502,7 +522,7 @@ def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
 )
 def test_wrong_value(path: Path, kind: str) -> None:
     for value in WRONG[kind]:
-        if value is None and path[-1] in ("drive", "coordinate", "support"):
+        if value is None and path[-1] in ("drive", "coordinate", "support", "task"):
             continue
         message = refusal(put(path, value))
         assert names_the_field(message, path), (value, message)
@@ -706,7 +726,11 @@ def test_expressions_that_are_not_finite(path: Path) -> None:
             {"zzz.s": 1},
             "potentials.0.terms: unknown coordinate 'zzz.s'; valid: tip.s, arm.turn",
         ),
-        (("potentials", 0, "on"), ["tip"], "potentials.0.on.0: unknown coordinate 'tip'; valid: tip.s"),
+        (
+            ("potentials", 0, "on"),
+            ["tip"],
+            "potentials.0.on.0: unknown coordinate 'tip' (did you mean tip.s?); valid: tip.s",
+        ),
         (
             ("parameters", "p", "range"),
             [1, 0],
@@ -795,7 +819,7 @@ def test_expressions_that_are_not_finite(path: Path) -> None:
         (
             ("goal",),
             "gap(part, zzz) < 1",
-            "goal: unknown name gap(part, zzz); valid: p, u, t, tolerance, tip.s",
+            "goal: unknown name gap(part, zzz) (did you mean gap(part, rod)?); valid: p, u, t, tolerance",
         ),
         (("gravity",), ["zzz", 0], "gravity.0: unknown name zzz; valid: p, u"),
         (

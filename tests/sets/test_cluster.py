@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.sets import cluster as module
+from rungwise import cluster as module
 
 pytest.importorskip("distributed", reason="needs the extra cluster (dask.distributed)")
 BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}

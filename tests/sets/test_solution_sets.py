@@ -111,5 +111,5 @@ def test_kept_and_read_again(tmp_path: Path) -> None:
 
 
 def test_wrong_input() -> None:
-    with pytest.raises(rw.SetError, match="solutions: 'some' must be one of slowest, possible, guaranteed"):
+    with pytest.raises(rw.SetError, match="solutions: unknown 'some'; valid: slowest, possible, guaranteed"):
         rw.feasible_set("two_finger", rw.KINEMATIC, ("v2",), solutions="some")

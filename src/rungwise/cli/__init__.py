@@ -6,24 +6,36 @@ Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interru
 from __future__ import annotations
 
 import sys
-from typing import Any
+from importlib.metadata import version
+from typing import Annotated, Any
 
 import typer
 
-from rungwise.cli import check, doomed, models, scenes, sets, sim, solve, view
-from rungwise.cli.terminal import INTERRUPTED, refuse
+from rungwise.cli import check, doomed, models, plan, scenes, sets, sim, solve, verify, view
+from rungwise.cli.terminal import INTERRUPTED, refuse, show
 
 app = typer.Typer(
     name="rungwise",
     help="Plan manipulation with contact models of every fidelity.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
 for _command in (
-    models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, solve.solve, view.view,
+    models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
+    solve.solve, view.view,
 ):  # fmt: skip
     app.command()(_command)
+
+
+@app.callback()
+def _rungwise(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)
+    ] = False,
+) -> None:
+    """Plan manipulation with contact models of every fidelity."""
+
+
 _USAGE_ERROR: Any = typer.BadParameter.__mro__[2]
 """The base of click's errors, wherever this version of typer takes click from."""
 
@@ -32,10 +44,30 @@ def main() -> None:
     """Entry point: errors of use are one line and exit code 2, too."""
     if len(sys.argv) == 1:
         sys.argv.append("--help")
+    if sys.argv[1:2] == ["--version"]:
+        show(f"rungwise {version('rungwise')}")
+        sys.exit(0)
     try:
         code = app(standalone_mode=False)
     except _USAGE_ERROR as error:
-        refuse(" ".join(error.format_message().split()))
+        refuse(" ".join(error.format_message().split()) + _choices(error))
     except (typer.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _choices(error: Any) -> str:
+    """What may be given for an option or argument that is missing, or without a value."""
+    option = getattr(getattr(error, "param", None), "name", None) or getattr(error, "option_name", "")
+    match str(option).lstrip("-"):
+        case "model":
+            from rungwise.models.ladder import LADDER
+
+            return f" Valid: {', '.join(rung.name for rung in LADDER if rung.moves)}"
+        case "scene":
+            from rungwise.scene import shipped
+
+            return f" Valid: a YAML file, or {', '.join(shipped())}"
+        case "over":
+            return " Valid: names of parameters, by commas, with intervals or without (v1,mu=0:0.9)"
+    return ""

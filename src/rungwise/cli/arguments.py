@@ -12,6 +12,7 @@ import typer
 from rungwise.cli.terminal import refuse
 
 if TYPE_CHECKING:
+    from rungwise.planning.plan import Plan
     from rungwise.scene import Scene
 
 SceneArgument = Annotated[str, typer.Argument(help="Name of a scene that ships, or path of a YAML file.")]
@@ -35,6 +36,12 @@ def load_scene(source: str) -> Scene:
 
 
 def parameters_of(scene: Scene, values: list[str] | None) -> dict[str, float]:
+    """All parameters of the scene, with the values given by --set."""
+    return scene.parameters(given_values(scene, values))
+
+
+def given_values(scene: Scene, values: list[str] | None) -> dict[str, float]:
+    """The values given by --set."""
     from rungwise.scene import SceneError
 
     given: dict[str, float] = {}
@@ -49,7 +56,7 @@ def parameters_of(scene: Scene, values: list[str] | None) -> dict[str, float]:
                 f"--set {item[:80]}: must be name=number; names: {', '.join(scene.file.parameters) or 'none'}"
             )
         given[name.strip()] = value
-    return scene.parameters(given)
+    return given
 
 
 def intervals(option: str, text: str) -> tuple[list[str], dict[str, tuple[float, float]]]:
@@ -82,3 +89,21 @@ def writable(folder: Path) -> None:
         for path in missing:
             with suppress(OSError):
                 path.rmdir()
+
+
+def writable_file(file: Path) -> None:
+    """Refuse a file that cannot be written, by trying in its folder."""
+    if file.is_dir():
+        refuse(f"out: {file} is a folder, not a file")
+    writable(file.parent)
+    file.parent.mkdir(parents=True, exist_ok=True)
+
+
+def load_plan_file(file: Path) -> Plan:
+    """A saved plan; refused in one line where there is none."""
+    from rungwise.planning.plan import load_plan
+
+    try:
+        return load_plan(file)
+    except FileNotFoundError:
+        refuse(f"plan: {str(file)[:200]!r} is no file")

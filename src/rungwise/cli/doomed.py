@@ -55,6 +55,7 @@ def doomed(
 
     from rungwise.report import doomed as report
     from rungwise.sets.doomed import STRIDES, doomed_set
+    from rungwise.viewing.slices import doomed_slices, write_figure
 
     names, box = intervals("over", over)
     controls, bounds = intervals("inputs", inputs)
@@ -75,7 +76,7 @@ def doomed(
                 )  # fmt: skip
             summary = report.summary(found)
             if out is not None and find_spec("matplotlib") is not None:
-                report.figure(found, out / "doomed.png")
+                write_figure(doomed_slices(found), out / "doomed.png")
     except KeyboardInterrupt:
         print("rungwise: stopped; nothing is kept", file=sys.stderr)
         return INTERRUPTED

@@ -49,3 +49,17 @@ def counting(name: str, quiet: bool) -> Iterator[Callable[[str, int, int], None]
         yield lambda what, done, known: bar.update(
             task, description=f"{name}: {what}", completed=done, total=known
         )
+
+
+@contextmanager
+def bar(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], None] | None]:
+    """A bar of runs done over a number of runs that is known."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task(name, total=total)
+        yield lambda done: shown.update(task, completed=done)

@@ -20,6 +20,7 @@ from rungwise.cli.arguments import (
     writable,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.wording import choices
 
 
 def sets(
@@ -85,12 +86,13 @@ def sets(
     from rungwise.report import sets as report
     from rungwise.sets.feasible import BUDGET, FeasibleSet, feasible_set
     from rungwise.sets.motions import SLOWEST, SOLUTIONS
+    from rungwise.viewing.slices import feasible_slices, write_figure
     from rungwise.viewing.view import view
 
     if resume and out is None:
         refuse("resume: needs --out, the folder to go on in")
     if solutions not in (*SOLUTIONS, "all"):
-        refuse(f"solutions: {solutions[:60]!r} must be one of {', '.join(SOLUTIONS)}, all")
+        refuse(f"solutions: unknown {solutions[:60]!r}{choices(solutions, (*SOLUTIONS, 'all'))}")
     if lift and model != "all":
         refuse("lift: needs --model all, rungs to climb")
     names, box = intervals("over", over)
@@ -124,7 +126,7 @@ def sets(
             if html is not None:
                 written += view(found, html=html)
             if out is not None and find_spec("matplotlib") is not None:
-                report.figure(found, out / "sets.png")
+                write_figure(feasible_slices(found), out / "sets.png")
     except KeyboardInterrupt:
         kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
         print(f"rungwise: stopped; {kept}", file=sys.stderr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -77,7 +77,6 @@ def sim(
 ) -> int:
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
-    from rungwise.scene.scene import read_yaml
     from rungwise.simulation.options import ModelError
     from rungwise.simulation.run import Simulation
 
@@ -94,7 +93,7 @@ def sim(
             writable(out)
         simulation = Simulation(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
-            inputs=None if inputs is None else read_yaml("inputs", inputs), save_hard=save_hard,
+            inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
         )  # fmt: skip
         try:
             interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())
@@ -127,3 +126,13 @@ def _sentence(run: Run) -> str:
             " a compliant rung cannot"
         )
     return "\n".join([*lines, *(f"  {note}" for note in run.notes)])
+
+
+def _schedule(path: Path) -> Any:
+    """What the file says of the inputs; an empty one, that says nothing, is refused."""
+    from rungwise.scene.scene import read_yaml
+
+    content = read_yaml("inputs", path)
+    if content is None:
+        refuse(f"inputs: {str(path)!r} is empty; it must be a list of segments")
+    return content

@@ -15,7 +15,11 @@ INTERRUPTED = 130
 
 
 def refuse(message: str) -> NoReturn:
-    print(f"rungwise: {' '.join(message.split())}", file=sys.stderr)
+    """One line on the standard error, with --json an object on the standard output, too; exit code 2."""
+    line = " ".join(message.split())
+    if "--json" in sys.argv:
+        show_json({"error": line})
+    print(f"rungwise: {line}", file=sys.stderr)
     sys.exit(BAD_INPUT)
 
 

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, SetOption, load_scene, number, parameters_of
+from rungwise.cli.arguments import (
+    JsonOption,
+    SetOption,
+    load_plan_file,
+    load_scene,
+    number,
+    parameters_of,
+)
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
@@ -16,12 +23,16 @@ if TYPE_CHECKING:
 
 def view(
     sources: Annotated[
-        list[str], typer.Argument(metavar="DIR|SCENE...", help="Folders of runs or sets, or one scene.")
+        list[str],
+        typer.Argument(
+            metavar="DIR|SCENE|PLAN...",
+            help="Folders of runs or sets, or one scene, or one saved plan (JSON).",
+        ),
     ],
     model: Annotated[
         list[str] | None,
         typer.Option(
-            "--model", help="Rung to run the scene on; may be repeated. All that move if not given."
+            "--model", help="Rung to run on; may be repeated. All that move, or the plan's own, if not given."
         ),
     ] = None,
     values: SetOption = None,
@@ -33,12 +44,26 @@ def view(
         float | None,
         typer.Option("--at", parser=number, metavar="NUMBER", help="Time of the one frame in the PNG."),
     ] = None,
+    parting: Annotated[
+        Path | None,
+        typer.Option(
+            "--parting",
+            help="Still picture of where a plan's motions on two rungs part, the two of --model or those of"
+            " its diagnosis that come farthest apart.",
+        ),
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Draw saved runs or sets, or a scene's runs on several rungs over each other; SCENE.html by default."""
+    """Draw saved runs or sets, or runs of a scene or a plan on several rungs over each other.
+
+    Writes SCENE.html if no file is named."""
     from rungwise.viewing.view import ViewError
     from rungwise.viewing.view import view as draw
 
+    if parting is not None:
+        if html or png or gif or values:
+            refuse("view: --parting is a picture of its own; it goes with --model and --at alone")
+        return _parting(sources, model, parting, at, as_json)
     folders = [Path(source) for source in sources if Path(source).is_dir()]
     runs: list[Run] = []
     if folders and (len(folders) < len(sources) or model or values):
@@ -46,7 +71,8 @@ def view(
     if not folders:
         if len(sources) > 1:
             refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
-        runs = _runs(sources[0], model, values)
+        is_plan = Path(sources[0]).suffix == ".json"
+        runs = _replays(sources[0], model, values) if is_plan else _runs(sources[0], model, values)
     try:
         written = draw(folders or runs, html=html, png=png, gif=gif, frames=frames, at=at)
     except ViewError as error:
@@ -61,6 +87,54 @@ def view(
             )
         )
     return 0
+
+
+def _parting(
+    sources: list[str], models: list[str] | None, file: Path, at: float | None, as_json: bool
+) -> int:
+    """Draw where the motions of a plan part on two rungs, and tell it."""
+    from rungwise.planning.diagnose import diagnose
+    from rungwise.planning.plan import PLACES_ONLY
+    from rungwise.planning.words import UNTOUCHED
+    from rungwise.viewing.parting import draw_parting
+    from rungwise.viewing.view import ViewError
+
+    if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
+        refuse("parting: needs one saved plan (JSON) and two rungs, or none")
+    with plain_errors():
+        plan = load_plan_file(Path(sources[0]))
+        if plan.stage is not None and not plan.stage.model.moves:
+            refuse(f"plan: {PLACES_ONLY}")
+        if models:
+            if not plan.found:
+                refuse(f"plan: there is none. {plan.reason}")
+            found = diagnose(
+                plan.scene, *models, inputs=plan.segments, parameters=plan.parameters, tol=plan.tol
+            )
+        elif moving := [each for each in plan.diagnosis if UNTOUCHED not in each.causes]:
+            found = max(moving, key=lambda each: each.distance)
+        else:
+            refuse("parting: the plan parts on none of its stages; name two rungs with --model")
+        try:
+            written = draw_parting(found, plan.scene, file, parameters=plan.parameters, at=at)
+        except ViewError as error:
+            refuse(str(error))
+    if as_json:
+        show_json({"files": [str(written)], "diagnosis": found.summary()})
+    else:
+        show(f"{found}\nwrote {written}")
+    return 0
+
+
+def _replays(source: str, models: list[str] | None, values: list[str] | None) -> list[Run]:
+    """The runs of a saved plan on its own rung, or on the rungs given."""
+    if values:
+        refuse("view: --set is for scenes; a plan has its parameters")
+    with plain_errors():
+        plan = load_plan_file(Path(source))
+        if not plan.found:
+            refuse(f"plan: there is none. {plan.reason}")
+        return [plan.replay(name) for name in models or [plan.summary()["model"]]]
 
 
 def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[Run]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import record_type
+from rungwise.wording import choices
 
 RUNG = record_type("metric loads friction compliant", "inertia theta")
 
@@ -88,4 +89,4 @@ def rung(model: str | Rung) -> Rung:
     for candidate in LADDER:
         if isinstance(model, str) and candidate.name == model:
             return candidate
-    raise ValueError(f"model: unknown {str(model)[:60]!r}; valid: {', '.join(r.name for r in LADDER)}")
+    raise ValueError(f"model: unknown {str(model)[:60]!r}{choices(model, (r.name for r in LADDER))}")

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.scene import Scene
-from rungwise.scene.fields import Joint
+from rungwise.scene.fields import Drive, Joint
+from rungwise.system.planar.place import turns
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -34,15 +35,17 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
             "ratio": float(record["ratio"]),
             "centre": [float(record["centre_x"]), float(record["centre_y"])],
         }
-    for name, record in zip(template.coordinates, records.coordinates, strict=True):
+    for number, (name, record) in enumerate(zip(template.coordinates, records.coordinates, strict=True)):
         body_name, coordinate = name.split(".")
         given = file.bodies[body_name].coordinates.get(coordinate)
-        drive = given.drive.kind if given is not None and given.drive is not None else None
+        drive = None if given is None else given.drive
         bodies[body_name]["coordinates"][coordinate] = {
             "start": float(record["start"]),
             "lower": float(record["lower"]),
             "upper": float(record["upper"]),
-            "drive": drive,
+            "unit": "rad" if turns(records.bodies[record["body"]], number) else "length",
+            "drive": None if drive is None else drive.kind,
+            "law": _law(drive),
         }
     contacts = [
         {"between": list(pair)}
@@ -79,6 +82,14 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
     }
 
 
+def _law(drive: Drive | None) -> str:
+    """What a drive is told to do, as it is written: "speed v * ux"."""
+    if drive is None:
+        return ""
+    told = drive.model_dump(exclude={"kind"}, exclude_unset=True)
+    return ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in told.items())
+
+
 def _freedom(joint: Joint, measures: NDArray[np.void]) -> dict[str, Any]:
     """Travel, resistance and drive of the coordinate that a joint leaves free; nothing for a weld."""
     free = measures[measures["held"] == 0]
@@ -88,7 +99,7 @@ def _freedom(joint: Joint, measures: NDArray[np.void]) -> dict[str, Any]:
     fields = ("lower", "upper", "damping", "dry_friction")
     return {
         "coordinate": {field: float(free[0][field]) for field in fields}
-        | {"drive": None if drive is None else drive.kind}
+        | {"drive": None if drive is None else drive.kind, "law": _law(drive)}
     }
 
 
@@ -109,10 +120,9 @@ def describe_text(report: Mapping[str, Any]) -> str:
                 f" {body['support']['ratio']:.6g} times that, about ({x:.6g}, {y:.6g}) from the centre"
             )
         for coordinate, c in body["coordinates"].items():
-            drive = f"  drive {c['drive']}" if c["drive"] else ""
+            unit = " rad" if c["unit"] == "rad" else ""
             lines.append(
-                f"    {name}.{coordinate}: starts {c['start']:.6g} from the pose,"
-                f" travels {c['lower']:.6g} to {c['upper']:.6g}{drive}"
+                f"    {name}.{coordinate}: starts at {c['start']:.6g}{unit}, {_travel(c, unit)}{_driven(c)}"
             )
     if report["joints"]:
         lines.append("joints")
@@ -120,9 +130,9 @@ def describe_text(report: Mapping[str, Any]) -> str:
         line = f"  {name:12s} {joint['kind']:6s} {' | '.join(joint['between'])}"
         if "coordinate" in joint:
             c = joint["coordinate"]
-            line += f"  travels {c['lower']:.6g} to {c['upper']:.6g}"
+            line += f"  {_travel(c, ' rad' if joint['kind'] == 'hinge' else '')}"
             line += "".join(f"  {field} {c[field]:.6g}" for field in ("damping", "dry_friction") if c[field])
-            line += f"  drive {c['drive']}" if c["drive"] else ""
+            line += _driven(c)
         lines.append(line)
     lines.append("contacts")
     for c in report["contacts"]:
@@ -133,10 +143,25 @@ def describe_text(report: Mapping[str, Any]) -> str:
         )
     lines.append("parameters")
     for name, p in report["parameters"].items():
-        low, high = p["range"] or ("-inf", "inf")
-        lines.append(f"  {name:12s} {p['value']:.6g} {p['unit']}, {low} to {high}  {p['about']}")
+        unit = "" if p["unit"] == "1" else f" {p['unit']}"
+        within = "" if p["range"] is None else f", {p['range'][0]:g} to {p['range'][1]:g}"
+        lines.append(f"  {name:12s} {p['value']:.6g}{unit}{within}  {p['about']}")
     lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
     lines.append(
         f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
     )
     return "\n".join(lines)
+
+
+def _travel(coordinate: Mapping[str, Any], unit: str) -> str:
+    low, high = coordinate["lower"], coordinate["upper"]
+    if np.isinf(low) and np.isinf(high):
+        return "travels freely"
+    return f"travels {low:.6g} to {high:.6g}{unit}"
+
+
+def _driven(coordinate: Mapping[str, Any]) -> str:
+    if not coordinate["drive"]:
+        return ""
+    by = "" if coordinate["drive"] in ("speed", "force") else f"a {coordinate['drive']}: "
+    return f", driven by {by}{coordinate['law']}"

@@ -1,19 +1,11 @@
-"""Doomed sets as plain values, as text and as a figure."""
+"""Doomed sets as plain values and as text."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rungwise.models.ladder import LADDER
-from rungwise.report.sets import COLORS, write_figure
 from rungwise.sets.doomed import DoomedSet
-from rungwise.sets.labels import Label
-
-LAYERS = 4
-"""Slices shown of a set over more than two states."""
 
 
 def summary(found: DoomedSet) -> dict[str, Any]:
@@ -55,41 +47,3 @@ def text(summary: dict[str, Any]) -> str:
     rungs = [name for name, holds in summary["holds_on"].items() if holds]
     lines.append(f"  what is doomed here is doomed on {', '.join(rungs)}")
     return "\n".join(lines)
-
-
-def figure(found: DoomedSet, file: str | Path) -> Path:
-    """Draw slices over the first two states, others fixed; the file appears whole or not at all. Raises
-    OSError."""
-    from matplotlib.colors import ListedColormap
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
-    layers = LAYERS if len(found.over) > 2 else 1
-    drawing = Figure(figsize=(1.2 + 3.0 * layers, 3.9), layout="constrained")
-    colors = ListedColormap([COLORS[label] for label in Label])
-    for k, axis in enumerate(drawing.subplots(1, layers, squeeze=False, sharex=True, sharey=True)[0]):
-        fixed = [int((k + 0.5) / layers * count) for count in found.cells.shape[2:]]
-        shown = found.cells.reshape(len(found.cells), -1, *found.cells.shape[2:])
-        for index in fixed:
-            shown = shown[:, :, index]
-        ends = found.box[1] if len(found.over) > 1 else (0.0, 1.0)
-        axis.imshow(
-            shown.T, origin="lower", extent=(*found.box[0], *ends), aspect="auto", cmap=colors,
-            vmin=-0.5, vmax=len(Label) - 0.5, interpolation="nearest",
-        )  # fmt: skip
-        axis.set_xlabel(found.over[0], fontsize=9)
-        if k == 0 and len(found.over) > 1:
-            axis.set_ylabel(found.over[1], fontsize=9)
-        axis.tick_params(labelsize=8)
-        middles = found.box[2:, 0] + (np.array(fixed, float) + 0.5) * found.unit[2:]
-        axis.set_title(
-            ", ".join(f"{name} = {x:.3g}" for name, x in zip(found.over[2:], middles, strict=True)),
-            fontsize=9,
-        )
-    drawing.suptitle(f"{found.scene.name}, {found.model.name}: no input reaches the goal", fontsize=11)
-    handles = [
-        Patch(facecolor=COLORS[Label(code)], edgecolor="#888888", label=str(Label(code)))
-        for code in np.unique(found.cells)
-    ]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
-    return write_figure(drawing, Path(file))

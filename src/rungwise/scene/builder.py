@@ -24,14 +24,17 @@ from rungwise.scene.fields import (
     Slide,
 )  # fmt: skip
 from rungwise.scene.joints import write_joint
-from rungwise.scene.names import Names, listed
+from rungwise.scene.names import Names
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.outline import convex_pieces
 from rungwise.scene.pairing import matched, shape_pairs
 from rungwise.scene.supports import spot_count, supports, write_supports
+from rungwise.scene.task import numbers_of
+from rungwise.scene.tasks import write_task
 from rungwise.scene.template import SceneError, Template, block_of
 from rungwise.scene.values import Number, shown
 from rungwise.scene.writer import INF, Writer
+from rungwise.wording import choices
 
 MAX_PAIRS = 100_000
 """Most pairs of shapes that may touch: with more pairs, a small file would need all memory."""
@@ -75,11 +78,12 @@ class _Builder:
             3 * len(scene.joints),
             len(supported),
             sum(spot_count(support) for support in supported),
+            0 if scene.task is None else len(numbers_of(scene.task)),
         )
         for place, name in enumerate(scene.inputs):
             if name not in self.parameters or name in scene.inputs[:place]:
                 wrong = "unknown parameter" if name not in self.parameters else "given twice:"
-                raise SceneError(f"inputs.{place}: {wrong} {shown(name)}; valid: {listed(self.parameters)}")
+                raise SceneError(f"inputs.{place}: {wrong} {shown(name)}{choices(name, self.parameters)}")
         self.writer = Writer(counts, self.names, scene.inputs)
         self.put, self.records = self.writer.put, self.writer.records
 
@@ -98,6 +102,8 @@ class _Builder:
         for index in range(len(self.joints)):
             write_joint(self.writer, self.scene, index)
         write_supports(self.writer, self.scene)
+        if self.scene.task is not None:
+            write_task(self.writer, self.scene)
         for index in range(len(self.scene.potentials)):
             self._potential(index)
         for place, (name, paths) in enumerate(self.writer.readers.items()):
@@ -169,8 +175,8 @@ class _Builder:
         names = body.coordinate_names
         for given in body.coordinates:
             if given not in names:
-                valid = ", ".join(names) or "none (fixed)"
-                raise SceneError(f"{path}.coordinates: unknown coordinate {given!r}; valid: {valid}")
+                valid = names or ("none (fixed)",)
+                raise SceneError(f"{path}.coordinates: unknown coordinate {given!r}{choices(given, valid)}")
         first = self.coordinates.index(f"{name}.{names[0]}") if names else 0
         self.records.bodies[index]["coordinate"] = first
         for offset, coordinate_name in enumerate(names):
@@ -295,7 +301,7 @@ class _Builder:
         for field, name in named:
             if name not in self.coordinates:
                 raise SceneError(
-                    f"{path}.{field}: unknown coordinate {shown(name)}; valid: {listed(self.coordinates)}"
+                    f"{path}.{field}: unknown coordinate {shown(name)}{choices(name, self.coordinates)}"
                 )
         for place, name in enumerate(self.coordinates):
             row = index * len(self.coordinates) + place

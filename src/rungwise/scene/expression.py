@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 MAX_LENGTH = 2000
 MAX_NODES = 300
@@ -70,11 +70,11 @@ class Code:
 
 
 def compile_expression(
-    text: str, lookup: Lookup, names: Callable[[], str], *, condition: bool = False
+    text: str, lookup: Lookup, choices: Callable[[str], str], *, condition: bool = False
 ) -> Code:
     """Bytecode of `text`.
 
-    `lookup` resolves names to slots; `names` lists the valid names for the error message. Raises
+    `lookup` resolves names to slots; `choices` says what is valid in place of an unknown name. Raises
     ExpressionError, with one line that names the fault.
     """
     if len(text) > MAX_LENGTH:
@@ -89,7 +89,7 @@ def compile_expression(
         raise ExpressionError(f"{text[:60]!r} is not an expression") from None
     if sum(1 for _ in ast.walk(tree)) > MAX_NODES:
         raise ExpressionError(f"more than {MAX_NODES} terms")
-    compiler = _Compiler(text.strip(), lookup, names)
+    compiler = _Compiler(text.strip(), lookup, choices)
     if condition:
         compiler.condition(tree, needed=True)
     else:
@@ -100,11 +100,11 @@ def compile_expression(
 
 
 class _Compiler:
-    def __init__(self, text: str, lookup: Lookup, names: Callable[[], str]) -> None:
+    def __init__(self, text: str, lookup: Lookup, choices: Callable[[str], str]) -> None:
         self.text = text
         self.code = Code()
         self.lookup = lookup
-        self.names = names
+        self.choices = choices
         self.depth = self.deepest = 0
 
     def number(self, node: ast.expr) -> None:
@@ -199,7 +199,7 @@ class _Compiler:
         slot = self.lookup(function, dotted)
         if slot is None:
             name = f"{function}({', '.join(dotted)})" if function else dotted[0]
-            raise ExpressionError(f"unknown name {name[:60]}; valid: {self.names()}")
+            raise ExpressionError(f"unknown name {name[:60]}{self.choices(name)}")
         self.code.reads.add(slot)
         self._emit(LOAD, slot, 1)
 
@@ -248,13 +248,14 @@ class Programs:
         self.table = np.array(table, np.int64).reshape(-1, 2)
 
 
-@kernel
+@inner_kernel
 def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> float:
-    """Value of the program in rows start..stop of `code`, reading names from `values`; `stack` is scratch."""
-    return _run(code, constants, start, stop, values, stack, False)
+    """Value of the program in rows start..stop of `code`, reading names from `values`; `stack` is scratch.
+    Zero has no sign: which of -0 and 0 is the greater differs from machine to machine."""
+    return _run(code, constants, start, stop, values, stack, False) + 0.0
 
 
-@kernel
+@inner_kernel
 def holds(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> bool:
     """Whether a condition, compiled as above, holds; evaluation ends once that is known."""
     return _run(code, constants, start, stop, values, stack, True) >= 0.0

@@ -15,7 +15,8 @@ from __future__ import annotations
     NOT_POSITIVE,
     NO_AREA,
     NO_WEIGHT,
-) = range(12)
+    OVERHANGS,
+) = range(13)
 FAULTS = {
     NOT_CONVEX: "the outline is not a convex polygon with distinct vertices",
     NO_NORMAL: "the normal has no length",
@@ -27,6 +28,8 @@ FAULTS = {
     NOT_POSITIVE: "coupling must be below the root of normal times tangential (stiffness, and damping)",
     NO_AREA: "uniform pressure needs a shape with area; valid without: ring, points, ratio",
     NO_WEIGHT: "one of the weights must be greater than 0",
+    OVERHANGS: "no pressure under the body has its centre there: it must be within the convex hull of the"
+    " shapes, or of the points of the pressure",
     OUT_OF_TRAVEL: "the start lies outside lower..upper",
 }
 """Fault of a binding -> what is wrong; the second number of a fault is the index of check, shape, body,

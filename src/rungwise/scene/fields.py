@@ -6,42 +6,18 @@ Every `Number` is a number or an expression of the scene's parameters (see `expr
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from rungwise.scene.kinds import kinds
-from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit, shown
+from rungwise.scene.strict import Strict
+from rungwise.scene.task import Task
+from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit
 
 ONE, MANY = "<one>", "<many>"
 """Tags of a field that takes one value or a list; pydantic puts them into the place of an error."""
-
-
-class Strict(BaseModel):
-    """Base of all parts of a scene: immutable, and an unknown field is an error that lists the valid ones."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _known_fields(cls, data: Any) -> Any:
-        if isinstance(data, cls):
-            return data
-        valid = ", ".join(cls.model_fields)
-        if not isinstance(data, dict):
-            raise PydanticCustomError(
-                "mapping", "must be a mapping of fields, not {given}; valid: {valid}",
-                {"given": shown(data), "valid": valid},
-            )  # fmt: skip
-        for key in data:
-            if key not in cls.model_fields:
-                raise PydanticCustomError(
-                    "unknown_field",
-                    "unknown field {key}; valid: {valid}",
-                    {"key": shown(key), "valid": valid},
-                )
-        return data
 
 
 class Parameter(Strict):
@@ -378,7 +354,7 @@ class SceneFile(Strict):
     """A whole scene as written: see `Scene` for one that has been read and checked.
 
     `inputs` are parameters that a schedule may change during a run: timed numbers follow them, all others
-    keep the values of the start.
+    keep the values of the start. `task` is what planners may do, and how instances are drawn.
     """
 
     name: Name
@@ -396,3 +372,4 @@ class SceneFile(Strict):
     tolerance: Number = 1e-6
     duration: Number = 10.0
     step: Number = 1e-3
+    task: Task | None = None

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from rungwise.scene import records as rec
 from rungwise.scene.fields import JointCoordinate, SceneFile
-from rungwise.scene.names import listed
 from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.scene.writer import INF, Writer
+from rungwise.wording import choices
 
 
 def write_joint(writer: Writer, scene: SceneFile, index: int) -> None:
@@ -19,7 +19,7 @@ def write_joint(writer: Writer, scene: SceneFile, index: int) -> None:
     record = writer.records.joints[index]
     for k, body in enumerate(joint.between):
         if body not in bodies:
-            raise SceneError(f"{path}.between.{k}: unknown body {shown(body)}; valid: {listed(bodies)}")
+            raise SceneError(f"{path}.between.{k}: unknown body {shown(body)}{choices(body, bodies)}")
     if all(not scene.bodies[body].coordinate_names for body in joint.between):
         raise SceneError(f"{path}.between: of {' and '.join(joint.between)} neither moves")
     if joint.between[0] == joint.between[1]:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, BeforeValidator
 from pydantic_core import PydanticCustomError
 
 from rungwise.scene.values import shown
+from rungwise.wording import choices
 
 
 def kinds(*models: type[BaseModel]) -> BeforeValidator:
@@ -28,8 +29,8 @@ def kinds(*models: type[BaseModel]) -> BeforeValidator:
         if value["kind"] not in kinds:
             raise PydanticCustomError(
                 "kind",
-                "unknown kind {given}; valid: {valid}",
-                {"given": shown(value["kind"]), "valid": valid},
+                "unknown kind {given}{choices}",
+                {"given": shown(value["kind"]), "choices": choices(value["kind"], kinds)},
             )
         return value
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from rungwise.scene.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
 from rungwise.scene.template import SceneError
+from rungwise.wording import choices
 
 OF_CONTACTS = ("gap", "force", "impulse")
 """Functions of two bodies that a condition may call, in the order of their values."""
@@ -34,7 +33,7 @@ class Names:
             return names.index(dotted[0]) if not function and dotted[0] in names else None
 
         try:
-            return compile_expression(text, lookup, lambda: listed(names))
+            return compile_expression(text, lookup, lambda name: choices(name, names))
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
 
@@ -43,14 +42,14 @@ class Names:
         if text is None:
             return Code()
         try:
-            return compile_expression(text, self.of_state, self._listed_state, condition=True)
+            return compile_expression(text, self.of_state, self._state_choices, condition=True)
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
 
-    def _listed_state(self) -> str:
+    def _state_choices(self, given: str) -> str:
         names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
         names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
-        return listed(names)
+        return choices(given, names)
 
     def of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
         """The slot of a name, or of a function of names, that conditions read; None if there is none."""
@@ -70,9 +69,3 @@ class Names:
                     self.read[function].add(index)
                     return time + 1 + 2 * n + index + OF_CONTACTS.index(function) * contacts
         return None
-
-
-def listed(names: Iterable[str]) -> str:
-    """Valid names as a message lists them: the first forty."""
-    many = list(names)
-    return ", ".join(many[:40]) + (", ..." if len(many) > 40 else "") if many else "none"

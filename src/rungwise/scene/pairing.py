@@ -9,9 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from rungwise.scene.fields import Contact, HalfPlane, SceneFile, Shape
-from rungwise.scene.names import listed
 from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
+from rungwise.wording import choices
 
 
 def matched(scene: SceneFile) -> Iterator[tuple[tuple[str, str], int, Contact]]:
@@ -23,7 +23,7 @@ def matched(scene: SceneFile) -> Iterator[tuple[tuple[str, str], int, Contact]]:
         for k, pattern in enumerate(contact.between):
             if not any(fnmatchcase(name, pattern) for name in bodies):
                 path = f"contacts.{entry}.between.{k}"
-                raise SceneError(f"{path}: {shown(pattern)} names no body; valid: {listed(bodies)}, or *")
+                raise SceneError(f"{path}: {shown(pattern)} names no body{choices(pattern, bodies)}, or *")
     for pair in combinations(bodies, 2):
         if all(not bodies[name].coordinate_names for name in pair):
             continue

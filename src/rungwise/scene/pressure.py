@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Record, RecordArray, kernel
-from rungwise.scene.faults import BOUND, NO_AREA, NO_WEIGHT
+from rungwise.scene.faults import BOUND, NO_AREA, NO_WEIGHT, OVERHANGS
 from rungwise.scene.records import HALFPLANE, POINTS, UNIFORM
 from rungwise.scene.solids import moments
 
@@ -21,6 +21,13 @@ _WEIGHTS = (0.3626837833783620, 0.3137066458778873, 0.2223810344533745, 0.101228
 _PANELS = 8
 """Panels of an arc, with its nearest point to p at an end of one: there the integrand may have a kink."""
 
+FAINT = 1e-138
+"""Force whose square, with its rounding, is no number of double precision: friction so faint is none."""
+TRIES = 100
+"""Directions that are tried to show that a centre of pressure is outside."""
+_BESIDE = 1e-9
+"""Distance from the hull, over its extent, that counts as rounding."""
+
 
 @kernel
 def press(
@@ -29,14 +36,79 @@ def press(
     """Fill in the greatest friction force, the centre of pressure from the centre of mass, and the ratio."""
     support.row = -1
     support.force = support.friction * (support.gravity * body.mass if support.weighed else support.load)
+    if support.force < FAINT:
+        support.force = 0.0
     if support.centre_given or support.pressure == POINTS:
         support.centre_x -= body.centre_x
         support.centre_y -= body.centre_y
+    if support.centre_given and _overhangs(support, body, shapes, vertices, spots):
+        return OVERHANGS
     if support.pressure == POINTS:
         return _rest_on_points(support, body, spots)
     if support.pressure == UNIFORM:
         return _rest_evenly(support, body, shapes, vertices)
     return BOUND
+
+
+@kernel
+def _overhangs(
+    support: Record, body: Record, shapes: RecordArray, vertices: RecordArray, spots: RecordArray
+) -> bool:
+    """Whether the centre of pressure is shown to be outside the convex hull of the points that carry the body
+    or, without such points, of its shapes, where these have an extent.
+
+    The way is Gilbert's (SIAM J. Control 4 (1966) 61-80): from a point of the hull towards the centre, to the
+    farthest point of the hull in that direction, and to the point on the way there that is nearest.
+    """
+    extent, x, y = 0.0, 0.0, 0.0
+    for k in range(4):
+        to_x, to_y = (1.0 - k, 0.0) if k % 2 == 0 else (0.0, 2.0 - k)
+        far_x, far_y = _farthest(to_x, to_y, support, body, shapes, vertices, spots)
+        extent += to_x * far_x + to_y * far_y
+        x, y = x + 0.25 * far_x, y + 0.25 * far_y
+    if not 0.0 < extent < math.inf:
+        return False
+    for _ in range(TRIES):
+        to_x, to_y = support.centre_x - x, support.centre_y - y
+        away = math.hypot(to_x, to_y)
+        if away <= _BESIDE * extent:
+            return False
+        to_x, to_y = to_x / away, to_y / away
+        far_x, far_y = _farthest(to_x, to_y, support, body, shapes, vertices, spots)
+        if to_x * (support.centre_x - far_x) + to_y * (support.centre_y - far_y) > _BESIDE * extent:
+            return True
+        step_x, step_y = far_x - x, far_y - y
+        length = step_x * step_x + step_y * step_y
+        part = away * (to_x * step_x + to_y * step_y) / length if length > 0.0 else 0.0
+        x, y = x + min(max(part, 0.0), 1.0) * step_x, y + min(max(part, 0.0), 1.0) * step_y
+    return False
+
+
+@kernel
+def _farthest(
+    to_x: float,
+    to_y: float,
+    support: Record,
+    body: Record,
+    shapes: RecordArray,
+    vertices: RecordArray,
+    spots: RecordArray,
+) -> tuple[float, float]:
+    """The point, from the centre of mass, of all that may carry the body that is farthest in a direction."""
+    most, x, y = -math.inf, 0.0, 0.0
+    if support.pressure == POINTS:
+        for k in range(support.first, support.end):
+            at_x, at_y = spots[k].x - body.centre_x, spots[k].y - body.centre_y
+            if spots[k].weight > 0.0 and to_x * at_x + to_y * at_y > most:
+                most, x, y = to_x * at_x + to_y * at_y, at_x, at_y
+        return x, y
+    for s in range(body.first_shape, body.end_shape):
+        radius = shapes[s].radius
+        for i in range(shapes[s].first, shapes[s].end):
+            at_x, at_y = vertices[i].x + radius * to_x, vertices[i].y + radius * to_y
+            if to_x * at_x + to_y * at_y > most:
+                most, x, y = to_x * at_x + to_y * at_y, at_x, at_y
+    return x, y
 
 
 @kernel

@@ -73,6 +73,8 @@ SUPPORT = record_type(
 friction; ratio, its greatest torque over that; centre, from the centre of mass. `row`: the first of its rows
 in the terms of a run, -1 if there is none."""
 SPOT = record_type("", "x y weight")
+TASK = record_type("", "value")
+"""A number of the scene's task (see `scene.task.numbers_of`)."""
 
 
 class Records(Block):
@@ -91,10 +93,12 @@ class Records(Block):
     measures: NDArray[np.void]
     supports: NDArray[np.void]
     spots: NDArray[np.void]
+    task: NDArray[np.void]
 
 
 DTYPES = (
-    WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM, JOINT, MEASURE, SUPPORT, SPOT
+    WORLD, BODY, COORDINATE, SHAPE, VERTEX, CONTACT, PAIR, POTENTIAL, TERM, JOINT, MEASURE, SUPPORT, SPOT,
+    TASK,
 )  # fmt: skip
 
 

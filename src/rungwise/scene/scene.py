@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,14 +14,17 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from rungwise.keywords import keywords
+from rungwise.plain import cut
 from rungwise.scene import faults
 from rungwise.scene import records as rec
 from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, SceneError, Template
+from rungwise.scene.template import SceneError, Template, out_of_range
 from rungwise.scene.values import finite, shown
+from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import rungwise
@@ -58,6 +60,11 @@ class Scene:
     def name(self) -> str:
         return self.file.name
 
+    def __repr__(self) -> str:
+        bodies, parameters = cut(", ".join(self.file.bodies), 120), cut(", ".join(self.file.parameters), 120)
+        return f"<Scene {cut(self.name)}: bodies {bodies}; parameters {parameters or 'none'}>"
+
+    @keywords
     def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
         """All parameters, defaults replaced by those `given`.
 
@@ -69,7 +76,7 @@ class Scene:
             raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(given)}")
         for name, value in (given or {}).items():
             if name not in known:
-                raise SceneError(f"parameters: unknown {shown(name)}; valid: {', '.join(known) or 'none'}")
+                raise SceneError(f"parameters: unknown {shown(name)}{choices(name, known)}")
             values[name] = _parameter(f"parameters.{name}", value, known[name])
         return values
 
@@ -102,14 +109,8 @@ class Scene:
 
     def _out_of_range(self, index: int, value: float) -> str:
         checks = self.template.checks
-        low, high, path = checks.low[index], checks.high[index], checks.paths[index]
-        if math.isnan(value):
-            return f"{path}: must be a number, not nan"
-        if math.isinf(value) and not checks.kinds[index] & MAY_BE_INFINITE:
-            return f"{path}: must be finite, not {value:g}"
-        sign = ">" if checks.kinds[index] & STRICT else ">="
-        bounds = f"{sign} {low:g}" + (f" and <= {high:g}" if math.isfinite(high) else "")
-        return f"{path}: {value:g} must be {bounds}"
+        low, high, kinds = checks.low[index], checks.high[index], int(checks.kinds[index])
+        return f"{checks.paths[index]}: {out_of_range(value, low, high, kinds)}"
 
     def _place(self, fault: int, index: int, records: rec.Records) -> str:
         template = self.template
@@ -122,16 +123,22 @@ class Scene:
             return f"contacts between {' and '.join(template.contacts[index])}"
         if fault in (faults.NO_AREA, faults.NO_WEIGHT):
             return f"bodies.{template.bodies[int(records.supports[index]['body'])]}.support.pressure"
+        if fault == faults.OVERHANGS:
+            return f"bodies.{template.bodies[int(records.supports[index]['body'])]}.support.centre"
         if fault == faults.NO_JOINT_AXIS:
             return f"joints.{template.joints[index]}.axis"
         return f"bodies.{template.bodies[index]}"
 
 
-def load(source: str | Path | Mapping[str, Any]) -> Scene:
-    """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping.
+@keywords
+def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
+    """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping; a
+    scene that has been read is returned as it is.
 
     Raises SceneError: one line that names the field and its valid values.
     """
+    if isinstance(source, Scene):
+        return source
     if not isinstance(source, str | Path | Mapping):
         raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
     data = dict(source) if isinstance(source, Mapping) else _read(source)
@@ -235,7 +242,7 @@ def _parameter(path: str, value: object, declared: Parameter) -> float:
 def _read(source: str | Path) -> object:
     if str(source) in shipped():
         return yaml.load((LIBRARY / f"{source}.yaml").read_text("utf-8"), Loader=_Loader)
-    return read_yaml("scene", source, f" and no scene that ships; valid: {', '.join(shipped())}")
+    return read_yaml("scene", source, f" and no scene that ships{choices(str(source), shipped())}")
 
 
 def read_yaml(field: str, source: str | Path, missing: str = "") -> Any:

@@ -141,6 +141,8 @@ def moments(shape: Record, vertices: RecordArray) -> tuple[float, float, float, 
         mx += cross * (a.x + b.x) / 6.0
         my += cross * (a.y + b.y) / 6.0
         second += cross * (a.x * a.x + a.x * b.x + b.x * b.x + a.y * a.y + a.y * b.y + b.y * b.y) / 12.0
+    if r == 0.0:
+        return area, mx, my, second
     for k in range(n):
         a = vertices[first + k]
         turn = 2.0 * math.pi

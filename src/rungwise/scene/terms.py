@@ -74,7 +74,7 @@ def terms_of(text: str, names: Names, of_coordinate: tuple[Dimension, ...]) -> t
         operands, parts = [node.left, *node.comparators], []
         for i, op in enumerate(node.ops):
             own = ast.unparse(ast.Compare(operands[i], [op], [operands[i + 1]]))
-            code = compile_expression(own, names.of_state, lambda: "", condition=True)
+            code = compile_expression(own, names.of_state, lambda _: "", condition=True)
             met = [_dimension(side, names, dimensions) for side in operands[i : i + 2]]
             terms.append(Term(own, code, _shared(met)))
             parts.append(len(terms) - 1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.scene import records as rec
-from rungwise.scene.expression import Code
+from rungwise.scene.expression import STACK, Code, Programs, evaluate
 from rungwise.scene.fields import Drive, Force, Servo, Speed
 from rungwise.scene.names import Names
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError
+from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, out_of_range
 from rungwise.scene.values import Number
 
 INF = float("inf")
@@ -53,9 +53,12 @@ class Writer:
     ) -> None:
         """Store a literal, or keep the program that computes the number; and keep its bounds."""
         target = rec.slot(self.counts, kind, index, field)
+        constant = None if isinstance(value, str) else float(value)
         if isinstance(value, str):
             code = self.names.number(value, path, timed)
             self.static.append((code, target))
+            if not code.reads:
+                constant = _constant(code)
             read = [name for slot, name in self._inputs.items() if slot in code.reads]
             reads_time = len(self.names.parameters) in code.reads
             if timed and (read or reads_time):
@@ -71,6 +74,9 @@ class Writer:
         low = at_least if above is None else above
         kinds = (STRICT if above is not None else 0) | (MAY_BE_INFINITE if infinite else 0)
         self._checks.append((target, low, at_most, kinds, path))
+        wrong = None if constant is None else out_of_range(constant, low, at_most, kinds)
+        if wrong is not None:
+            raise SceneError(f"{path}: {wrong}")
 
     def drive(self, kind: str, index: int, drive: Drive | None, path: str) -> None:
         """Write the drive of a coordinate (kind `coordinates`) or of a joint's coordinate (`measures`)."""
@@ -98,3 +104,10 @@ class Writer:
             case Force(force=force):
                 record["drive"] = rec.FORCE
                 put("force", force, "force", timed=True)
+
+
+def _constant(code: Code) -> float:
+    """The value of a program that reads nothing."""
+    programs = Programs([code])
+    start, stop = programs.table[0].tolist()
+    return float(evaluate(programs.code, programs.constants, start, stop, np.zeros(0), np.zeros(STACK)))

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from rungwise.cluster import Answer
 from rungwise.kernel import Ints, Reals
 from rungwise.sets.labels import labels
 from rungwise.sets.motions import Motions
@@ -15,8 +16,6 @@ from rungwise.sets.tree import BudgetSpent
 
 KEPT = 4096
 """Runs of a batch that is kept whole."""
-Answer = tuple[int, Ints, Reals]
-"""Number of a batch, outcomes and margins of its runs."""
 
 
 class Runner(Protocol):

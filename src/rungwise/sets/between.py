@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rungwise.keywords import keywords
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
 from rungwise.sets.store import SetError
@@ -27,6 +28,7 @@ class Between:
     error: float
 
 
+@keywords
 def between(cheap: FeasibleSet, rich: FeasibleSet, n: int = 200_000, seed: int = 3) -> Between:
     """Compare two sets at n random points. Raises SetError when they are not over the same box."""
     if cheap.over != rich.over or not np.array_equal(cheap.box, rich.box):

@@ -24,13 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.outcome import Code
+from rungwise.plain import cut
 from rungwise.scene import Scene, load
 from rungwise.scene import records as rec
 from rungwise.sets import store
 from rungwise.sets.images import Images
-from rungwise.sets.labels import Label
+from rungwise.sets.labels import Label, bounds_of
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import ACCURACY, digest, smallest
 from rungwise.sets.states import (
@@ -48,6 +50,7 @@ from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 ANY = "any"
 MAX_AXES = 4
@@ -84,6 +87,22 @@ class DoomedSet:
         """ "slowest" or "any": how objects move that nothing drives."""
         return str(self.request["solutions"])
 
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{label} {part:.3f}" for label, part in self.volumes.items())
+        model = f"{cut(self.scene.name)} on {cut(self.model.name)}"
+        return f"<DoomedSet of {model} over {bounds_of(self)}: {parts}>"
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        return rungwise.to_html(self)
+
+    def plot(self) -> Figure:
+        """Slices over the first two states (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self)
+
     def classify(self, points: Reals) -> NDArray[np.str_]:
         """Labels (m,) of states (m, d), in the order of `over`; `unknown` outside the box."""
         return np.array([str(label) for label in Label])[self.labels(points)]
@@ -111,6 +130,7 @@ class DoomedSet:
         count = np.bincount(self.cells.ravel(), minlength=len(Label)) / self.cells.size
         return {str(label): float(count[label]) for label in Label if count[label] > 0.0}
 
+    @keywords
     def holds_on(self, model: Rung | str) -> tuple[bool, str]:
         """Whether states doomed here are doomed on another rung with the same inputs, and why."""
         other = moving_rung(model)
@@ -124,6 +144,7 @@ class DoomedSet:
             return False, "what servos and forces drive may move otherwise on the other rung"
         return True, "any motion without overlap is one of this set, whatever causes it"
 
+    @keywords
     def beside_rule(self, n: int = POINTS, seed: int = 4, threads: int | None = None) -> dict[str, float]:
         """Parts of n random states in the box that are doomed here and by the scene's own rule ("both"),
         "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
@@ -161,11 +182,13 @@ class DoomedSet:
             },
         )
 
+    @keywords
     def save(self, folder: str | Path) -> Path:
         """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
         return store.save(Path(folder), self.data)
 
 
+@keywords
 def doomed_set(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -203,7 +226,7 @@ def doomed_set(
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
     """
-    loaded = scene if isinstance(scene, Scene) else load(scene)
+    loaded = load(scene)
     rung = moving_rung(model)
     names = tuple(state_name(loaded, name) for name in over)
     check_states(loaded, rung, names, MAX_AXES)
@@ -245,6 +268,7 @@ def doomed_set(
     return result
 
 
+@keywords
 def load_doomed_set(folder: str | Path, scene: Scene | None = None) -> DoomedSet:
     """A set from the folder in which it was saved; `scene` if the scene does not ship.
 

@@ -16,23 +16,28 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.plain import cut
 from rungwise.scene import Scene, load
+from rungwise.scene.values import shown
 from rungwise.sets import arrays, export, store
 from rungwise.sets.asker import Asker
 from rungwise.sets.cluster import runner
 from rungwise.sets.crossings import planes, solve
 from rungwise.sets.labelled import LabelledBox
-from rungwise.sets.labels import Label, labels
+from rungwise.sets.labels import Label, bounds_of, labels
 from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
 from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
 from rungwise.sets.store import Log, SetError
 from rungwise.sets.tree import FIRST_LEVEL, BudgetSpent, Tree
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.result import Run
+from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 CELL, DEEPER = 4.0, 2
 """Side of the cells along the boundary, in tolerances: crossings of their edges are located to within a
@@ -67,6 +72,21 @@ class FeasibleSet(LabelledBox):
     `complete` is false when the budget ended the refinement.
     """
 
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{label} {part:.3f}" for label, part in self.volumes(10_000).items())
+        return f"<FeasibleSet of {cut(self.scene.name)} on {cut(self.name)} over {bounds_of(self)}: {parts}>"
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        return rungwise.to_html(self)
+
+    def plot(self) -> Figure:
+        """Slices over the first two parameters (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self)
+
     def classify(self, points: Reals) -> NDArray[np.str_]:
         """Labels (m,) of points (m, d), in the order of `over`; `unknown` outside the box.
 
@@ -84,6 +104,7 @@ class FeasibleSet(LabelledBox):
         result[inside] = self._labels((points[inside] - self.box[:, 0]) / self.unit)
         return result
 
+    @keywords
     def witness(self, point: Reals) -> dict[str, float] | None:
         """Parameters near a point at which a run reached the goal: the nearest such corner of the leaf that
         holds the point, or None; corners with a borrowed label do not count. `replay` runs them."""
@@ -100,11 +121,13 @@ class FeasibleSet(LabelledBox):
         best = self.box[:, 0] + corners[int(np.argmin(distance))] * self.unit
         return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
 
+    @keywords
     def replay(self, parameters: Mapping[str, float]) -> Run:
         """The run at these parameters, repeated step by step; of several motions the one that decides."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
         return decisive(self.scene, self.model, self.solutions, parameters=parameters, **options)
 
+    @keywords
     def certify(
         self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
     ) -> Certified:
@@ -129,6 +152,7 @@ class FeasibleSet(LabelledBox):
         low, high = self.box.T
         return np.asarray(np.random.default_rng(seed).uniform(low, high, (n, len(low))))
 
+    @keywords
     def volumes(self, n: int = 100_000, seed: int = 2) -> dict[str, float]:
         """Part of the box that each label takes, from n random points (standard error up to 0.5 / sqrt n)."""
         found = np.bincount(self.labels(self.random(n, seed)), minlength=len(Label)) / n
@@ -139,14 +163,17 @@ class FeasibleSet(LabelledBox):
         """Everything as arrays: vertices, leaves and crossings, in the units of the parameters."""
         return arrays.dataset(self)
 
+    @keywords
     def save(self, folder: str | Path) -> Path:
         """Write the set into `folder` as zarr, whole or not at all. Raises OSError."""
         return store.save(Path(folder), self.data)
 
+    @keywords
     def to_csv(self, file: str | Path) -> Path:
         """Write all runs and all located boundary points as a table; see `rungwise.sets.export`."""
         return export.to_csv(self, file)
 
+    @keywords
     def to_mesh(self, file: str | Path, label: Label = Label.FEASIBLE) -> Path:
         """Write the boundary of a label's part over two or three parameters as .obj or .stl."""
         return export.to_mesh(self, file, label)
@@ -174,6 +201,7 @@ class FeasibleSet(LabelledBox):
         return result
 
 
+@keywords
 def feasible_set(
     scene: Scene | str | Path | Mapping[str, Any],
     model: Rung | str,
@@ -221,14 +249,14 @@ def feasible_set(
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
     """
-    loaded = scene if isinstance(scene, Scene) else load(scene)
+    loaded = load(scene)
     rung = moving_rung(model)
     if not 1 <= len(over) <= MAX_AXES:
         raise SetError(f"over: 1 to {MAX_AXES} parameters, not {len(over)}")
     if not 1e-6 <= tol <= 0.25:
         raise SetError(f"tol: {tol!r} must lie in 1e-6..0.25 (a part of the box)")
     if solutions not in SOLUTIONS:
-        raise SetError(f"solutions: {str(solutions)[:60]!r} must be one of {', '.join(SOLUTIONS)}")
+        raise SetError(f"solutions: unknown {shown(solutions)}{choices(solutions, SOLUTIONS)}")
     values = loaded.parameters(parameters)
     request: dict[str, Any] = {
         "scene": loaded.name,
@@ -267,6 +295,7 @@ def feasible_set(
     return result
 
 
+@keywords
 def load_set(folder: str | Path) -> FeasibleSet:
     """A finished set from the folder in which it was saved. Raises FileNotFoundError when it holds no set,
     SetError for a set of states, SceneError when this version does not read its scene."""

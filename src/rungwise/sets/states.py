@@ -14,6 +14,7 @@ from rungwise.scene import Scene, SceneError, load
 from rungwise.scene import records as rec
 from rungwise.sets.store import SetError
 from rungwise.simulation.crew import names_of
+from rungwise.wording import choices
 
 SPEED_OF = "speed("
 
@@ -36,7 +37,7 @@ def _column(scene: Scene, name: str) -> int:
     inner = name[len(SPEED_OF) : -1] if name.startswith(SPEED_OF) and name.endswith(")") else name
     if inner not in known:
         raise SceneError(
-            f"state: unknown coordinate {str(name)[:60]!r}; valid: {', '.join(known)}, and speed() of them"
+            f"state: unknown coordinate {str(name)[:60]!r}{choices(name, known)}, and speed() of them"
         )
     return known.index(inner) + (len(known) if inner != name else 0)
 

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from rungwise.errors import InputError
+from rungwise.keywords import keywords
 from rungwise.scene import SceneError
 from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE, SetError
@@ -24,6 +25,7 @@ class ViewError(InputError):
     """A picture cannot be made; the text is one line that says why."""
 
 
+@keywords
 def view(
     runs: Source | Sequence[Source],
     *,
@@ -67,12 +69,12 @@ def view(
         text = page(clips)
         made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
     if png is not None:
-        _needs_matplotlib("png")
+        needs_matplotlib("png")
         made.append(("png", png, lambda file: draw.save_png(clips, file, frames, at)))
     if gif is not None:
-        _needs_matplotlib("gif")
+        needs_matplotlib("gif")
         made.append(("gif", gif, lambda file: draw.save_gif(clips, file)))
-    return [_write(*one) for one in made]
+    return [write(*one) for one in made]
 
 
 def _source(source: Source) -> Source:
@@ -94,7 +96,7 @@ def _sets(found: Sequence[FeasibleSet], html: str | Path | None) -> Path:
             raise ViewError("view: the sets must be of one scene, over the same parameters and box")
     text = sets.page(found)
     target = f"{first.scene.name}_sets.html" if html is None else html
-    return _write("html", target, lambda file: file.write_text(text, "utf-8"))
+    return write("html", target, lambda file: file.write_text(text, "utf-8"))
 
 
 def _same_bodies(clips: Sequence[Clip]) -> None:
@@ -105,14 +107,14 @@ def _same_bodies(clips: Sequence[Clip]) -> None:
             )
 
 
-def _needs_matplotlib(field: str) -> None:
+def needs_matplotlib(field: str) -> None:
     try:
         import matplotlib  # noqa: F401
     except ImportError:
         raise ViewError(f"{field}: needs matplotlib (pip install 'rungwise[view]')") from None
 
 
-def _write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
+def write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
     """Make the file beside its place and rename it there: it is whole or not there."""
     file = Path(target)
     draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")

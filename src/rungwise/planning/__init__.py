@@ -1,0 +1,1 @@
+"""Plans: found on one model of contact, lifted to richer ones, diagnosed, verified."""

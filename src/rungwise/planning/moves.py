@@ -1,0 +1,195 @@
+"""Moves: what a plan is made of, as vectors that searches vary.
+
+A move leads its carriers each to a place at the boundary of an object, pushes from there along a straight
+way, and draws back; inputs that no carrier uses take a value. Without carriers a move is a segment of inputs.
+Each number of a vector lies in 0..1; that of a place on a boundary is periodic.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Reals
+from rungwise.planning.boundary import Boundary, boundary
+from rungwise.planning.predict import Places
+from rungwise.planning.task import Carrier, Task, TaskError
+from rungwise.simulation.questions import Question
+
+APART = 1e-9
+"""Part of the clearance below which a robot placed at an object counts as overlapping."""
+
+
+class Segments(NamedTuple):
+    """Inputs (m, s, u) and durations (m, s) of one move of m plans; ramps (s,)."""
+
+    levels: Reals
+    durations: Reals
+    ramps: tuple[bool, ...]
+
+    def take(self, rows: NDArray[np.bool_]) -> Segments:
+        return Segments(self.levels[rows], self.durations[rows], self.ramps)
+
+
+@dataclass(frozen=True)
+class _Target:
+    """An object to push at: its number among the bodies, and its boundary."""
+
+    body: int
+    boundary: Boundary
+
+
+class Moves:
+    """The moves of a task: from vectors (m, d) to places of robots and segments of inputs."""
+
+    def __init__(self, task: Task) -> None:
+        self.task = task
+        self.question = Question(task.scene, None, task.parameters)
+        self._records = task.scene.bind(task.parameters).records
+        self._targets = [self._pushed(carrier) for carrier in task.carriers]
+        self._free = task.free
+        self.size = 3 * len(task.carriers) + len(self._free) + (0 if task.carriers else 1)
+        self.periodic = np.zeros(self.size, bool)
+        self.periodic[: 3 * len(task.carriers) : 3] = True
+        self._ramped = bool(np.isfinite(task.rate[self._free]).any())
+
+    @property
+    def segments(self) -> int:
+        """Segments of a move: a push and the way back, or what holds the inputs; before them the change of
+        inputs, if that takes time, with carriers at rest."""
+        if not self.task.carriers:
+            return 2 if self._ramped else 1
+        return 2 + (self._ramped or self.task.by_place) + self._ramped
+
+    def begin(self, vectors: Reals, places: Places) -> tuple[Places, NDArray[np.bool_]]:
+        """The places with the carriers led to where their moves begin, and whether they fit there (m,)."""
+        if not self.task.carriers:
+            return places, np.ones(len(vectors), bool)
+        q, v = places.q.copy(), places.v.copy()
+        poses = self.question.geometry(np.ascontiguousarray(q)).poses
+        for k, carrier in enumerate(self.task.carriers):
+            points, normals = self._contact(k, vectors[:, 3 * k], poses)
+            q[:, list(carrier.places)] = points + self._beside(carrier, normals, poses)
+            v[:, list(carrier.places)] = 0.0
+        fits = ~self.question.geometry(q).collides
+        return Places(q, v, places.time, np.zeros((0, places.memory.shape[1]))), fits
+
+    def segments_of(self, vectors: Reals, places: Places, before: Reals) -> Segments:
+        """Inputs and durations, of moves that begin at these places after inputs `before` (m, u)."""
+        m, task = len(vectors), self.task
+        held = before.copy()
+        held[:, self._free] = self._inputs(vectors)
+        rest = before.copy()
+        for carrier in task.carriers:
+            at = places.q[:, list(carrier.places)]
+            rest[:, list(carrier.columns)] = carrier.levels(np.zeros((m, 2)), at)
+            held[:, list(carrier.columns)] = rest[:, list(carrier.columns)]
+        parts = []
+        if task.carriers and (self._ramped or task.by_place):
+            parts.append((rest, np.zeros(m), False))
+        if self._ramped:
+            rate = task.rate[self._free]
+            change = np.abs(held[:, self._free] - before[:, self._free])
+            parts.append((held, np.max(change / rate, axis=1, initial=0.0), True))
+        if not task.carriers:
+            low, high = task.duration
+            least = max(low, 1e-3 * high)
+            parts.append((held, least * (high / least) ** vectors[:, -1], False))
+            return _segments(parts)
+        return _segments(parts + self._pushes(held, self._ways(vectors, places), places))
+
+    def _pushes(self, held: Reals, ways: list[Reals], places: Places) -> list[tuple[Reals, Reals, bool]]:
+        """The push, all carriers in the same time, and the way back."""
+        task, there, back = self.task, held.copy(), held.copy()
+        took, returns = np.zeros(len(held)), 0.0
+        for carrier, way in zip(task.carriers, ways, strict=True):
+            took = np.maximum(took, np.linalg.norm(way, axis=1) / carrier.speed)
+            returns = max(returns, carrier.clearance / carrier.speed)
+        for carrier, way in zip(task.carriers, ways, strict=True):
+            columns, end = list(carrier.columns), places.q[:, list(carrier.places)] + way
+            returned = -carrier.clearance * way / np.linalg.norm(way, axis=1)[:, None]
+            there[:, columns] = carrier.levels(way / took[:, None], end)
+            back[:, columns] = carrier.levels(returned / returns, end + returned)
+        return [(there, took, task.by_place), (back, np.full(len(held), returns), task.by_place)]
+
+    def _ways(self, vectors: Reals, places: Places) -> list[Reals]:
+        """Where each carrier goes (m, 2), from the place where it begins."""
+        poses = self.question.geometry(np.ascontiguousarray(places.q)).poses
+        ways = []
+        for k, carrier in enumerate(self.task.carriers):
+            _, normals = self._contact(k, vectors[:, 3 * k], poses)
+            lean = carrier.lean * (2.0 * vectors[:, 3 * k + 1] - 1.0)
+            low, high = carrier.push
+            length = low * (high / low) ** vectors[:, 3 * k + 2] + carrier.clearance
+            ways.append(-_turned(normals, lean) * length[:, None])
+        return ways
+
+    def _inputs(self, vectors: Reals) -> Reals:
+        """Values (m, f) of the inputs that no carrier uses."""
+        first = 3 * len(self.task.carriers)
+        low, high = self.task.low[self._free], self.task.high[self._free]
+        return np.asarray(low + (high - low) * vectors[:, first : first + len(self._free)])
+
+    def _contact(self, k: int, part: Reals, poses: Reals) -> tuple[Reals, Reals]:
+        """Points and outward normals (m, 2) in the world on the objects that carrier k pushes at."""
+        targets = self._targets[k]
+        scaled = np.mod(part, 1.0) * len(targets)
+        chosen = np.minimum(scaled.astype(np.int64), len(targets) - 1)
+        points, normals = np.zeros((len(part), 2)), np.zeros((len(part), 2))
+        for number, target in enumerate(targets):
+            rows = np.flatnonzero(chosen == number)
+            if len(rows):
+                point, normal = target.boundary(scaled[rows] - number)
+                pose = poses[rows, target.body]
+                points[rows] = pose[:, :2] + _turned(point, pose[:, 2])
+                normals[rows] = _turned(normal, pose[:, 2])
+        return points, normals
+
+    def _beside(self, carrier: Carrier, normals: Reals, poses: Reals) -> Reals:
+        """From a point of an object to the centre of the robot that is `clearance` away from it."""
+        records, index = self._records, self.task.scene.template.bodies.index(carrier.body)
+        body = records.bodies[index]
+        angle = poses[:, index, 2]
+        towards = _turned(-normals, -angle)
+        support, farthest = np.zeros_like(normals), np.full(len(normals), -math.inf)
+        for s in range(int(body["first_shape"]), int(body["end_shape"])):
+            shape = records.shapes[s]
+            own = records.vertices[int(shape["first"]) : int(shape["end"])]
+            places = np.stack([own["x"], own["y"]], axis=-1)
+            out = towards @ places.T + float(shape["radius"])
+            best = out.argmax(axis=1)
+            point = places[best] + float(shape["radius"]) * towards
+            better = out[np.arange(len(out)), best] > farthest
+            support[better], farthest[better] = point[better], out.max(axis=1)[better]
+        return carrier.clearance * normals - _turned(support, angle)
+
+    def _pushed(self, carrier: Carrier) -> list[_Target]:
+        """The objects that a carrier may push at."""
+        scene, template = self.task.scene, self.task.scene.template
+        targets = []
+        for index, name in enumerate(template.bodies):
+            pair = {name, carrier.body}
+            if scene.file.bodies[name].role == "object" and any(set(c) == pair for c in template.contacts):
+                try:
+                    targets.append(_Target(index, boundary(self._records, index)))
+                except ValueError:
+                    continue
+        if not targets:
+            raise TaskError(f"task.transit.{carrier.body}: touches no object; see contacts")
+        return targets
+
+
+def _segments(parts: list[tuple[Reals, Reals, bool]]) -> Segments:
+    levels, durations, ramps = zip(*parts, strict=True)
+    return Segments(np.stack(levels, axis=1), np.stack(durations, axis=1), tuple(ramps))
+
+
+def _turned(vectors: Reals, angle: Reals) -> Reals:
+    """Vectors (m, 2), turned by angles (m,)."""
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors[:, 0], vectors[:, 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)

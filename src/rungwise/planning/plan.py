@@ -1,0 +1,347 @@
+"""Plans: schedules of inputs with where they come from; saved, loaded, replayed, printed."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import uuid
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.plain import cut, json_text
+from rungwise.planning.diagnose import Diagnosis, table
+from rungwise.planning.predict import Stage
+from rungwise.scene import Scene, SceneError, load
+from rungwise.scene.values import shown
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.questions import geometry
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import simulate
+from rungwise.simulation.state import State, digest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMAT = "rungwise plan 1"
+OPEN_LOOP, GUARDED, RE_PLANNING = "open loop", "guarded moves", "re-planning"
+"""How a plan is executed: as it is; with moves that end at a contact; planned anew after each move."""
+
+
+PLACES_ONLY = "it is of the geometric rung: it has places, but no inputs; lift it to a richer rung"
+
+
+class PlanError(InputError):
+    """A plan cannot be read, or does not belong to the scene; one line that names the field."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """What came of one stage: how its plan was found, if it was (`held`, `repaired ...`, `planned`, `nothing
+    found`), steps that it took, seconds, and the number of moves."""
+
+    stage: str
+    how: str
+    steps: int
+    seconds: float
+    moves: int = 0
+
+
+@dataclass(frozen=True)
+class Check:
+    """How often a plan succeeded, executed in a mode, in samples of what its task calls uncertain; lower:
+    bound of the rate of success."""
+
+    mode: str
+    samples: int
+    successes: int
+    lower: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.mode}: {self.successes} of {self.samples} samples succeed, at least {self.lower:.3f}"
+            " with a confidence of 95%"
+        )
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan, or what is known where none was found.
+
+    segments: the schedule; labels: what each of them is for ("transit", "push", "back", "hold"); moves
+    (k, d): the vectors behind it; waypoints: places (n,) at the ends of moves; stage: the rung and the
+    accuracy of the last stage on which it holds; tol: its error allowed per step, in the scene's unit;
+    cost: by the task; records: stage by stage; diagnosis: for each stage on which the plan before failed
+    or drifted; checks: of the modes of execution that were tried, where a rate of success was asked for;
+    `reason` says why there is no plan, else it is empty.
+    """
+
+    scene: Scene
+    parameters: dict[str, float]
+    segments: tuple[Segment, ...] = ()
+    labels: tuple[str, ...] = ()
+    moves: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+    waypoints: tuple[tuple[float, ...], ...] = ()
+    stage: Stage | None = None
+    tol: float = 0.0
+    cost: float = math.nan
+    seed: int = 0
+    records: tuple[Record, ...] = ()
+    diagnosis: tuple[Diagnosis, ...] = ()
+    checks: tuple[Check, ...] = ()
+    reason: str = ""
+    version: str = ""
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a plan."""
+        return not self.reason
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer is positive: there is a plan."""
+        return self.found
+
+    @property
+    def mode(self) -> str:
+        """How the plan is executed: "open loop", "guarded moves" or "re-planning"."""
+        if self.checks and self.found:
+            return self.checks[-1].mode
+        return GUARDED if any(segment.until for segment in self.segments) else OPEN_LOOP
+
+    @property
+    def duration(self) -> float:
+        """Time that the plan takes, at most: a guarded move may end before its time-out."""
+        return math.fsum(segment.duration for segment in self.segments)
+
+    @keywords
+    def replay(
+        self,
+        model: Rung | str | None = None,
+        *,
+        tol: float | None = None,
+        duration: float | None = None,
+        theta: float = 1.0,
+        frames: int = 2000,
+        stride: int | None = None,
+        save_hard: str | Path | None = None,
+    ) -> Run:
+        """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
+        options as for `simulate`. Raises PlanError where there is no plan, or one of places only, and what
+        `simulate` raises."""
+        if self.stage is None:
+            raise PlanError(f"plan: there is none. {self.reason}")
+        if not self.stage.model.moves:
+            raise PlanError(f"plan: {PLACES_ONLY}")
+        return simulate(
+            self.scene, self.stage.model if model is None else model, parameters=self.parameters,
+            inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
+            frames=frames, stride=stride, save_hard=save_hard,
+        )  # fmt: skip
+
+    def __repr__(self) -> str:
+        if not self.found:
+            return f"<Plan of {cut(self.scene.name)}: none. {cut(self.reason, 200)}>"
+        if self.stage is not None and not self.stage.model.moves:
+            return f"<Plan of {cut(self.scene.name)}: {len(self.waypoints)} legs on {self.stage}>"
+        return (
+            f"<Plan of {cut(self.scene.name)}: {len(self.waypoints)} moves, {self.duration:.4g} long,"
+            f" on {self.stage}, at a cost of {self.cost:.4g}>"
+        )
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        return rungwise.to_html(self)
+
+    @keywords
+    def plot(self, frames: int = 6) -> Figure:
+        """Picture of so many frames of the plan's run (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self, frames=frames)
+
+    def __str__(self) -> str:
+        lines = [self._head()]
+        if self.records:
+            lines.append(f"  {'stage':29} {'how':36} {'steps':>9} {'seconds':>9}")
+        lines += [
+            f"  {record.stage:29} {record.how:36} {record.steps:9} {record.seconds:9.2f}"
+            for record in self.records
+        ]
+        lines += [f"  {check}" for check in self.checks]
+        if self.diagnosis:
+            lines += [f"  {line}" for line in table(self.diagnosis)]
+        return "\n".join(lines)
+
+    def _head(self) -> str:
+        count, name = len(self.waypoints), self.scene.name
+        if not self.found or self.stage is None:
+            return f"{name}: no plan. {self.reason}"
+        if not self.stage.model.moves:
+            ways = ", ".join(f"{body} {length:.3g}" for body, length in self._ways().items())
+            return f"{name}: a way of {count} leg{'s' * (count != 1)} on {self.stage}: {ways} long"
+        return (
+            f"{name}: a plan of {count} move{'s' * (count != 1)}, {self.duration:.4g} long, on {self.stage},"
+            f" at a cost of {self.cost:.4g}"
+        )
+
+    def _ways(self) -> dict[str, float]:
+        """How long the way of each object's centre is, from place to place."""
+        start = State.of(self.scene, parameters=self.parameters).q
+        found = geometry(self.scene, np.array([start, *self.waypoints]), self.parameters)
+        lengths = np.linalg.norm(np.diff(found.poses[..., :2], axis=0), axis=-1).sum(axis=0)
+        roles = {name: body.role for name, body in self.scene.file.bodies.items()}
+        return {
+            name: float(length)
+            for name, length in zip(found.bodies, lengths, strict=True) if roles[name] == "object"
+        }  # fmt: skip
+
+    def levels(self) -> tuple[Reals, Reals]:
+        """Inputs (s, u) and durations (s,) of the segments."""
+        now, rows = {name: self.parameters[name] for name in self.scene.template.inputs}, list[list[float]]()
+        for segment in self.segments:
+            now = now | dict(segment.inputs)
+            rows.append(list(now.values()))
+        return np.array(rows, float), np.array([segment.duration for segment in self.segments], float)
+
+    def timetable(self) -> str:
+        """The inputs over time as CSV: a row for the beginning and for the end of each segment, with the
+        condition that ends a guarded move; times are the latest."""
+        names, text = self.scene.template.inputs, StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["time", "label", "until", *names])
+        now, before = 0.0, {name: self.parameters[name] for name in names}
+        for segment, label in zip(self.segments, self.labels, strict=True):
+            levels = before | dict(segment.inputs)
+            begins = before if segment.ramp else levels
+            until = segment.until or ""
+            writer.writerow([repr(now), label, until, *(repr(begins[name]) for name in names)])
+            now += segment.duration
+            writer.writerow([repr(now), label, until, *(repr(levels[name]) for name in names)])
+            before = levels
+        return text.getvalue()
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, as `rungwise plan --json` prints them and as plans are saved."""
+        return {
+            "format": FORMAT,
+            "version": self.version or installed(),
+            "scene": self.scene.name,
+            "digest": digest(self.scene),
+            "found": self.found,
+            "reason": self.reason,
+            "model": None if self.stage is None else self.stage.model.name,
+            "inertia": None if self.stage is None else self.stage.model.inertia,
+            "accuracy": None if self.stage is None else self.stage.tol,
+            "tol": self.tol,
+            "seed": self.seed,
+            "duration": self.duration,
+            "cost": self.cost,
+            "parameters": self.parameters,
+            "segments": [asdict(segment) for segment in self.segments],
+            "labels": list(self.labels),
+            "moves": np.asarray(self.moves).tolist(),
+            "waypoints": [list(place) for place in self.waypoints],
+            "records": [asdict(record) for record in self.records],
+            "diagnosis": [part.summary() for part in self.diagnosis],
+            "mode": self.mode,
+            "checks": [asdict(check) for check in self.checks],
+        }
+
+    def text(self) -> str:
+        """The plan with its scene as JSON, as it is saved."""
+        content = self.summary() | {
+            "scene_file": json.loads(self.scene.file.model_dump_json(exclude_unset=True))
+        }
+        return json_text(content, indent=1)
+
+    @keywords
+    def save(self, file: str | Path) -> Path:
+        """Write the plan with its scene into a file (JSON), whole or not at all. Raises OSError."""
+        target = Path(file)
+        unfinished = target.with_name(f".{uuid.uuid4().hex[:8]}.json")
+        try:
+            unfinished.write_text(self.text(), "utf-8")
+            os.replace(unfinished, target)
+        finally:
+            unfinished.unlink(missing_ok=True)
+        return target
+
+
+@keywords
+def load_plan(file: str | Path, scene: Scene | None = None) -> Plan:
+    """A saved plan, of the scene that was saved with it or of one that is given. Raises FileNotFoundError,
+    and PlanError for a file that holds none or for another scene."""
+    if not isinstance(file, str | os.PathLike):
+        raise PlanError(f"plan: must be a path, not {shown(file)}")
+    name = repr(Path(file).name[:60])
+    try:
+        return plan_of(Path(file).read_text("utf-8"), scene, name)
+    except (FileNotFoundError, PlanError):
+        raise
+    except (OSError, UnicodeError):
+        raise PlanError(f"plan: {name} holds no plan that was saved") from None
+
+
+def plan_of(text: str, scene: Scene | None = None, name: str = "the text") -> Plan:
+    """The plan in a text that `Plan.text` made. Raises PlanError, which names what it was read from."""
+    try:
+        data = json.loads(text)
+        if data["format"] != FORMAT:
+            raise ValueError
+        own = load(data["scene_file"]) if scene is None else scene
+        if scene is not None and digest(scene) != data["digest"]:
+            raise PlanError(f"plan: {name} belongs to another version of {data['scene']}")
+        return _from_values(own, data)
+    except PlanError:
+        raise
+    except SceneError as error:
+        raise PlanError(f"plan: the scene in {name}: {error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise PlanError(f"plan: {name} holds no plan that was saved") from None
+
+
+def _from_values(scene: Scene, data: dict[str, Any]) -> Plan:
+    from rungwise.models.ladder import rung
+
+    stage = None
+    if data["model"] is not None:
+        model = rung(data["model"])
+        if data["inertia"] != model.inertia:
+            model = model.with_inertia(data["inertia"])
+        stage = Stage(model, float(data["accuracy"]))
+    return Plan(
+        scene=scene, parameters=scene.parameters(data["parameters"]),
+        segments=tuple(Segment(**segment) for segment in data["segments"]), labels=tuple(data["labels"]),
+        moves=np.array(data["moves"], float), waypoints=tuple(tuple(place) for place in data["waypoints"]),
+        stage=stage, tol=float(data["tol"]), seed=int(data["seed"]),
+        cost=math.nan if data["cost"] is None else float(data["cost"]),
+        records=tuple(Record(**record) for record in data["records"]),
+        diagnosis=tuple(Diagnosis.of(values) for values in data["diagnosis"]),
+        checks=tuple(Check(**values) for values in data["checks"]),
+        reason=data["reason"], version=data["version"],
+    )  # fmt: skip
+
+
+def is_reached(run: Run) -> bool:
+    return run.outcome.code == Code.GOAL
+
+
+def installed() -> str:
+    """The version of the package."""
+    try:
+        return version("rungwise")
+    except PackageNotFoundError:
+        return "unknown"

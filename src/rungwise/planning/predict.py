@@ -1,0 +1,155 @@
+"""What a model predicts, at an accuracy: many moves from many states, and the steps that they take."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.scene import Scene
+from rungwise.simulation.crew import Crew
+from rungwise.simulation.planar.workspace import in_memory
+from rungwise.simulation.run import JAM
+
+GOES_ON = (Code.MISSED, Code.TIMEOUT)
+"""Outcomes after which a plan may go on with its next move."""
+
+LONGEST, SHORT = 1000, 1e-1
+"""Most steps of one move, and the part of the accuracy by which something must be able to move: a search does
+not wait for what goes on more slowly."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A rung and an accuracy: `tol` is the error allowed per step, as a part of the scene's size."""
+
+    model: Rung
+    tol: float
+
+    def __str__(self) -> str:
+        return f"{self.model.name} @ {self.tol:g}"
+
+
+class Places(NamedTuple):
+    """Where m plans have come to: q, v (m, n), time (m,), and memories (m, w) to go on from, or no row where
+    bodies were placed by hand since."""
+
+    q: Reals
+    v: Reals
+    time: Reals
+    memory: Reals
+
+    def take(self, rows: Ints) -> Places:
+        return Places(*(a[rows] if len(a) else a for a in self))
+
+
+class Ends(NamedTuple):
+    """How m runs ended: outcomes (m,), where, the segments that ended (m,), the work of drives (m,)."""
+
+    outcome: Ints
+    places: Places
+    switches: Ints
+    work: Reals
+
+
+class Budget:
+    """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
+    more, and time is left of `limit` seconds."""
+
+    def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
+        self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
+        self._ends = math.inf if limit is None else clock.perf_counter() + limit
+
+    def take(self, stage: Stage, steps: int, outcomes: Ints) -> None:
+        self.spent[str(stage)] += steps
+        for code, count in enumerate(np.bincount(outcomes)):
+            if count:
+                self.outcomes[Code(code).name.lower()] += int(count)
+
+    @contextmanager
+    def part(self, share: float) -> Iterator[None]:
+        """Allow only this part of the steps that are left, until the end of the context."""
+        most = self.most
+        if most is not None:
+            spent = self.spent.total()
+            self.most = spent + int(share * (most - spent))
+        yield
+        self.most = most
+
+    def extend(self, steps: int) -> None:
+        """Allow so many steps from now on."""
+        self.most = self.spent.total() + steps
+
+    @property
+    def ended(self) -> str:
+        """Why nothing more may be tried, in words; empty if more may."""
+        if self.most is not None and self.spent.total() >= self.most:
+            return "the budget is spent"
+        return "" if self.in_time else "the time is over"
+
+    @property
+    def in_time(self) -> bool:
+        """Whether time is left, whatever the steps."""
+        return clock.perf_counter() < self._ends
+
+    @property
+    def left(self) -> bool:
+        return not self.ended
+
+
+class Predictor:
+    """Runs of a scene at fixed parameters on one stage, in compiled threads that are kept; quick ones end
+    where they would take long (see `LONGEST`)."""
+
+    def __init__(
+        self, scene: Scene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
+        threads: int | None = None, *, quick: bool = True,
+    ) -> None:  # fmt: skip
+        self.scene, self.stage, self.budget = scene, stage, budget
+        self._tol, self._parameters, self._threads = tol, parameters, threads
+        self._quick = quick
+        self._crews: dict[tuple[tuple[bool, ...], tuple[str | None, ...]], Crew] = {}
+
+    def run(
+        self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
+        until: tuple[str | None, ...] | None = None,
+    ) -> Ends:  # fmt: skip
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+        m, s = durations.shape
+        crew = self._crew(ramps or (False,) * s, until or (None,) * s)
+        goes_on = len(places.memory) > 0
+        samples = crew.run(
+            np.zeros((m, 0)),
+            bodies=np.hstack([places.q, places.v, places.time[:, None]]),
+            memories=places.memory if goes_on else None,
+            memory=np.arange(m) if goes_on else None,
+            durations=np.ascontiguousarray(durations), levels=np.ascontiguousarray(levels), keeps=True,
+            chunk=max(1, min(64, math.ceil(m / crew.threads / 2))),
+        )  # fmt: skip
+        found, n = samples.results, samples.final.shape[1] // 2
+        self.budget.take(self.stage, int(found["attempts"].sum()), found["outcome"].astype(np.int64))
+        column = np.minimum(found["switches"], max(s, 1) - 1)
+        memory = samples.kept[np.arange(m), column]
+        places = Places(samples.final[:, :n], samples.final[:, n:], found["time"].copy(), memory)
+        work = in_memory(crew.workspace.state, "drive_work", memory)
+        return Ends(found["outcome"].astype(np.int64), places, found["switches"].astype(np.int64), work)
+
+    def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...]) -> Crew:
+        if (ramps, until) not in self._crews:
+            options: dict[str, Any] = {"tol": self._tol, "threads": self._threads}
+            if self._quick:
+                tolerance = float(self.scene.bind(self._parameters).records.world[0]["tolerance"])
+                options |= {"budget": LONGEST, "jam": max(JAM, SHORT * self._tol / tolerance)}
+            self._crews[ramps, until] = Crew(
+                self.scene, self.stage.model, (), self._parameters, until=until, ramps=ramps, **options
+            )
+        return self._crews[ramps, until]

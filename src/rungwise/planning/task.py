@@ -1,0 +1,353 @@
+"""A scene's task at one instance: bounds, distances, and the scene that a search runs."""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.errors import InputError
+from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
+from rungwise.scene import Bound, InvalidScene, Scene, load
+from rungwise.scene.expression import STACK
+from rungwise.scene.names import OF_CONTACTS
+from rungwise.scene.numbers import evaluate_numbers
+from rungwise.scene.records import SERVO, SPEED, Records
+from rungwise.scene.task import Task as TaskFields
+from rungwise.scene.task import numbers_of
+from rungwise.simulation import options
+from rungwise.simulation.questions import ask, geometry
+from rungwise.simulation.state import State
+
+ROUNDING = 1e-9
+COASTS = 0.01
+"""Part of their size by which objects may coast in a task that counts as slow."""
+DRAWS = 1000
+"""Most draws for each instance wanted."""
+
+
+class TaskError(InputError):
+    """The scene has no task, or the task cannot be: one line that names the field."""
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """A robot that is led through free space: its body, the coordinates x and y, and the inputs that drive
+    them. Their speeds, or with `by_place` the targets of their servos, are matrix (2, 2) @ inputs + zero
+    (2,). Then the lengths and the angle of its pushes."""
+
+    body: str
+    places: tuple[int, int]
+    columns: tuple[int, int]
+    matrix: Reals
+    zero: Reals
+    by_place: bool
+    speed: float
+    clearance: float
+    push: tuple[float, float]
+    lean: float
+
+    def levels(self, speeds: Reals, places: Reals) -> Reals:
+        """Inputs (m, 2) that lead it at these speeds (m, 2), or to these places (m, 2)."""
+        wanted = places if self.by_place else speeds
+        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
+
+
+@dataclass(frozen=True)
+class Task:
+    """The task of a scene at one instance.
+
+    scene: the scene as given; search: the same with the goal tightened by the reserve, and with the
+    conditions to keep out of as unsafe; parameters: of the instance; low, high, rate (u,): of the inputs;
+    duration: least and greatest of a move without transit; moves: least and greatest number; weights (n,):
+    of coordinates in distances, 0 for robots; numbers: of the task, by their paths.
+    """
+
+    scene: Scene
+    search: Scene
+    parameters: dict[str, float]
+    low: Reals
+    high: Reals
+    rate: Reals
+    duration: tuple[float, float]
+    moves: tuple[int, int]
+    carriers: tuple[Carrier, ...]
+    weights: Reals
+    numbers: dict[str, float]
+
+    @property
+    def free(self) -> Ints:
+        """Columns of the inputs that no carrier uses."""
+        used = {column for carrier in self.carriers for column in carrier.columns}
+        return np.array([k for k in range(len(self.low)) if k not in used], np.int64)
+
+    @property
+    def by_place(self) -> bool:
+        """Whether robots are led by the targets of servos, and so by ramps."""
+        return any(carrier.by_place for carrier in self.carriers)
+
+    @property
+    def before(self) -> Reals:
+        """Inputs (u,) before the first move: those of the instance, 0 where a carrier uses them."""
+        held = np.zeros(len(self.low))
+        held[self.free] = [self.parameters[self.scene.template.inputs[k]] for k in self.free]
+        return held
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether robots push objects on supports at given speeds v so slowly that these coast by no more
+        than a part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
+        records = self.scene.bind(self.parameters).records
+        roles = [self.scene.file.bodies[name].role for name in self.scene.template.bodies]
+        objects = {k for k, role in enumerate(roles) if role == "object"}
+        if self.by_place or not self.carriers or not objects <= set(records.supports["body"].tolist()):
+            return False
+        fastest = max(carrier.speed for carrier in self.carriers)
+        stops = records.supports["force"] / records.bodies["mass"][records.supports["body"]]
+        return bool((0.5 * fastest**2 <= COASTS * self.size * stops).all())
+
+    def allows(self, levels: Reals) -> NDArray[np.bool_]:
+        """Whether inputs (..., u) keep their bounds, up to rounding."""
+        slack = ROUNDING * (np.abs(self.low) + np.abs(self.high))
+        return np.asarray(((levels >= self.low - slack) & (levels <= self.high + slack)).all(axis=-1))
+
+    @property
+    def size(self) -> float:
+        """How far the largest object reaches from its centre."""
+        scene, records = self.scene, self.scene.bind(self.parameters).records
+        roles = [scene.file.bodies[name].role for name in scene.template.bodies]
+        reaches = [float(s["reach"]) for s in records.shapes if roles[int(s["body"])] == "object"]
+        return max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
+
+    def cost(self, time: Reals | float, work: Reals | float, moves: Ints | int) -> Reals:
+        """The task's cost of plans of these durations and this work of drives."""
+        weights = [self.numbers[f"task.cost.{name}"] for name in ("time", "work", "moves")]
+        return np.asarray(weights[0] * time + weights[1] * work + weights[2] * moves)
+
+
+def task_of(scene: Scene, parameters: Mapping[str, float] | None = None) -> Task:
+    """The task of a scene at one instance. Raises TaskError and SceneError."""
+    fields = fields_of(scene)
+    if scene.file.goal is None:
+        raise TaskError("goal: the scene has none; a plan needs one")
+    if not scene.template.inputs:
+        raise TaskError("inputs: the scene has none; name the parameters that a plan may change over time")
+    values = scene.parameters(parameters)
+    bound = scene.bind(values)
+    numbers = _numbers(fields, bound.records)
+    carriers = tuple(_carrier(scene, name, bound, numbers) for name in fields.transit)
+    if len({carrier.by_place for carrier in carriers}) > 1:
+        raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
+    low, high, rate = _bounds(scene, fields, numbers)
+    duration = (0.0, float(bound.records.world[0]["duration"]))
+    if fields.duration is not None:
+        duration = _pair(numbers, "task.duration")
+    return Task(
+        scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
+        numbers=numbers, low=low, high=high, rate=rate, duration=duration,
+        moves=(int(fields.moves[0]), int(fields.moves[1])),
+        carriers=carriers,
+        weights=_weights(scene, fields, bound.records, numbers),
+    )  # fmt: skip
+
+
+def fields_of(scene: Scene) -> TaskFields:
+    """The scene's task as written. Raises TaskError where there is none."""
+    if scene.file.task is None:
+        raise TaskError("task: the scene has none; add what a planner may do (see the scene's reference)")
+    return scene.file.task
+
+
+@keywords
+def instances(
+    scene: Scene | str | Path | Mapping[str, Any], seed: int, count: int = 1
+) -> list[dict[str, float]]:
+    """Parameters of `count` instances of the scene's task, drawn from `seed`. Raises TaskError where too few
+    draws fit the task's `where` with bodies apart."""
+    loaded, number = load(scene), options.count("count", count, 1)
+    fields, found = fields_of(loaded), list[dict[str, float]]()
+    rng = np.random.default_rng(options.count("seed", seed, 0))
+    for _ in range(DRAWS * number):
+        if len(found) == number:
+            return found
+        values = drawn(loaded, "instances", loaded.parameters(), rng)
+        if values is not None and _fits(loaded, values, fields.where):
+            found.append(values)
+    raise TaskError(f"task.where: {DRAWS * number} draws gave {len(found)} instances that fit, of {number}")
+
+
+def drawn(
+    scene: Scene, table: str, given: Mapping[str, float], rng: np.random.Generator
+) -> dict[str, float] | None:
+    """The parameters given, with those of a table of the task ("instances", "uncertain") drawn; None where
+    one falls out of its range."""
+    fields, values = fields_of(scene), dict(given)
+    numbers = _numbers(fields, scene.bind(given).records)
+    for name, spread in getattr(fields, table).items():
+        if spread.uniform is not None:
+            values[name] = float(rng.uniform(*_pair(numbers, f"task.{table}.{name}.uniform")))
+        else:
+            mean, deviation = (numbers[f"task.{table}.{name}.normal.{k}"] for k in (0, 1))
+            values[name] = float(mean + deviation * rng.standard_normal())
+        low, high = scene.file.parameters[name].range or (-math.inf, math.inf)
+        if not low <= values[name] <= high:
+            return None
+    return values
+
+
+def _fits(scene: Scene, values: dict[str, float], where: str | None) -> bool:
+    """Whether an instance can start: bodies are apart, and the condition holds."""
+    try:
+        start = State.of(scene, parameters=values)
+    except InvalidScene:
+        return False
+    if geometry(scene, start, values).collides[0]:
+        return False
+    return where is None or bool(ask(scene, where, start, values).holds[0])
+
+
+def _numbers(fields: TaskFields, records: Records) -> dict[str, float]:
+    """The numbers of a task, by their paths."""
+    paths = [place.path for place in numbers_of(fields)]
+    return dict(zip(paths, records.task["value"].tolist(), strict=True))
+
+
+def _pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:
+    """Least and greatest value. Raises TaskError where they are not in this order."""
+    low, high = numbers[f"{path}.0"], numbers[f"{path}.1"]
+    if low > high:
+        raise TaskError(f"{path}: the least, {low:g}, is above the greatest, {high:g}")
+    return low, high
+
+
+def _bounds(scene: Scene, fields: TaskFields, numbers: Mapping[str, float]) -> tuple[Reals, Reals, Reals]:
+    """Bounds and rates (u,) of the scene's inputs."""
+    rows = []
+    for name in scene.template.inputs:
+        path = f"task.inputs.{name}"
+        low, high = scene.file.parameters[name].range or (-math.inf, math.inf)
+        if name in fields.inputs:
+            least, most = _pair(numbers, f"{path}.range")
+            if not low <= least <= most <= high:
+                raise TaskError(f"{path}.range: must lie in the parameter's range, {low:g} to {high:g}")
+            low, high = least, most
+        if not math.isfinite(low + high):
+            raise TaskError(f"{path}: needs a range, for the parameter has none")
+        rows.append((low, high, numbers.get(f"{path}.rate", math.inf)))
+    low_, high_, rate = np.array(rows).T
+    return low_, high_, rate
+
+
+def _weights(scene: Scene, fields: TaskFields, records: Records, numbers: Mapping[str, float]) -> Reals:
+    """Weights (n,) of coordinates in distances: as given, or 1 for places and the radius of gyration for
+    angles of objects."""
+    names = scene.template.coordinates
+    if fields.weights:
+        return np.array([numbers.get(f"task.weights.{name}", 0.0) for name in names])
+    of_object = [scene.file.bodies[name.split(".")[0]].role == "object" for name in names]
+    return np.where(of_object, records.coordinates["lever"], 0.0)
+
+
+def _search_scene(scene: Scene, fields: TaskFields, reserve: float) -> Scene:
+    """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
+    goal, unsafe = scene.file.goal, scene.file.unsafe
+    assert goal is not None
+    given = scene.file.model_dump(exclude_unset=True)
+    given["goal"] = tightened(goal, reserve)
+    conditions = [f"({text})" for text in (unsafe, *fields.keep_out) if text is not None]
+    if conditions:
+        given["unsafe"] = " or ".join(conditions)
+    return load(given)
+
+
+def tightened(condition: str, reserve: float) -> str:
+    """The condition with the bound of each comparison nearer by this part of its size.
+
+    `a <= b` becomes `a <= b - reserve * abs(b)` where a depends on the state and b does not, and so on;
+    inside "not" it turns around. Comparisons with no side, or two sides, that depend on the state stay.
+    """
+    tree = ast.parse(condition.strip(), mode="eval").body
+    return ast.unparse(_tightened(tree, reserve))
+
+
+def _tightened(node: ast.expr, part: float) -> ast.expr:
+    match node:
+        case ast.BoolOp(op, parts):
+            return ast.BoolOp(op, [_tightened(each, part) for each in parts])
+        case ast.UnaryOp(ast.Not(), inner):
+            return ast.UnaryOp(ast.Not(), _tightened(inner, -part))
+        case ast.Compare(left, operators, rights):
+            sides = [left, *rights]
+            each = [_nearer(a, op, b, part) for a, op, b in zip(sides, operators, rights, strict=False)]
+            return each[0] if len(each) == 1 else ast.BoolOp(ast.And(), each)
+    return node
+
+
+def _nearer(left: ast.expr, operator: ast.cmpop, right: ast.expr, part: float) -> ast.expr:
+    """The comparison, its bound nearer by this part of its size."""
+    below = isinstance(operator, ast.Lt | ast.LtE)
+    if _varies(left) and not _varies(right):
+        right = _moved(right, -part if below else part)
+    elif _varies(right) and not _varies(left):
+        left = _moved(left, part if below else -part)
+    return ast.Compare(left, [operator], [right])
+
+
+def _moved(bound: ast.expr, part: float) -> ast.expr:
+    size = ast.Call(ast.Name("abs", ast.Load()), [bound], [])
+    change = ast.BinOp(ast.Constant(abs(part)), ast.Mult(), size)
+    return ast.BinOp(bound, ast.Add() if part > 0.0 else ast.Sub(), change)
+
+
+def _varies(node: ast.expr) -> bool:
+    """Whether an expression depends on the state: it names a coordinate, a function of bodies, or t."""
+    names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+    dotted = any(isinstance(each, ast.Attribute) for each in ast.walk(node))
+    return dotted or bool(names & {"t", "speed", *OF_CONTACTS})
+
+
+def _carrier(scene: Scene, name: str, bound: Bound, numbers: Mapping[str, float]) -> Carrier:
+    """A robot to lead through free space. Raises TaskError for one whose x and y no two inputs drive."""
+    path, x = f"task.transit.{name}", scene.template.coordinates.index(f"{name}.x")
+    kinds = bound.records.coordinates["drive"][x : x + 2].tolist()
+    columns, matrix, zero = _followed(scene, x, bound)
+    speeds = kinds == [SPEED, SPEED] and not zero.any()
+    if len(columns) != 2 or np.linalg.matrix_rank(matrix) < 2 or not (speeds or kinds == [SERVO, SERVO]):
+        raise TaskError(
+            f"{path}: needs two inputs that drive the speeds of {name}.x and {name}.y, or the targets of"
+            " their servos, linearly"
+        )
+    return Carrier(
+        body=name, places=(x, x + 1), columns=(columns[0], columns[1]), matrix=matrix, zero=zero,
+        by_place=not speeds, speed=numbers[f"{path}.speed"], clearance=numbers[f"{path}.clearance"],
+        lean=numbers[f"{path}.lean"], push=_pair(numbers, f"{path}.push"),
+    )  # fmt: skip
+
+
+def _followed(scene: Scene, x: int, bound: Bound) -> tuple[list[int], Reals, Reals]:
+    """The inputs that the speeds, or the targets, of the coordinates x and x + 1 follow, the matrix, and what
+    they are where these inputs are 0; no inputs where they are no linear functions of them."""
+    template, drives = scene.template, bound.records.coordinates[x : x + 2]
+    columns = [template.parameters.index(name) for name in template.inputs]
+
+    def followed(levels: Reals) -> Reals:
+        values = bound.values.copy()
+        values[columns] = levels
+        for numbers in (template.timed_speeds(), template.timed_numbers()):
+            evaluate_numbers(numbers, values, np.zeros(STACK), bound.buffer)
+        return np.where(drives["drive"] == SPEED, drives["drive_speed"], drives["target"])
+
+    size = len(columns)
+    zero = followed(np.zeros(size))
+    matrix = np.array([followed(one) - zero for one in np.eye(size)]).T
+    trial = np.random.default_rng(0).uniform(-1.0, 1.0, size)
+    is_linear = np.allclose(followed(trial), matrix @ trial + zero, rtol=1e-9, atol=0.0)
+    used = [k for k in range(size) if matrix[:, k].any()] if is_linear else []
+    return used, matrix[:, used], zero

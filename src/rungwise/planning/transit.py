@@ -1,0 +1,99 @@
+"""Robots on their way through free space, between pushes: the geometric rung, by OMPL.
+
+Straight ways that are free are taken as they are; others are grown by OMPL and pulled tight (`ways`). All
+other bodies hold still.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.planning.task import Task
+from rungwise.planning.ways import grown, shortened
+from rungwise.simulation.questions import Question
+
+NEAR = 0.25
+"""Part of the clearance that robots keep on their way."""
+DIRECTIONS = 32
+"""Directions tried away from what a robot touches."""
+
+
+class Transit:
+    """Ways of a task's carriers between places, with all else where it is."""
+
+    def __init__(self, task: Task, question: Question) -> None:
+        self._task, self._question = task, question
+        self._columns = [place for carrier in task.carriers for place in carrier.places]
+        contacts, names = task.scene.template.contacts, {carrier.body for carrier in task.carriers}
+        self._own = [k for k, pair in enumerate(contacts) if names & set(pair)]
+        self._clearance = min((carrier.clearance for carrier in task.carriers), default=0.0)
+
+    def way(self, q: Reals, goal: Reals, seed: int) -> Reals | None:
+        """Places (k, n) from q (n,) to the goal (n,), both included; None where no way was found."""
+        begun = self._away(q)
+        if begun is not q:
+            rest = self.way(begun, goal, seed)
+            return None if rest is None else np.vstack([q, rest])
+        ends = np.stack([q, goal])
+        least = min(NEAR * self._clearance, 0.5 * float(self._gaps(ends).min(initial=math.inf)))
+        if least <= 0.0:
+            return None
+        if self._is_free(q, goal, least):
+            return ends
+        (low, high), pairs = self._room(q, goal), len(self._columns) // 2
+        found = grown(
+            q, goal[None], self._columns, np.tile(low, pairs), np.tile(high, pairs),
+            lambda a, b: self._is_free(a, b, least), seed,
+        )  # fmt: skip
+        return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
+
+    def _away(self, q: Reals) -> Reals:
+        """The place q, or where something touches a carrier there, a place at a distance straight away."""
+        if float(self._gaps(q[None]).min(initial=math.inf)) >= NEAR * self._clearance:
+            return q
+        place = q.copy()
+        turns = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+        steps = self._clearance * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+        for carrier in self._task.carriers:
+            columns = list(carrier.places)
+            trials = np.repeat(place[None], len(steps), axis=0)
+            trials[:, columns] += steps
+            place = trials[self._gaps(trials).min(axis=1).argmax()]
+        apart = float(self._gaps(place[None]).min()) > max(0.0, float(self._gaps(q[None]).min()))
+        return place if apart else q
+
+    def time(self, a: Reals, b: Reals) -> float:
+        """How long the straight way takes."""
+        ways = [math.hypot(*(b - a)[list(carrier.places)]) / carrier.speed for carrier in self._task.carriers]
+        return max(ways, default=0.0)
+
+    def _gaps(self, q: Reals) -> Reals:
+        """Gaps (m, c) of the carriers at places (m, n)."""
+        return self._question.geometry(np.ascontiguousarray(q)).gaps[:, self._own]
+
+    def _is_free(self, a: Reals, b: Reals, least: float) -> bool:
+        """Whether the straight way keeps this gap. No gap shrinks by more than what the robots move, so a
+        part of the way is free if its length is less than what the gaps at its ends exceed the least one by;
+        other parts are halved, until they are as short as the least gap."""
+        length = sum(math.hypot(*(b - a)[list(carrier.places)]) for carrier in self._task.carriers)
+        at = np.array([0.0, 1.0])
+        gaps = self._gaps(np.stack([a, b])).min(axis=1)
+        while (gaps >= least * (1.0 - 1e-9)).all():
+            parts = length * np.diff(at)
+            unsure = np.flatnonzero((gaps[:-1] + gaps[1:] - parts < 2.0 * least) & (parts > least))
+            if not len(unsure):
+                return True
+            middle = 0.5 * (at[unsure] + at[unsure + 1])
+            asked = self._gaps(a + middle[:, None] * (b - a)).min(axis=1)
+            at, gaps = np.insert(at, unsure + 1, middle), np.insert(gaps, unsure + 1, asked)
+        return False
+
+    def _room(self, q: Reals, goal: Reals) -> tuple[Reals, Reals]:
+        """Where robots may go: about all bodies, with room to pass."""
+        poses = self._question.geometry(np.stack([q, goal])).poses[..., :2].reshape(-1, 2)
+        low, high = poses.min(axis=0), poses.max(axis=0)
+        room = 0.5 * float(np.linalg.norm(high - low)) + 10.0 * self._clearance
+        return low - room, high + room

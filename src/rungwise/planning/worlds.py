@@ -1,0 +1,162 @@
+"""Worlds: a scene at its parameters on a rung, taken apart into ingredients, and put together from two.
+
+An ingredient is what a diagnosis changes alone: how motions are chosen, friction, restitution, the give of
+contacts, inertia, friction with supports, and all other numbers. Each has an effective value: restitution,
+for example, is 0 where bodies have no momentum to bounce with.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rungwise.kernel import Ints
+from rungwise.models.ladder import KINEMATIC, Rung
+from rungwise.scene import Scene, load
+from rungwise.scene.expression import STACK
+from rungwise.scene.numbers import evaluate_numbers
+from rungwise.scene.records import Records
+
+BALANCE, FRICTION, SUPPORT, COMPLIANCE, INERTIA, RESTITUTION, ACCURACY, OTHER = (
+    "balance", "friction", "support", "compliance", "inertia", "restitution", "accuracy", "other numbers",
+)  # fmt: skip
+INGREDIENTS = (BALANCE, FRICTION, SUPPORT, COMPLIANCE, INERTIA, RESTITUTION, ACCURACY, OTHER)
+GIVE = (
+    "stiffness", "damping", "tangential_stiffness", "tangential_damping", "coupling_stiffness",
+    "coupling_damping",
+)  # fmt: skip
+RESISTS = ("damping", "dry_friction")
+CONDITIONS = ("goal", "unsafe", "doomed", "task")
+"""Fields of a scene that do not change how bodies move."""
+
+
+@dataclass(frozen=True)
+class World:
+    """A scene at its parameters, on a rung, at an accuracy (the error allowed per step)."""
+
+    scene: Scene
+    parameters: dict[str, float]
+    model: Rung
+    tol: float
+
+    @property
+    def records(self) -> Records:
+        """The scene's numbers at its parameters, with inputs and times as at the start."""
+        bound, template = self.scene.bind(self.parameters), self.scene.template
+        for numbers in (template.timed_numbers(), template.timed_speeds()):
+            evaluate_numbers(numbers, bound.values, np.zeros(STACK), bound.buffer)
+        return bound.records
+
+    def effective(self, ingredient: str) -> Any:
+        """What the ingredient amounts to in this world: plain values that are equal where it is the same."""
+        model, contacts = self.model, self.records.contacts
+        match ingredient:
+            case "balance":
+                return not model.metric
+            case "friction":
+                return contacts["friction"].tolist() if model.friction else 0.0
+            case "support":
+                return self._support() if model.loads else 0.0
+            case "compliance":
+                return [contacts[name].tolist() for name in GIVE] if model.compliant else 0.0
+            case "inertia":
+                return model.inertia
+            case "restitution":
+                bounces = model.inertia > 0.0 and not model.compliant and contacts["restitution"].any()
+                return contacts["restitution"].tolist() if bounces else 0.0
+            case "accuracy":
+                return self.tol
+        return self._others()
+
+    @property
+    def objects(self) -> Ints:
+        """Coordinates of objects."""
+        names, bodies = self.scene.template.coordinates, self.scene.file.bodies
+        return np.flatnonzero([bodies[name.split(".")[0]].role == "object" for name in names])
+
+    def _support(self) -> Any:
+        """What resists the motion of objects: friction of supports, damping and dry friction."""
+        supports, coordinates = self.records.supports, self.records.coordinates[self.objects]
+        values = [supports[name].tolist() for name in ("force", "ratio", "centre_x", "centre_y")]
+        values += [coordinates[name].tolist() for name in RESISTS]
+        return values if supports["force"].any() or any(coordinates[name].any() for name in RESISTS) else 0.0
+
+    def _others(self) -> Any:
+        """All numbers of bodies, shapes, drives, joints and springs."""
+        records = self.records
+        coordinates = records.coordinates.copy()
+        for name in RESISTS:
+            coordinates[name][self.objects] = 0.0
+        kinds = ("bodies", "shapes", "vertices", "potentials", "terms", "joints", "measures")
+        gravity = [float(records.world[0][name]) for name in ("gravity_x", "gravity_y")]
+        return [gravity, coordinates.tobytes(), *(getattr(records, kind).tobytes() for kind in kinds)]
+
+
+def differing(a: World, b: World) -> tuple[str, ...]:
+    """The ingredients in which two worlds differ."""
+    return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
+
+
+def mixed(a: World, b: World, taken: frozenset[str]) -> World:
+    """The world a, with the ingredients `taken` from b, and without conditions."""
+
+    def of(ingredient: str) -> World:
+        return b if ingredient in taken else a
+
+    base, tol = of(OTHER), of(ACCURACY).tol
+    if of(BALANCE).model.metric:
+        return World(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
+    model = Rung(
+        "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
+        compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
+    )  # fmt: skip
+    scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
+    return World(scene, base.parameters, model, tol)
+
+
+def _resolved(base: World, friction: World, support: World, give: World, bounce: World) -> Scene:
+    """The scene of `base` without conditions, with numbers of contacts and supports from the others."""
+    file: dict[str, Any] = json.loads(base.scene.file.model_dump_json(exclude_unset=True))
+    for name in CONDITIONS:
+        file.pop(name, None)
+    slips, gives = friction.records.contacts["friction"], give.records.contacts
+    bounces = (
+        bounce.records.contacts["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))
+    )
+    file["contacts"] = [
+        {
+            "between": list(pair), "friction": float(slips[k]), "restitution": float(bounces[k]),
+            **{name: float(gives[name][k]) for name in GIVE},
+        }
+        for k, pair in enumerate(base.scene.template.contacts)
+    ]  # fmt: skip
+    _put_support(file["bodies"], base, support)
+    return load(file)
+
+
+def _put_support(bodies: dict[str, Any], base: World, world: World) -> None:
+    """Write what resists the motion of objects, as numbers, into the bodies of a scene's mapping."""
+    records, template, loads = world.records, base.scene.template, world.model.loads
+    for support in records.supports:
+        body = records.bodies[int(support["body"])]
+        centre = [float(body[f"centre_{axis}"] + support[f"centre_{axis}"]) for axis in "xy"]
+        bodies[template.bodies[int(support["body"])]]["support"] = {
+            "friction": 1.0, "load": float(support["force"]) if loads else 0.0, "centre": centre,
+            "pressure": {"kind": "ratio", "ratio": float(support["ratio"])},
+        }  # fmt: skip
+    for k in base.objects:
+        name, coordinate = template.coordinates[k].split(".")
+        for field in RESISTS:
+            _put_number(
+                bodies[name], coordinate, field, float(records.coordinates[k][field]) if loads else 0.0
+            )
+
+
+def _put_number(body: dict[str, Any], coordinate: str, field: str, value: float) -> None:
+    own: Mapping[str, Any] = body.get("coordinates", {}).get(coordinate, {})
+    if value or field in own:
+        body.setdefault("coordinates", {}).setdefault(coordinate, {})[field] = value

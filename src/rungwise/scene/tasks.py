@@ -1,0 +1,46 @@
+"""The task of a scene among its records: names are checked, numbers written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rungwise.scene.fields import Free, SceneFile
+from rungwise.scene.task import numbers_of
+from rungwise.scene.template import SceneError
+from rungwise.scene.values import shown
+from rungwise.scene.writer import Writer
+from rungwise.wording import choices
+
+MOST_MOVES = 50
+"""Most moves of a plan."""
+
+
+def write_task(writer: Writer, scene: SceneFile) -> None:
+    """Write the numbers of the task. Raises SceneError for names that the scene does not have."""
+    task, names = scene.task, writer.names
+    assert task is not None
+    robots = [
+        name for name, body in scene.bodies.items() if body.role == "robot" and isinstance(body.motion, Free)
+    ]
+    _known("instances", "parameter", task.instances, names.parameters)
+    _known("uncertain", "parameter", task.uncertain, names.parameters)
+    _known("inputs", "input", task.inputs, scene.inputs)
+    _known("transit", "free robot", task.transit, robots)
+    _known("weights", "coordinate", task.weights, names.coordinates)
+    names.condition(task.where, "task.where")
+    for k, text in enumerate(task.keep_out):
+        names.condition(text, f"task.keep_out.{k}")
+    least, most = task.moves
+    if not (least == int(least) and most == int(most) and 1 <= least <= most <= MOST_MOVES):
+        raise SceneError(f"task.moves: must be two whole numbers, 1 <= least <= greatest <= {MOST_MOVES}")
+    for k, place in enumerate(numbers_of(task)):
+        writer.put(
+            "task", k, "value", place.number, place.path,
+            above=place.above, at_least=place.at_least, at_most=place.at_most,
+        )  # fmt: skip
+
+
+def _known(field: str, kind: str, given: Iterable[str], valid: Iterable[str]) -> None:
+    for name in given:
+        if name not in valid:
+            raise SceneError(f"task.{field}: unknown {kind} {shown(name)}{choices(name, valid)}")

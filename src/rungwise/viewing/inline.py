@@ -1,0 +1,117 @@
+"""Results as notebooks show them: a small table and a picture; and pictures as matplotlib knows them."""
+
+from __future__ import annotations
+
+import base64
+import html
+from importlib.util import find_spec
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+from rungwise.errors import InputError
+from rungwise.keywords import keywords
+from rungwise.outcome import Outcome
+from rungwise.plain import cut, table
+from rungwise.planning.plan import Plan
+from rungwise.scene.values import shown
+from rungwise.sets.doomed import DoomedSet
+from rungwise.sets.feasible import FeasibleSet
+from rungwise.simulation.result import Run
+from rungwise.viewing.clip import clip
+from rungwise.viewing.draw import strip
+from rungwise.viewing.html import page
+from rungwise.viewing.slices import doomed_slices, feasible_slices
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+INLINE, HEIGHT = 1_500_000, 560
+"""Most bytes of an animation in a notebook, and its height in pixels."""
+Shown = Run | Plan | FeasibleSet | DoomedSet
+
+
+class PictureError(InputError):
+    """A picture cannot be made; the text is one line that says why."""
+
+
+@keywords
+def plot(result: Shown, *, frames: int = 6) -> Figure:
+    """The obvious picture: `frames` frames of a run or of a plan's run, or slices of a set over its first two
+    axes.
+
+    Raises PictureError where there is nothing to draw, or matplotlib is missing.
+    """
+    if not isinstance(result, Shown):
+        raise PictureError(f"plot: must be a run, a plan or a set, not {shown(result)}")
+    if find_spec("matplotlib") is None:
+        raise PictureError("plot: needs matplotlib (pip install 'rungwise[view]')")
+    if isinstance(result, FeasibleSet):
+        return feasible_slices([result])
+    if isinstance(result, DoomedSet):
+        return doomed_slices(result)
+    if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= 100:
+        raise PictureError(f"frames: must be a whole number in 1..100, not {shown(frames)}")
+    if isinstance(result, Plan):
+        if not result.found:
+            raise PictureError(f"plot: there is no plan: {result.reason}")
+        return strip([clip(result.replay())], frames)
+    if result.outcome == Outcome.INVALID:
+        raise PictureError(f"plot: the run did not begin: {result.reason}")
+    return strip([clip(result)], frames)
+
+
+@keywords
+def to_html(result: Shown) -> str:
+    """A small table and, below it, the animation of a run or the slices of a set: a part of a page.
+
+    Raises PictureError for anything else."""
+    if isinstance(result, Run):
+        return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
+    if isinstance(result, Plan):
+        return _table_of_plan(result) + (_animation(result.replay()) if result.found else "")
+    if not isinstance(result, FeasibleSet | DoomedSet):
+        raise PictureError(f"to_html: must be a run, a plan or a set, not {shown(result)}")
+    return _table_of_set(result) + ("" if find_spec("matplotlib") is None else _picture(plot(result)))
+
+
+def _table_of_run(run: Run) -> str:
+    final = [(f"{body}.{name}", f"{x:.6g}") for body, many in run.final.items() for name, x in many.items()]
+    rows = [
+        ("outcome", str(run.outcome)),
+        ("reason", run.reason),
+        ("time", f"{run.time:.6g} after {run.steps} steps"),
+        ("worst residual", f"{run.worst_residual:.1e}"),
+        *final[:12],
+        *(("note", note) for note in run.notes),
+    ]
+    return table(cut(f"{run.scene.name} on {run.model.name}", 120), rows)
+
+
+def _table_of_plan(plan: Plan) -> str:
+    about = [("reason", plan.reason)] if not plan.found else []
+    if plan.found:
+        about = [("moves", f"{len(plan.waypoints)}, {plan.duration:.4g} long"), ("cost", f"{plan.cost:.4g}")]
+    stages = [(each.stage, f"{each.how}, {each.steps} steps, {each.seconds:.2f} s") for each in plan.records]
+    return table(cut(f"plan of {plan.scene.name}", 120), [*about, *stages])
+
+
+def _table_of_set(found: FeasibleSet | DoomedSet) -> str:
+    volumes = found.volumes() if isinstance(found, FeasibleSet) else found.volumes
+    runs = found.evaluations if isinstance(found, FeasibleSet) else found.runs
+    sides = [f"{low:.4g} to {high:.4g}" for low, high in found.box.tolist()]
+    rows = [
+        *zip(found.over, sides, strict=True),
+        *((label, f"{part:.4f}") for label, part in volumes.items()),
+    ]
+    return table(cut(f"{found.scene.name} on {found.model.name}", 120), [*rows, ("runs", runs)])
+
+
+def _animation(run: Run) -> str:
+    content = html.escape(page([clip(run)], INLINE), quote=True)
+    return f'<iframe srcdoc="{content}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+
+
+def _picture(figure: Figure) -> str:
+    image = BytesIO()
+    figure.savefig(image, format="png")
+    return f'<img src="data:image/png;base64,{base64.b64encode(image.getvalue()).decode()}">'

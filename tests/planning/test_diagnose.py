@@ -1,0 +1,81 @@
+"""The diagnosis names the ingredient that was changed, and nothing where nothing matters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.diagnose import NOTHING
+from rungwise.planning.worlds import World, differing, mixed
+
+PUSH = rw.load("push")
+SLOW, FAST = {"v": 0.01}, {"v": 0.6}
+STIFF = {"stiffness": 1e7, "damping": 6e3}
+Q, D, C = "quasistatic-rigid", "dynamic-rigid", "dynamic-compliant"
+CASES = {
+    "friction": (SLOW | {"mu": 0.02, "offset": 0.03}, {"mu": 0.6}, Q, C),
+    "support": (FAST, {"mu_s": 0.1}, D, D),
+    "compliance": (SLOW | {"stiffness": 400.0, "damping": 1.0}, {}, Q, C),
+    "inertia": (FAST, {}, Q, C),
+    "restitution": (FAST, {"restitution": 0.7}, D, D),
+    NOTHING: (SLOW, {}, Q, C),
+}
+
+
+def push(speed: float) -> list[rw.Segment]:
+    return [rw.Segment({"ux": 1.0}, 0.1 / speed), rw.Segment({"ux": 0.0}, max(1.0, 0.1 / speed))]
+
+
+@pytest.mark.parametrize("cause", CASES)
+def test_cause_is_the_ingredient_that_was_changed(cause: str) -> None:
+    own, change, before, after = CASES[cause]
+    first = STIFF | {"offset": 0.02, "mu": 0.2} | own
+    found = rw.diagnose(
+        PUSH, before, after, inputs=push(first["v"]), parameters=first, other_parameters=first | change
+    )
+    assert found.cause == cause
+    assert (cause in str(found)) and found.body == "box"
+    assert (found.distance > 1e-3) == (cause != NOTHING)
+
+
+def test_mixed_cause_names_both() -> None:
+    first = STIFF | FAST | {"offset": 0.02, "mu": 0.2}
+    found = rw.diagnose(
+        PUSH, D, D, inputs=push(0.6), parameters=first,
+        other_parameters=first | {"mu_s": 0.1, "restitution": 0.8},
+    )  # fmt: skip
+    assert set(found.causes) == {"support", "restitution"}
+    assert set(found.left) == {"support", "restitution"}
+
+
+def test_coarse_steps_are_a_cause() -> None:
+    fast = FAST | {"restitution": 0.8, "offset": 0.02}
+    found = rw.diagnose(PUSH, D, D, inputs=push(0.6), parameters=fast, tol=3e-3, other_tol=1e-6)
+    assert found.causes == ("accuracy",)
+    assert "@" in found.before
+
+
+def test_changing_all_ingredients_gives_the_other_world() -> None:
+    """The hybrid of no ingredient is the first world, of all ingredients the second: same motion, to the bit
+    but for the names of rungs."""
+    one = World(PUSH, PUSH.parameters({"mu": 0.1}), rw.QUASISTATIC_RIGID, 1e-5)
+    other = World(PUSH, PUSH.parameters({"mu": 0.5, "mass": 2.0}), rw.DYNAMIC_COMPLIANT, 1e-5)
+    names = differing(one, other)
+    assert set(names) == {"friction", "support", "compliance", "inertia", "other numbers"}
+    for taken, world in ((frozenset[str](), one), (frozenset(names), other)):
+        hybrid = mixed(one, other, taken)
+        runs = [
+            rw.simulate(each.scene, each.model, parameters=each.parameters, inputs=push(0.02), tol=1e-5)
+            for each in (
+                hybrid,
+                World(mixed(world, world, frozenset()).scene, world.parameters, world.model, 1e-5),
+            )
+        ]
+        assert np.allclose(runs[0].state.q, runs[1].state.q, atol=1e-9)
+
+
+def test_kinematic_rung_differs_in_how_it_chooses_motions() -> None:
+    found = rw.diagnose(PUSH, "kinematic", Q, inputs=push(0.02), parameters={"offset": 0.02})
+    assert "balance" in found.causes
+    assert "another motion was admissible" in str(found)
