@@ -3,6 +3,7 @@
 #   make demo     run the two-finger example on the ladder of models; table, runs and figure in out/
 #   make test     lint, compile the kernels, run the tests
 #   make bench    run the benchmarks
+#   make docs     build the documentation in out/docs/VERSION; warnings are errors
 #   make lint     formatting, style, types, layers; changes nothing
 #   make format   rewrite the sources in the project's format
 #   make clean    remove .venv, caches and builds (never results)
@@ -12,10 +13,11 @@
 VENV := .venv
 BIN := $(VENV)/bin
 
-# Present after `pip install -e .`, `.[view]` and `.[dev]`; out of date when pyproject.toml changes.
+# Present after `pip install -e .`, `.[view]`, `.[dev]` and `.[docs]`; out of date when pyproject.toml changes.
 INSTALLED := $(VENV)/.installed
 INSTALLED_VIEW := $(VENV)/.installed-view
 INSTALLED_DEV := $(VENV)/.installed-dev
+INSTALLED_DOCS := $(VENV)/.installed-docs
 
 # Run, not just looked up: a name on the PATH may be a shim with nothing behind it.
 SUITABLE := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
@@ -24,7 +26,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test runs problems bench clean lint format
+.PHONY: demo test runs problems bench docs clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
@@ -45,6 +47,13 @@ bench: $(INSTALLED)
 	$(BIN)/python benchmarks/race.py
 	$(BIN)/python benchmarks/solvers.py
 
+# Links between pages are checked, too. A folder for each version, so that one can be published beside another.
+docs: $(INSTALLED_DOCS)
+	rm -rf docs/api
+	$(BIN)/sphinx-build -q -W --keep-going -j 2 -d out/doctrees docs \
+		out/docs/$$($(BIN)/python -c 'import rungwise; print(rungwise.__version__)')
+	rm -rf out/docs/jupyter_execute
+
 lint: $(INSTALLED_DEV)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -56,7 +65,7 @@ format: $(INSTALLED_DEV)
 	$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) build dist docs/api .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 	find . -name .git -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A .venv that works is kept, whoever made it; one that is missing or broken is made anew.
@@ -77,4 +86,8 @@ $(INSTALLED_VIEW): $(INSTALLED)
 
 $(INSTALLED_DEV): $(INSTALLED)
 	$(PIP_INSTALL) -e '.[dev]'
+	@touch $@
+
+$(INSTALLED_DOCS): $(INSTALLED)
+	$(PIP_INSTALL) -e '.[docs]'
 	@touch $@

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import rungwise as rw
-from rungwise.report.sets import draw_surface
+from rungwise.viewing.slices import draw_surface
 
 BOX = {"v1": (0.1, 2.0), "v2": (0.1, 2.0), "mu": (0.0, 0.95)}
 CASES: tuple[tuple[rw.Rung, dict[str, float], float, str], ...] = (

@@ -1,0 +1,71 @@
+"""How Sphinx builds the documentation: `make docs`, which takes every warning for an error."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import rungwise
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+project = "rungwise"
+author = "The rungwise contributors"
+copyright = author
+release = version = rungwise.__version__
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build"]
+highlight_language = "text"
+
+# Pages are Markdown; headings are targets of links, as on a code host.
+myst_enable_extensions = ["deflist", "dollarmath", "attrs_inline"]
+myst_heading_anchors = 4
+
+# Notebooks are stored with what they printed, which `tests/test_newcomer.py` compares with what they print.
+nb_execution_mode = "off"
+
+# Docstrings name code between single backquotes.
+default_role = "code"
+autosummary_generate = True
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+
+templates_path = ["_templates"]
+
+html_theme = "furo"
+html_title = f"rungwise {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+
+
+def plain(*arguments: Any) -> None:
+    """Docstrings are plain text with code between backquotes: bars, stars and underscores mark nothing."""
+    lines = arguments[-1]
+    for index, line in enumerate(lines):
+        parts = line.split("`")
+        parts[::2] = [re.sub(r"[|*]|(?<=\w)_(?!\w)", r"\\\g<0>", part) for part in parts[::2]]
+        lines[index] = "`".join(parts)
+
+
+def inside(*arguments: Any) -> None:
+    """Links of pages to files of the repository that are pages here, too, lead to these."""
+    source = arguments[-1]
+    source[0] = re.sub(r"\]\(\.\./(CONTRIBUTING|CHANGELOG)\.md", lambda m: f"]({m[1].lower()}.md", source[0])
+
+
+def setup(app: Sphinx) -> None:
+    """Docstrings are changed before napoleon reads them."""
+    app.connect("autodoc-process-docstring", plain, priority=100)
+    app.connect("source-read", inside)
