@@ -150,7 +150,7 @@ def test_what_is_no_regular_file_is_not_waited_for(tmp_path: Path) -> None:
 
 def test_an_unknown_kind_is_refused_whatever_the_file(tmp_path: Path) -> None:
     rw.write_fclib(tmp_path / "a.hdf5", rw.Problem.local(W, [-1.0, 0.3, 0.2], [0.4]))
-    with pytest.raises(ValueError, match=r"^kind: must be one of lcp"):
+    with pytest.raises(ValueError, match=r"^kind: unknown 'magic'; valid: lcp"):
         read_problem(tmp_path / "a.hdf5", "magic")
 
 

@@ -119,7 +119,10 @@ def test_states_by_hand() -> None:
 @pytest.mark.parametrize(
     "change, text",
     [
-        ({"q": {"part.x4": 0.0}}, r"state\.q: unknown 'part\.x4'; valid: finger1\.x1, .*part\.x3"),
+        (
+            {"q": {"part.x4": 0.0}},
+            r"state\.q: unknown 'part\.x4' \(did you mean part\.x3\?\); valid: finger1\.x1, .*part\.x3",
+        ),
         ({"v": {"part.x3": "fast"}}, r"state\.v\.part\.x3: must be a number, not 'fast'"),
         ({"q": {"part.x3": np.nan}}, r"state\.q\.part\.x3: must be finite, not nan"),
         ({"time": np.inf}, r"state\.time: must be finite, not inf"),

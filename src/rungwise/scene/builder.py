@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import islice
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
 
 import numpy as np
 
@@ -32,9 +32,9 @@ from rungwise.scene.supports import spot_count, supports, write_supports
 from rungwise.scene.task import numbers_of
 from rungwise.scene.tasks import write_task
 from rungwise.scene.template import SceneError, Template, block_of
-from rungwise.scene.values import Number, shown
+from rungwise.scene.values import Number, Pair, shown
 from rungwise.scene.writer import INF, Writer
-from rungwise.wording import choices
+from rungwise.wording import choices, listed
 
 MAX_PAIRS = 100_000
 """Most pairs of shapes that may touch: with more pairs, a small file would need all memory."""
@@ -82,8 +82,10 @@ class _Builder:
         )
         for place, name in enumerate(scene.inputs):
             if name not in self.parameters or name in scene.inputs[:place]:
-                wrong = "unknown parameter" if name not in self.parameters else "given twice:"
-                raise SceneError(f"inputs.{place}: {wrong} {shown(name)}{choices(name, self.parameters)}")
+                known = name in self.parameters
+                wrong = "given twice:" if known else "unknown parameter"
+                valid = f"; valid: {listed(self.parameters)}" if known else choices(name, self.parameters)
+                raise SceneError(f"inputs.{place}: {wrong} {shown(name)}{valid}")
         self.writer = Writer(counts, self.names, scene.inputs)
         self.put, self.records = self.writer.put, self.writer.records
 
@@ -204,20 +206,27 @@ class _Builder:
             if not isinstance(shape, Outline):
                 yield path, shape
                 continue
-            places = [
-                (
-                    self._at_defaults(x, f"{path}.vertices.{k}.0"),
-                    self._at_defaults(y, f"{path}.vertices.{k}.1"),
-                )
-                for k, (x, y) in enumerate(shape.vertices)
-            ]
+            places = self._places(shape.vertices, f"{path}.vertices")
+            holes = [self._places(hole, f"{path}.holes.{k}") for k, hole in enumerate(shape.holes)]
             try:
-                pieces = convex_pieces(places)
+                pieces = convex_pieces(places, holes)
             except ValueError as error:
                 raise SceneError(f"{path}: {error}") from None
+            all_vertices = [*shape.vertices, *chain.from_iterable(shape.holes)]
             for piece in pieces:
-                vertices = tuple(shape.vertices[k] for k in piece)
-                yield path, Polygon(kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle)
+                vertices = tuple(all_vertices[k] for k in piece)
+                yield (
+                    path,
+                    Polygon.model_construct(
+                        kind="polygon", vertices=vertices, at=shape.at, angle=shape.angle
+                    ),
+                )
+
+    def _places(self, vertices: Sequence[Pair], path: str) -> list[tuple[float, float]]:
+        return [
+            (self._at_defaults(x, f"{path}.{k}.0"), self._at_defaults(y, f"{path}.{k}.1"))
+            for k, (x, y) in enumerate(vertices)
+        ]
 
     def _at_defaults(self, value: Number, path: str) -> float:
         """A number of the scene with every parameter at its default."""

@@ -35,6 +35,11 @@ class Parameter(Strict):
         return self
 
 
+Loop = Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
+LengthUnit = Literal["m", "cm", "mm", "um", "nm", "in"]
+Positive = Annotated[Finite, Field(gt=0.0)]
+
+
 class Point(Strict):
     kind: Literal["point"]
     at: Pair = (0.0, 0.0)
@@ -69,17 +74,40 @@ class Polygon(Strict):
     """Convex polygon, in either sense of rotation, grown by a rounding `radius`."""
 
     kind: Literal["polygon"]
-    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=64)]
+    vertices: Loop
     radius: Number = 0.0
     at: Pair = (0.0, 0.0)
     angle: Number = 0.0
 
 
 class Outline(Strict):
-    """Simple polygon that need not be convex; it is split into convex pieces at the parameters' defaults."""
+    """Simple polygon that need not be convex, and may have holes; it is split into convex pieces at the
+    parameters' defaults."""
 
     kind: Literal["outline"]
-    vertices: Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
+    vertices: Loop
+    holes: Annotated[tuple[Loop, ...], Field(max_length=32)] = ()
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+
+class Drawing(Strict):
+    """The outline that a file draws (SVG or DXF), read when the scene is loaded; holes are kept.
+
+    `path` is an identifier (SVG) or a layer (DXF), needed where the file draws several outlines; `unit` is
+    the scene's unit of length, `drawn_in` the file's, where it states none or another one. Curves become
+    chords that depart from them by at most `tolerance` (default: a thousandth of the drawing's size). With
+    the origin `centroid` the body's frame is centred on the outline, with `drawing` it is the file's, y
+    upwards.
+    """
+
+    kind: Literal["drawing"]
+    file: Text
+    path: Text | None = None
+    unit: LengthUnit = "m"
+    drawn_in: LengthUnit | None = None
+    tolerance: Positive | None = None
+    origin: Literal["centroid", "drawing"] = "centroid"
     at: Pair = (0.0, 0.0)
     angle: Number = 0.0
 
@@ -93,9 +121,9 @@ class HalfPlane(Strict):
 
 
 Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | Outline | HalfPlane,
+    Point | Disc | Capsule | Box | Polygon | Outline | Drawing | HalfPlane,
     Field(discriminator="kind"),
-    kinds(Point, Disc, Capsule, Box, Polygon, Outline, HalfPlane),
+    kinds(Point, Disc, Capsule, Box, Polygon, Outline, Drawing, HalfPlane),
 ]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],

@@ -1,4 +1,4 @@
-"""Outlines that are not convex, as convex pieces.
+"""Outlines that are not convex, with or without holes, as convex pieces.
 
 The triangulation is shapely's (constrained Delaunay: edges of the outline and diagonals, no new points);
 neighbours are joined as long as the union stays convex (Hertel and Mehlhorn, FCT 1983), which leaves at most
@@ -12,59 +12,62 @@ from collections.abc import Sequence
 Place = tuple[float, float]
 
 
-def convex_pieces(outline: Sequence[Place]) -> list[list[int]]:
-    """Convex pieces of a simple polygon, each as numbers of its vertices, counter-clockwise.
+def convex_pieces(outline: Sequence[Place], holes: Sequence[Sequence[Place]] = ()) -> list[list[int]]:
+    """Convex pieces of a simple polygon, each as numbers of its vertices, counter-clockwise; vertices of
+    `holes` are numbered after those of the outline.
 
-    Raises ValueError when the outline crosses or touches itself, or has no area.
+    Raises ValueError when the outline crosses or touches itself or a hole, or has no area; holes lie inside.
     """
     import shapely
 
-    polygon = shapely.Polygon(outline)
-    if len(set(outline)) < len(outline) or not polygon.is_valid or not polygon.area > 0.0:
-        raise ValueError("the outline crosses or touches itself, or has no area")
-    number = {place: k for k, place in enumerate(outline)}
+    polygon = shapely.Polygon(outline, holes)
+    places = [*outline, *(place for hole in holes for place in hole)]
+    if len(set(places)) < len(places) or not polygon.is_valid or not polygon.area > 0.0:
+        raise ValueError(_wrong(polygon, bool(holes)))
+    number = {place: k for k, place in enumerate(places)}
     pieces = []
     for triangle in shapely.constrained_delaunay_triangles(polygon).geoms:
         corners = [number[(float(x), float(y))] for x, y in triangle.exterior.coords[:3]]
-        pieces.append(corners if _turn(outline, *corners) > 0.0 else corners[::-1])
-    return _joined(outline, pieces)
+        pieces.append(corners if _turn(places, *corners) > 0.0 else corners[::-1])
+    return _joined(places, pieces)
 
 
-def _turn(outline: Sequence[Place], a: int, b: int, c: int) -> float:
+def _wrong(polygon: object, holes: bool) -> str:
+    import shapely
+
+    reason = str(shapely.is_valid_reason(polygon))
+    at = f" (at {', '.join(reason[:-1].split('[')[1].split())})" if "[" in reason else ""
+    return f"the outline crosses or touches itself{' or a hole' * holes}, or has no area{at}"
+
+
+def _turn(places: Sequence[Place], a: int, b: int, c: int) -> float:
     """Twice the area of the triangle a, b, c: positive when it turns to the left."""
-    (ax, ay), (bx, by), (cx, cy) = outline[a], outline[b], outline[c]
+    (ax, ay), (bx, by), (cx, cy) = places[a], places[b], places[c]
     return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
 
-def _joined(outline: Sequence[Place], pieces: list[list[int]]) -> list[list[int]]:
-    """The pieces, with neighbours joined wherever the union is convex."""
-    done = False
-    while not done:
-        done = True
-        for i, one in enumerate(pieces):
-            for j in range(i + 1, len(pieces)):
-                union = _union(outline, one, pieces[j])
-                if union is not None:
-                    pieces[i : i + 1] = [union]
-                    del pieces[j]
-                    done = False
-                    break
-            if not done:
-                break
-    return pieces
-
-
-def _union(outline: Sequence[Place], one: list[int], other: list[int]) -> list[int] | None:
-    """Both pieces as one, if they share an edge and the union is convex."""
-    for k in range(len(one)):
-        a, b = one[k], one[(k + 1) % len(one)]
-        if b not in other or other[(other.index(b) + 1) % len(other)] != a:
+def _joined(places: Sequence[Place], pieces: list[list[int]]) -> list[list[int]]:
+    """The pieces, with neighbours joined wherever the union is convex: each diagonal is tried once, for one
+    that is needed stays so."""
+    least = 1e-9 * max(abs(x) for place in places for x in place) ** 2
+    owner = {edge: piece for piece in pieces for edge in _edges(piece)}
+    for a, b in list(owner):
+        if a > b or (b, a) not in owner:
             continue
-        at = other.index(a)
-        between = [other[(at + m) % len(other)] for m in range(1, len(other) - 1)]
-        union = [*one[: k + 1], *between, *one[k + 1 :]]
+        one, other = owner[a, b], owner[b, a]
+        union = _after(one, b) + _after(other, a)
         corners = zip([union[-1], *union[:-1]], union, [*union[1:], union[0]], strict=True)
-        size = max(abs(x) for place in outline for x in place) ** 2
-        if all(_turn(outline, *corner) > 1e-9 * size for corner in corners):
-            return union
-    return None
+        if all(_turn(places, *corner) > least for corner in corners):
+            del owner[a, b], owner[b, a]
+            owner.update(dict.fromkeys(_edges(union), union))
+    return list({id(piece): piece for piece in owner.values()}.values())
+
+
+def _edges(piece: list[int]) -> list[tuple[int, int]]:
+    return list(zip(piece, [*piece[1:], piece[0]], strict=True))
+
+
+def _after(piece: list[int], first: int) -> list[int]:
+    """The vertices of a piece from `first` on, but for the last."""
+    at = piece.index(first)
+    return (piece[at:] + piece[:at])[:-1]

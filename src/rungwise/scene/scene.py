@@ -20,6 +20,7 @@ from rungwise.scene import faults
 from rungwise.scene import records as rec
 from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
+from rungwise.scene.drawing import with_outlines
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
 from rungwise.scene.template import SceneError, Template, out_of_range
@@ -133,7 +134,8 @@ class Scene:
 @keywords
 def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping; a
-    scene that has been read is returned as it is.
+    scene that has been read is returned as it is. Drawings are looked for beside the YAML file, for a mapping
+    in the working folder.
 
     Raises SceneError: one line that names the field and its valid values.
     """
@@ -142,8 +144,9 @@ def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     if not isinstance(source, str | Path | Mapping):
         raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
     data = dict(source) if isinstance(source, Mapping) else _read(source)
+    folder = Path() if isinstance(source, Mapping) else Path(source).parent
     try:
-        file = SceneFile.model_validate(data)
+        file = with_outlines(SceneFile.model_validate(data), folder)
     except ValidationError as error:
         raise SceneError(explain(error, data)) from None
     except RecursionError:
@@ -171,6 +174,7 @@ WORDING = {
     "tuple_type": "must be a list",
     "too_short": "must have at least {min_length}, not {actual_length}",
     "too_long": "must have at most {max_length}",
+    "greater_than": "must be greater than {gt:g}",
 }
 """Type of a pydantic error -> the message for a scene's author."""
 
