@@ -14,7 +14,7 @@ import shapely
 from ezdxf.layouts import Modelspace
 
 import rungwise as rw
-from rungwise.scene.fields import Outline
+from rungwise.scene.fields import Drawing, Outline
 
 MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
 
@@ -202,7 +202,7 @@ def test_drawings_that_are_no_outline_are_told(tmp_path: Path, body: str) -> Non
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"path": "plat"}, "has no path 'plat' (did you mean plate?); valid: plate, hole"),
+        ({"path": "plat"}, "path: part.svg has none named 'plat' (did you mean plate?); valid: plate, hole"),
         ({"unit": "yard"}, "unit: must be 'm', 'cm', 'mm', 'um', 'nm' or 'in', not 'yard'"),
         ({"tolerance": 0}, "tolerance: must be greater than 0, not 0"),
         ({"tolerance": 1e-8}, "tolerance: leaves "),
@@ -215,6 +215,25 @@ def test_wrong_fields_are_told(tmp_path: Path, fields: dict[str, Any], text: str
     with pytest.raises(rw.SceneError) as error:
         outline(**{"file": svg(tmp_path, PLATE)} | fields)
     assert text in str(error.value) and "\n" not in str(error.value)
+
+
+ANY: tuple[Any, ...] = (
+    None, True, 3, -1.0, math.nan, math.inf, 10**5000, "", "foo", "a\nb", "\0", "a" * 3000, "..", [], [1], {},
+    object(),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("field", [name for name in Drawing.model_fields if name != "kind"])
+def test_any_value_is_taken_or_refused_in_one_line(tmp_path: Path, field: str) -> None:
+    file = svg(tmp_path, '<rect width="2" height="3"/>')
+    refused = 0
+    for value in ANY:
+        try:
+            outline(**{"file": file, field: value})
+        except rw.SceneError as error:
+            refused += 1
+            assert str(error).startswith(f"bodies.part.shape.{field}") and str(error).isprintable()
+    assert refused >= len(ANY) - 4
 
 
 def test_a_dxf_without_a_unit_is_told(tmp_path: Path) -> None:

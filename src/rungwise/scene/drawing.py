@@ -45,11 +45,11 @@ def _drawn(field: str, body: Body, folder: Path) -> Body:
 def _outline(field: str, shape: Shape, folder: Path) -> Shape:
     if not isinstance(shape, Drawing):
         return shape
-    file = read_drawing(f"{field}.file", folder / shape.file, shape.path)
+    file = read_drawing(field, folder / shape.file, shape.path)
     drawn_in = file.unit if shape.drawn_in is None else METRES[shape.drawn_in]
     if drawn_in is None:
         raise SceneError(
-            f"{field}.drawn_in: is required, for {shape.file} says no unit; valid: {', '.join(METRES)}"
+            f"{field}.drawn_in: is required, for the file says no unit; valid: {', '.join(METRES)}"
         )
     scale = drawn_in / METRES[shape.unit]
     size = _size(file)

@@ -7,6 +7,7 @@ four times the least number of pieces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 Place = tuple[float, float]
@@ -48,12 +49,11 @@ def _turn(places: Sequence[Place], a: int, b: int, c: int) -> float:
 
 def _joined(places: Sequence[Place], pieces: list[list[int]]) -> list[list[int]]:
     """The pieces, with neighbours joined wherever the union is convex: each diagonal is tried once, for one
-    that is needed stays so."""
+    that is needed stays so, and the longest first, which leaves fewer slivers."""
     least = 1e-9 * max(abs(x) for place in places for x in place) ** 2
     owner = {edge: piece for piece in pieces for edge in _edges(piece)}
-    for a, b in list(owner):
-        if a > b or (b, a) not in owner:
-            continue
+    diagonals = [(a, b) for a, b in owner if a < b and (b, a) in owner]
+    for a, b in sorted(diagonals, key=lambda edge: -math.dist(places[edge[0]], places[edge[1]])):
         one, other = owner[a, b], owner[b, a]
         union = _after(one, b) + _after(other, a)
         corners = zip([union[-1], *union[:-1]], union, [*union[1:], union[0]], strict=True)

@@ -6,12 +6,13 @@ Chords end on the curve and depart from it by no more than a given distance.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
@@ -19,8 +20,8 @@ from rungwise.wording import choices
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "in": 0.0254}
 MAX_DRAWING = 20_000_000
-LEAST, MOST = 2, 10
-"""How often a curve is halved at least, so that none hides between its ends, and at most."""
+FEWEST, MOST = 4, 1024
+"""Chords of a curve: a few at least, so that nothing hides between its ends."""
 
 Place = tuple[float, float]
 
@@ -49,9 +50,9 @@ class File:
 
 def read_drawing(field: str, path: Path, name: str | None) -> File:
     """The file's paths, all of them or those of a name. Raises SceneError, in a line that begins with
-    `field`."""
+    `field` and names `file` or `path` in it."""
     readers: dict[str, Callable[[Path], Read]] = {".svg": _svg, ".dxf": _dxf}
-    text = f"{field}: {str(path)[:200]!r}"
+    text = f"{field}.file: {str(path)[:200]!r}"
     if path.suffix.lower() not in readers:
         raise SceneError(f"{text} is neither an SVG nor a DXF file (by its name)")
     if not path.is_file():
@@ -70,7 +71,9 @@ def read_drawing(field: str, path: Path, name: str | None) -> File:
     if not named:
         raise SceneError(f"{text} draws no path")
     if name is not None and name not in named:
-        raise SceneError(f"{text} has no path {shown(name)}{choices(name, tuple(named))}")
+        raise SceneError(
+            f"{field}.path: {path.name} has none named {shown(name)}{choices(name, tuple(named))}"
+        )
     wanted = named if name is None else {name: named[name]}
 
     def paths(tolerance: float) -> Iterator[Drawn]:
@@ -111,7 +114,7 @@ def _flat_svg(subpath: Any, tolerance: float) -> tuple[list[Place], bool]:
         elif isinstance(segment, svgelements.Move | svgelements.Line):
             points.append(_place(segment.end))
         else:
-            points.extend(_chords(segment.point, tolerance))
+            points.extend(_chords(segment, tolerance))
     return points, closed
 
 
@@ -119,25 +122,21 @@ def _place(point: Any) -> Place:
     return float(point.x), 0.0 - float(point.y)
 
 
-def _chords(point: Callable[[float], Any], tolerance: float) -> Iterator[Place]:
-    """Ends of chords of a curve over 0 to 1, the first left out."""
-
-    def halved(a: float, b: float, deep: int) -> Iterator[Place]:
-        (ax, ay), (bx, by) = _place(point(a)), _place(point(b))
-        length = math.hypot(bx - ax, by - ay)
-        far = 0.0
-        for part in (0.25, 0.5, 0.75):
-            x, y = _place(point(a + part * (b - a)))
-            across = abs((x - ax) * (by - ay) - (y - ay) * (bx - ax)) / length if length else math.inf
-            far = max(far, min(across, math.hypot(x - ax, y - ay)))
-        if (far <= tolerance and deep >= LEAST) or deep == MOST:
-            yield bx, by
-            return
-        middle = 0.5 * (a + b)
-        yield from halved(a, middle, deep + 1)
-        yield from halved(middle, b, deep + 1)
-
-    yield from halved(0.0, 1.0, 0)
+def _chords(segment: Any, tolerance: float) -> list[Place]:
+    """Ends of chords of a segment but for the first: so many that three points of each keep the tolerance."""
+    count = FEWEST
+    while True:
+        places = np.array(segment.npoint(np.linspace(0.0, 1.0, 4 * count + 1)), float) * (1.0, -1.0)
+        start, end = places[:-1:4], places[4::4]
+        along = end - start
+        length = np.maximum(np.hypot(*along.T), np.finfo(float).tiny)
+        across = [
+            along[:, 0] * (p - start)[:, 1] - along[:, 1] * (p - start)[:, 0]
+            for p in (places[k:-1:4] for k in (1, 2, 3))
+        ]
+        if np.max(np.abs(across) / length) <= tolerance or count >= MOST:
+            return [(float(x), 0.0 + float(y)) for x, y in end]
+        count *= 2
 
 
 def _dxf(path: Path) -> Read:
