@@ -11,7 +11,7 @@ import rungwise as rw
 from rungwise.contact.judge.farkas import check
 from rungwise.contact.prepare.system import scaled
 
-TRIALS, SEEDS = 1000, 3
+TRIALS, SEEDS = 600, 2
 MOST = {
     "gauss-seidel": 303,
     "pivoting": 6 * (50 + 20 * 60),

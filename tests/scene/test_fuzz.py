@@ -77,7 +77,7 @@ def is_bound_or_refused(source: Any) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(COMMON, max_examples=150)
+@settings(COMMON, max_examples=60)
 @given(data=st.data())
 def test_changed_scenes(name: str, data: st.DataObject) -> None:
     scene = copy.deepcopy(SCENES[name])
@@ -94,7 +94,7 @@ def test_anything(value: Any) -> None:
 
 
 @pytest.mark.parametrize("name", TEXTS)
-@settings(COMMON, max_examples=120)
+@settings(COMMON, max_examples=60)
 @given(data=st.data())
 def test_changed_text(name: str, data: st.DataObject, tmp_path: Path) -> None:
     text = bytearray(TEXTS[name])

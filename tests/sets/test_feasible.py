@@ -29,7 +29,7 @@ def worst(found: rw.FeasibleSet, end: float) -> float:
     return float(np.max(away[wrong], initial=0.0))
 
 
-@pytest.mark.parametrize("tol", [0.01, 0.001])
+@pytest.mark.parametrize("tol", [0.01])
 @pytest.mark.parametrize(
     ("model", "parameters", "end"),
     [
@@ -191,15 +191,15 @@ def test_labels_speak_of_runs() -> None:
 
 def test_around_the_boundary_of_a_lower_rung(tmp_path: Path) -> None:
     """The same set with fewer runs, whether the boundary moves (damping, restitution) or not."""
-    over, box = ("v1", "v2", "mu"), BOX | {"v1": (0.02, 2.0), "v2": (0.02, 2.0)}
-    cheap = grasp(rw.QUASISTATIC_RIGID, over, box=box, tol=0.02)
+    over, box = ("v1", "v2"), BOX | {"v1": (0.02, 2.0), "v2": (0.02, 2.0)}
+    cheap = grasp(rw.QUASISTATIC_RIGID, over, box=box, tol=0.01)
     for model, parameters in (
         (rw.DYNAMIC_RIGID, {}),
         (rw.DYNAMIC_RIGID, {"restitution": 1.0}),
         (rw.DYNAMIC_COMPLIANT, {"damping": 1e4}),
     ):
-        whole = grasp(model, over, box=box, tol=0.02, parameters=parameters)
-        found = grasp(model, over, box=box, tol=0.02, parameters=parameters, near=cheap)
+        whole = grasp(model, over, box=box, tol=0.01, parameters=parameters)
+        found = grasp(model, over, box=box, tol=0.01, parameters=parameters, near=cheap)
         assert found.evaluations < 0.9 * whole.evaluations
         points = found.random(20_000, 5)
         assert np.mean(found.labels(points) != whole.labels(points)) < 1e-3
@@ -208,8 +208,8 @@ def test_around_the_boundary_of_a_lower_rung(tmp_path: Path) -> None:
     assert np.array_equal(again.tree.vertices.borrowed, found.tree.vertices.borrowed)
     borrowed = found.tree.vertices.places(found.tree.vertices.keys[found.tree.vertices.borrowed])
     assert len(borrowed) and found.witness(found.box[:, 0] + borrowed[0] * found.unit) is None
-    with pytest.raises(rw.SetError, match=r"near: its tol must be the same, not 0\.02"):
-        grasp(rw.DYNAMIC_RIGID, over, box=box, tol=0.01, near=cheap)
+    with pytest.raises(rw.SetError, match=r"near: its tol must be the same, not 0\.01"):
+        grasp(rw.DYNAMIC_RIGID, over, box=box, tol=0.02, near=cheap)
 
 
 def test_what_a_lower_rung_does_not_show_is_found_by_probes() -> None:

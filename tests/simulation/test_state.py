@@ -48,7 +48,7 @@ def taken(scene: rw.Scene, model: rw.Rung, steps: int, **options: Any) -> rw.Run
 def test_a_run_that_goes_on_is_the_run_that_was_not_interrupted(model: rw.Rung, tol: float | None) -> None:
     """Bit for bit, at random cuts of random scenes: impacts, friction, joints, servos, supports."""
     rng, cuts, touching = np.random.default_rng(0), 0, 0
-    for number in range(0, 200, 5):
+    for number in range(0, 200, 10):
         options: dict[str, Any] = {"tol": tol, "theta": float(rng.choice([0.5, 1.0]))}
         scene = rw.load(random_scene(number))
         whole = taken(scene, model, STEPS, **options)
