@@ -522,11 +522,18 @@ def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
     assert filled == {(model, name) for model in models for name in model.model_fields}
 
 
+def tried(path: Path, kind: str) -> tuple[object, ...]:
+    """All wrong values, or, for numbers, of which there are many, every fourth: each is tried in many places."""
+    if kind != NUMBER:
+        return WRONG[kind]
+    return WRONG[kind][[p for p, k, _ in PARTS if k == kind].index(path) % 4 :: 4]
+
+
 @pytest.mark.parametrize(
     ("path", "kind"), [(p, k) for p, k, _ in PARTS if p], ids=lambda x: label(x) if type(x) is tuple else x
 )
 def test_wrong_value(path: Path, kind: str) -> None:
-    for value in WRONG[kind]:
+    for value in tried(path, kind):
         if value is None and path[-1] in OPTIONAL:
             continue
         message = refusal(put(path, value))
