@@ -523,7 +523,7 @@ def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
 
 
 def tried(path: Path, kind: str) -> tuple[object, ...]:
-    """All wrong values, or, for numbers, of which there are many, every fourth: each is tried in many places."""
+    """All wrong values; of those of numbers every fourth, for there are many places to try them in."""
     if kind != NUMBER:
         return WRONG[kind]
     return WRONG[kind][[p for p, k, _ in PARTS if k == kind].index(path) % 4 :: 4]
