@@ -35,7 +35,7 @@ from .planning.plan import Plan, PlanError, load_plan
 from .planning.predict import Stage
 from .planning.task import TaskError, instances
 from .planning.verify import Verification, verify
-from .scene import InvalidScene, Scene, SceneError, load, schema, shipped
+from .scene import InvalidScene, Scene, SceneBuilder, SceneError, load, parts, schema, shipped
 from .sets.between import Between, between
 from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
 from .sets.feasible import FeasibleSet, feasible_set, load_set
@@ -95,6 +95,7 @@ __all__ = [
     "RunSensitivity",
     "Rung",
     "Scene",
+    "SceneBuilder",
     "SceneError",
     "Schedule",
     "ScheduleError",
@@ -131,6 +132,7 @@ __all__ = [
     "load_run",
     "load_set",
     "load_state",
+    "parts",
     "plan",
     "plot",
     "read_problem",

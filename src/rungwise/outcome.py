@@ -36,7 +36,7 @@ class Outcome(StrEnum):
     advice: str
 
     RUNNING = Code.RUNNING, 1, "the run was interrupted", "Continue it, or run it again."
-    GOAL = Code.GOAL, 0, "the goal condition holds", "Lift the plan to the next rung."
+    GOAL = Code.GOAL, 0, "the goal condition holds", "Try it on the next rung, if there is one."
     UNSAFE = Code.UNSAFE, 1, "an unsafe condition holds", "Change inputs or design, or relax the condition."
     DOOMED = (
         Code.DOOMED,

@@ -121,7 +121,7 @@ def sets(
                             resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
-            summary = report.summary(found, certify)
+            summary = report.summary(found, certify, box)
             written = files.write(found, exports)
             if html is not None:
                 written += view(found, html=html)

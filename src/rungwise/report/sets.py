@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
@@ -10,17 +10,21 @@ from typing import Any
 from rungwise.sets.between import between
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.motions import SLOWEST
+from rungwise.sets.request import chosen
 
 
-def summary(found: Sequence[FeasibleSet], certify: int = 0) -> dict[str, Any]:
+def summary(
+    found: Sequence[FeasibleSet], certify: int = 0, box: Mapping[str, tuple[float, float]] | None = None
+) -> dict[str, Any]:
     """Counts, volumes and differences of neighbours on the ladder, as `rungwise sets --json` prints them.
 
-    With `certify` > 0, each set is tested at so many fresh points.
+    With `certify` > 0, each set is tested at so many fresh points; `box` holds the intervals that were given.
     """
     first = found[0]
     return {
         "scene": first.scene.name,
         "over": {name: list(box) for name, box in zip(first.over, first.box.tolist(), strict=True)},
+        "chosen": chosen(first.scene, first.over, {} if box is None else box),
         "parameters": first.parameters,
         "tol": first.tol,
         "sets": [
@@ -53,6 +57,7 @@ def text(summary: dict[str, Any]) -> str:
     """The summary for people."""
     over = ", ".join(f"{name} in {low:g}..{high:g}" for name, (low, high) in summary["over"].items())
     lines = [f"{summary['scene']} over {over}, boundary within {summary['tol']:g} of each side"]
+    lines += [f"  {name}: {how}; {name}=LOW:HIGH gives another" for name, how in summary["chosen"].items()]
     names = [_name(each) for each in summary["sets"]]
     width = max(22, *(len(name) for name in names))
     for name, each in zip(names, summary["sets"], strict=True):

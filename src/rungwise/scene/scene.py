@@ -81,6 +81,11 @@ class Scene:
             values[name] = _parameter(f"parameters.{name}", value, known[name])
         return values
 
+    def yaml(self) -> str:
+        """The scene as a file: what was given, with drawings as outlines."""
+        data = self.file.model_dump(mode="json", exclude_unset=True)
+        return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+
     def goal(
         self, states: rungwise.States, parameters: Mapping[str, float] | None = None
     ) -> rungwise.Answers:

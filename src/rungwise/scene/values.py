@@ -43,7 +43,7 @@ def _number(value: object) -> object:
         or str(value).isspace()
     ):
         raise PydanticCustomError("number", "must be a number or an expression of the parameters")
-    return value if isinstance(value, str) else _finite(value)
+    return str(value) if isinstance(value, str) else _finite(value)
 
 
 def _finite(value: object) -> float:

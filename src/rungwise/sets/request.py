@@ -47,6 +47,19 @@ def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, flo
     return np.array(intervals)
 
 
+def chosen(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]]) -> dict[str, str]:
+    """How `box_of` chooses the intervals that `box` leaves open, in words by name."""
+    words = {}
+    for name in over:
+        declared = scene.file.parameters[name]
+        low, high = declared.range if declared.range is not None else (-math.inf, math.inf)
+        if name not in box:
+            is_narrow = high - low <= WIDE * abs(declared.default)
+            twice = f"up to twice its default, {declared.default:g}, for its range is wide"
+            words[name] = "its range in the scene" if is_narrow else twice
+    return words
+
+
 def digest(scene: Scene) -> str:
     """Mark of all that a scene's file says."""
     return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import RecordArray
-from rungwise.models.ladder import Rung
+from rungwise.models.ladder import LADDER, Rung
+from rungwise.outcome import Outcome
+from rungwise.scene import Scene
+from rungwise.wording import listed
 
 SHORTENED = 2.0
 """Number of steps over the number asked for from which on a remark is made."""
@@ -35,6 +38,27 @@ def remarks(
         _strays(clock),
     )
     return tuple(remark for remark in found if remark)
+
+
+def advice(outcome: Outcome, rung: Rung, has_goal: bool) -> str:
+    """The advice of an outcome, as it fits the rung and the scene."""
+    if outcome is Outcome.GOAL:
+        richer = LADDER[LADDER.index(rung) + 1 :]
+        return f"The next rung is {richer[0].name}." if richer else "This is the richest rung."
+    if outcome is Outcome.TIMEOUT and has_goal:
+        return "Give more time (--time)."
+    return outcome.advice
+
+
+def untouchable(scene: Scene) -> tuple[str, ...]:
+    """A line for bodies that move, that no joint holds, and that nothing can touch."""
+    met = {name for pair in scene.template.contacts for name in pair}
+    met |= {name for joint in scene.file.joints.values() for name in joint.between}
+    alone = [name for name, body in scene.file.bodies.items() if body.coordinate_names and name not in met]
+    if not alone:
+        return ()
+    verb, them = ("moves", "it") if len(alone) == 1 else ("move", "them")
+    return (f"contacts: {listed(alone)} {verb}, and no entry lets anything touch {them}",)
 
 
 def _theta(rung: Rung, theta: float) -> str:

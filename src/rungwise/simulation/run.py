@@ -27,7 +27,7 @@ from rungwise.simulation.options import MANY, ModelError, check_options, count, 
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.inputs import begin_inputs
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
-from rungwise.simulation.remarks import remarks
+from rungwise.simulation.remarks import advice, remarks, untouchable
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state, digest
@@ -308,7 +308,7 @@ class Simulation:
         assert self.workspace is not None
         outcome = OUTCOMES[self.outcome]
         clock = self.workspace.state.clock[0]
-        self.reason = f"{outcome.meaning}. {outcome.advice}"
+        self.reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
         if self.outcome == Code.INVALID:
             self.reason = self._undefined()
         if self.outcome == Code.TIMEOUT and clock["segment"] < len(self.inputs):
@@ -359,7 +359,7 @@ class Simulation:
         found = remarks(
             self.model, self.theta, self._control, self.workspace.state.clock, self._least_moved()
         )
-        found += ignored(self.scene, self.model, self.inputs)
+        found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
         leap = leap_taken(self.scene, self._bound, self.workspace, self._far())
         return found if leap is None else (*found, str(leap))
 

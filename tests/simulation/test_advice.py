@@ -1,0 +1,53 @@
+"""What a run advises fits its rung and its scene; what nothing can touch is named."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import rungwise as rw
+
+DISC = {"kind": "disc", "radius": 0.1}
+MOVING = [rung for rung in rw.LADDER if rung.moves]
+
+
+def thrown(**conditions: Any) -> rw.Scene:
+    """A disc that slides without friction, with a fixed one far away."""
+    bodies = {
+        "puck": {
+            "role": "object", "shape": DISC, "mass": 1.0, "motion": {"kind": "slide", "axis": [1, 0]},
+            "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1.0}}},
+        },
+        "post": {"role": "obstacle", "shape": DISC, "pose": {"x": 9.0}},
+    }  # fmt: skip
+    contacts = [{"between": ["puck", "post"]}]
+    return rw.load({"name": "a", "bodies": bodies, "contacts": contacts, "duration": 0.1} | conditions)
+
+
+@pytest.mark.parametrize("model", MOVING, ids=str)
+def test_a_goal_names_the_next_rung(model: rw.Rung) -> None:
+    reason = rw.simulate(thrown(goal="puck.s >= 0.05"), model).reason
+    above = rw.LADDER[rw.LADDER.index(model) + 1 :]
+    assert reason.endswith(f"The next rung is {above[0].name}." if above else "This is the richest rung.")
+
+
+def test_a_goal_is_asked_for_only_where_there_is_none() -> None:
+    assert "state a goal" in rw.simulate(thrown(), "kinematic").reason
+    reason = rw.simulate(thrown(goal="puck.s >= 7"), "kinematic").reason
+    assert reason.endswith("Give more time (--time).")
+
+
+def test_bodies_that_nothing_can_touch_are_named() -> None:
+    data = thrown().file.model_dump(mode="json")
+    assert rw.simulate(rw.load(data), "kinematic").notes == ()
+    alone = data | {"contacts": []}
+    expected = "contacts: puck moves, and no entry lets anything touch it"
+    assert rw.simulate(rw.load(alone), "kinematic").notes == (expected,)
+    alone["bodies"]["other"] = data["bodies"]["puck"] | {"pose": {"x": 3.0}}
+    expected = "contacts: puck, other move, and no entry lets anything touch them"
+    assert rw.simulate(rw.load(alone), "kinematic").notes == (expected,)
+
+
+def test_links_of_an_arm_need_no_contact() -> None:
+    assert not any("touch" in note for note in rw.simulate("two_link", "kinematic").notes)
