@@ -129,8 +129,8 @@ def draw(path: Path, runs: Sequence[rw.Run], found: Sequence[Held]) -> None:
             fontsize=12,
         )
         axis.text(
-            0.5, 0.035, f"{hold.verdict}\n{MEANING[hold.verdict]}", transform=axis.transAxes, ha="center", va="bottom", fontsize=12.5,
-            color=COLORS[hold.verdict], weight="bold",
+            0.5, 0.035, f"{hold.verdict}\n{MEANING[hold.verdict]}", transform=axis.transAxes, ha="center",
+            va="bottom", fontsize=12.5, color=COLORS[hold.verdict], weight="bold",
         )  # fmt: skip
     _legend(figure)
     path.parent.mkdir(parents=True, exist_ok=True)

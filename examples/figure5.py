@@ -42,7 +42,7 @@ from rungwise.viewing.slices import draw_surface
 
 Reals = NDArray[np.float64]
 BOX = {"v1": (0.1, 2.0), "v2": (0.1, 2.0), "mu": (0.0, 1.5)}
-FRICTION = (0.0, 0.25, 0.5, 0.75, 0.9, 0.99, 1.01, 1.4)
+FRICTION = (0.0, 0.25, 0.5, 0.75, 0.9, 0.98, 1.01, 1.4)
 """Columns of the table."""
 LEAST, SCANNED, BISECTIONS = 0.01, 48, 14
 """Ratios are scanned from 1 down to `LEAST`, and the end of those that are caught is found by bisection."""
@@ -250,7 +250,7 @@ def _on_scale(ratios: Reals) -> Reals:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the ends of the sets and their sizes, and draw them."""
     parser = argparse.ArgumentParser(description="Feasible sets of the two-finger grasp (Figure 5).")
-    parser.add_argument("--tol", type=float, default=0.02, help="accuracy, as a part of each interval")
+    parser.add_argument("--tol", type=float, default=0.01, help="accuracy, as a part of each interval")
     parser.add_argument("--out", type=Path, default=Path("out"), help="folder for figure5.png")
     options = parser.parse_args(arguments)
     print_ratios()
