@@ -62,6 +62,19 @@ def test_the_threshold_is_the_slope_of_the_faces(height: float) -> None:
         assert rw.simulate("two_finger_servo", "quasistatic-rigid", parameters=given).outcome == ends
 
 
+@pytest.mark.parametrize("mass", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("least", [0.05, 0.2])
+def test_free_fingers_fill_a_box_of_ratios_from_a_friction_on(mass: float, least: float) -> None:
+    share = least / (2.0 - 3.0 * least)
+    threshold = (mass - share * (mass + 1.0)) / (mass - share * (mass - 1.0))
+    given = {"well": 0.0, "align": 0.0, "finger_mass": mass, "v2": least}
+    ends = [
+        rw.simulate("two_finger_free", "dynamic-rigid", parameters=given | {"mu": mu}, tol=1e-3).outcome
+        for mu in (threshold - 2e-3, threshold + 2e-3)
+    ]
+    assert ends == ["doomed", "goal"]
+
+
 def test_prescribed_fingers_jam_where_friction_is_large(figure5: ModuleType) -> None:
     """Unless both touch at once: no speeds satisfy the quasistatic equations (7) of the paper."""
     run = rw.simulate("two_finger", "quasistatic-rigid", parameters={"mu": 1.05, "v2": 0.6})
