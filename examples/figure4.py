@@ -6,7 +6,8 @@
 
 (a) quasistatic-rigid; (b) dynamic-compliant, K = 1e6, C = 1e4; (c) the same with C = 0; (d) the same as (b)
 with free fingers, thrown at the part and pulled by a potential whose least is the goal edge. Steps of 1e-4
-and mu = 0.5, as printed. Numbers that the paper leaves open are varied: each line of the table is one choice.
+and mu = 0.5, as printed. Runs of (a) that are lost go on, dotted, beyond the scene's rule, to the palm.
+Numbers that the paper leaves open are varied: each line of the table is one choice.
 
 A set of ratios need not be an interval, so it is scanned, and its ends are then found by bisection.
 """
@@ -50,11 +51,23 @@ class Panel:
     speed: float = 1.0
     parameters: dict[str, float] = field(default_factory=dict)
 
-    def run(self, scene: rw.Scene, ratio: float, frames: int = 3) -> rw.Run:
+    def run(
+        self, scene: rw.Scene, ratio: float, frames: int = 3, motion: dict[str, float] | None = None
+    ) -> rw.Run:
         """The run at v2 / v1 = ratio."""
         v1, v2 = (self.speed, self.speed * ratio) if ratio <= 1.0 else (self.speed / ratio, self.speed)
         parameters = {"mu": 0.5, **self.parameters, "v1": v1, "v2": v2}
-        return rw.simulate(scene, self.rung, parameters=parameters, step=STEP, frames=frames)
+        return rw.simulate(scene, self.rung, parameters=parameters, step=STEP, frames=frames, motion=motion)
+
+    def beyond(self, scene: rw.Scene, ratio: float, slowest: bool = False) -> rw.Run:
+        """The run without the scene's rule `doomed`, and on to the palm.
+
+        The faster finger is at the palm when the other one meets the apex. There the model has two answers:
+        the part is jammed, which is the slowest motion, or gives way, as in the paper.
+        """
+        free = scene.file.model_dump(mode="json", exclude_unset=True) | {"doomed": None}
+        away = {"part.x3": 1e-3 if ratio < 1.0 else -1e-3}
+        return self.run(rw.load(free), ratio, frames=600, motion=None if slowest else away)
 
     def varied(self, speed: float | None = None, **changes: float) -> Panel:
         """The same with other numbers."""
@@ -146,6 +159,18 @@ def _first_zero(function: Any, low: float, high: float) -> float:
     return 0.5 * (low + high)
 
 
+def print_beyond(ratios: Sequence[float]) -> None:
+    """Where runs of (a) end that go on beyond the rule `doomed`, by both answers of the model at the apex."""
+    scene = rw.load(A.scene)
+    for ratio in ratios:
+        found = []
+        for slowest in (False, True):
+            run = A.beyond(scene, ratio, slowest)
+            place = ", ".join(f"{x:.4g}" for x in run.trajectory["position"].to_numpy()[-1])
+            found.append(f"{run.outcome} at ({place})")
+        print(f"(a) beyond the rule, r = {ratio:.4g}: {found[0]}, as drawn, or {found[1]}", flush=True)
+
+
 def shown(intervals: Set) -> str:
     """Intervals in words; those that reach 1 go on to the inverse of their lower end."""
     parts = [
@@ -184,6 +209,7 @@ def main(
         print(json.dumps({"lines": rows, "guaranteed": least}))
         return 0
     print(f"every admissible quasistatic motion: {least:.4f} to 1; the paper: about 0.7 to 1.4")
+    print_beyond([r for r in FAN if r < 0.5])
     draw_if_possible(options.out / "figure4.png", ratios, bisections)
     return 0
 
@@ -203,7 +229,9 @@ def draw_if_possible(path: Path, ratios: Sequence[float], bisections: int) -> bo
         runs = [panel.run(scene, ratio, frames=600) for ratio in fan]
         half = caught(panel, ratios, bisections)
         both = half + [(1.0 / high, 1.0 / low) for low, high in half]
-        families.append(Family(f"({panel.letter}) {panel.title}", scene, runs, both))
+        lost = [(r, run) for r, run in zip(fan, runs, strict=True) if run.outcome.code == rw.Code.DOOMED]
+        beyond = [(panel.beyond(scene, ratio), run.time) for ratio, run in lost] if panel is A else []
+        families.append(Family(f"({panel.letter}) {panel.title}", scene, runs, both, beyond))
     bands = {
         "slowest motion": (0.5, 2.0),
         "guaranteed": (guaranteed(), 1.0 / guaranteed()),

@@ -13,6 +13,7 @@ from types import ModuleType
 import pytest
 
 import rungwise as rw
+from tests.pages import same
 
 ROOT = Path(__file__).parent.parent
 
@@ -114,13 +115,23 @@ def test_push_is_planned_with_every_kind_of_resistance(
     assert drag.file.task is not None and not len(drag.bind().records.supports)
 
 
-def test_figure_5(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_figure_2(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    figure = script("examples/figure5.py", monkeypatch)
-    assert figure.main(["--tol", "0.05", "--out", str(tmp_path / "figure5.png")]) == 0
-    assert (tmp_path / "figure5.png").stat().st_size > 20_000
-    assert capsys.readouterr().out.count("feasible 0.") == len(figure.CASES)
+    """Caught is form closure; a jam by friction is force closure alone; what slips out is held by neither."""
+    figure = script("examples/figure2.py", monkeypatch)
+    assert figure.main(["--out", str(tmp_path)]) == 0
+    assert (tmp_path / "figure2.png").stat().st_size > 20_000
+    said = [line for line in capsys.readouterr().out.splitlines() if "mu = " in line]
+    page = (ROOT / "docs" / "results.md").read_text("utf-8").splitlines()
+    assert len(said) == 3 and all(any(same(line, kept) for kept in page) for line in said)
+    runs = [grasp.run() for grasp in figure.GRASPS]
+    found = [figure.held(run) for run in runs]
+    assert [hold.verdict for hold in found] == [figure.FORM, figure.FORCE, figure.NEITHER]
+    assert [len(hold.contacts.others) for hold in found] == [4, 3, 2]
+    assert runs[1].outcome == "jammed" and runs[1].certificate is not None
+    # Four contacts close the part without friction; fewer than four cannot.
+    assert found[0].free is None and found[1].free is found[1].form
 
 
 def test_figure_1(
@@ -128,7 +139,7 @@ def test_figure_1(
 ) -> None:
     """Feasible and doomed states are apart; the feasible ones are those of the closed form, |x3| < 1/2."""
     figure = script("examples/figure1.py", monkeypatch)
-    arguments = ["--points", "41", "--cells", "16", "--speeds", "3", "--out", str(tmp_path / "figure1.png")]
+    arguments = ["--points", "41", "--cells", "16", "--speeds", "3", "--out", str(tmp_path)]
     assert figure.main(arguments) == 0
     assert (tmp_path / "figure1.png").stat().st_size > 20_000
     first = capsys.readouterr().out.splitlines()[0]

@@ -109,6 +109,19 @@ def test_ratios_and_their_inverses_get_the_same_verdict(figure4: ModuleType) -> 
             assert caught[0] == caught[1], (panel, ratio)
 
 
+@pytest.mark.parametrize("ratio", [0.1, 0.3, 0.45, 1.0 / 0.3])
+def test_lost_runs_go_on_to_the_palm_or_jam_at_the_apex(figure4: ModuleType, ratio: float) -> None:
+    """As the paper prints them, (2, 2, 3/2) and its mirror image, or at the end of the goal edge."""
+    scene = rw.load("two_finger")
+    side = 1.0 if ratio < 1.0 else -1.0
+    for slowest, outcome, at in ((False, "missed", (2.0, 2.0, 1.5)), (True, "jammed", (2.0, 1.0, 0.5))):
+        run = figure4.A.beyond(scene, ratio, slowest)
+        x1, x2, x3 = at if ratio < 1.0 else (at[1], at[0], at[2])
+        assert run.outcome == outcome
+        last = run.trajectory["position"].to_numpy()[-1]
+        assert last == pytest.approx([x1, x2, side * x3], abs=1e-9)
+
+
 def test_guaranteed_band(figure4: ModuleType) -> None:
     assert figure4.guaranteed() == pytest.approx(2.0 / 3.0, abs=1e-9)
 
