@@ -30,6 +30,7 @@ from .models.ladder import (
 )
 from .outcome import OUTCOMES, Code, Outcome
 from .planning.climb import plan
+from .planning.design import Design, design
 from .planning.diagnose import Diagnosis, diagnose
 from .planning.plan import Plan, PlanError, load_plan
 from .planning.predict import Stage
@@ -73,6 +74,7 @@ __all__ = [
     "Closure",
     "Code",
     "ContactSolution",
+    "Design",
     "Diagnosis",
     "DoomedSet",
     "FeasibleSet",
@@ -117,6 +119,7 @@ __all__ = [
     "ViewError",
     "ask",
     "between",
+    "design",
     "diagnose",
     "doomed_set",
     "draw_parting",

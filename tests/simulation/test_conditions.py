@@ -122,3 +122,15 @@ def test_kinematics_knows_no_forces() -> None:
     body = box(np.random.default_rng(1), 0.0)
     made = scene({"part": body, "floor": FLOOR}, "force(part, floor) > 0 or impulse(part, floor) > 0", 1, 0.1)
     assert rw.simulate(made, rw.KINEMATIC).outcome.name == "timeout"
+
+
+@pytest.mark.parametrize("tol", [None, 1e-3])
+@pytest.mark.parametrize("model", [rung for rung in rw.LADDER if rung.moves], ids=str)
+def test_what_rests_may_wait_for_a_time(model: rw.Rung, tol: float | None) -> None:
+    """A run whose inputs are spent goes on while a condition waits for the time."""
+    box = {"role": "object", "shape": {"kind": "disc", "radius": 1}, "motion": {"kind": "free"}}
+    bodies = {"box": box | {"coordinates": dict.fromkeys(("x", "y", "angle"), {"damping": 1.0})}}
+    still = {"name": "still", "bodies": bodies, "duration": 1.0, "step": 0.01}
+    run = rw.simulate(rw.load(still | {"goal": "t >= 0.5 and abs(box.x) <= 1"}), model, tol=tol)
+    assert run.outcome == "goal" and 0.5 <= run.time <= 1.0
+    assert rw.simulate(rw.load(still | {"goal": "box.x >= 1"}), model, tol=tol).time < 0.5

@@ -218,7 +218,7 @@ def test_powers_of_ten() -> None:
             model.name,
             units,
         )
-    assert settled > 18
+    assert settled > 9
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)

@@ -213,6 +213,11 @@ def _fits(scene: Scene, values: dict[str, float], where: str | None) -> bool:
     return where is None or bool(ask(scene, where, start, values).holds[0])
 
 
+def numbers_at(scene: Scene, parameters: Mapping[str, float]) -> dict[str, float]:
+    """The numbers of the scene's task, by their paths, at these parameters."""
+    return _numbers(fields_of(scene), scene.bind(parameters).records)
+
+
 def _numbers(fields: TaskFields, records: Records) -> dict[str, float]:
     """The numbers of a task, by their paths."""
     paths = [place.path for place in numbers_of(fields)]

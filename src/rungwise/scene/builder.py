@@ -114,9 +114,9 @@ class _Builder:
                     f"inputs.{place}: {name} is read by no speed, target or force of a drive, nor by a"
                     " force on a body"
                 )
-        conditions = Programs(
-            [self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")]
-        )
+        conditions = [
+            self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")
+        ]
         for index in self.names.read["gap"]:
             self.records.contacts[index]["watched"] = 1
         for index in self.names.read["force"]:
@@ -131,12 +131,13 @@ class _Builder:
             timed_targets=np.array([target for _, target in written.timed], np.int64),
             speeds=Programs([code for code, _ in written.speeds]),
             speeds_targets=np.array([target for _, target in written.speeds], np.int64),
-            conditions=conditions,
+            conditions=Programs(conditions),
             checks=written.checks,
             parameters=self.parameters,
             inputs=self.scene.inputs,
             readers={name: tuple(paths) for name, paths in written.readers.items()},
             reads_time=written.reads_time,
+            awaits_time=any(len(self.parameters) in code.reads for code in conditions),
             bodies=self.bodies,
             coordinates=self.coordinates,
             contacts=self.contacts,

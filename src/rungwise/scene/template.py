@@ -73,7 +73,8 @@ class Template:
 
     The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
     contacts, and the goal's tolerance. `speeds` (of drives) and `timed` (all others) are the programs that
-    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input."""
+    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input. With
+    `awaits_time` a condition reads t."""
 
     counts: tuple[int, ...]
     buffer: NDArray[np.float64]
@@ -89,6 +90,7 @@ class Template:
     inputs: tuple[str, ...]
     readers: Mapping[str, tuple[str, ...]]
     reads_time: bool
+    awaits_time: bool
     bodies: tuple[str, ...]
     coordinates: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -67,8 +66,7 @@ def check_states(scene: Scene, model: Rung, names: Sequence[str], most: int) -> 
         raise SetError(f"over: {what}; the state of {scene.name} on {model.name} is {', '.join(needed)}")
     if len(names) > most:
         raise SetError(f"over: 1 to {most} states, and {scene.name} has {len(names)}")
-    conditions = " ".join(str(text) for text in (scene.file.goal, scene.file.unsafe))
-    if scene.template.reads_time or re.search(r"\bt\b", conditions):
+    if scene.template.reads_time or scene.template.awaits_time:
         raise SetError(f"scene: {scene.name} depends on the time t, which is no state")
     if scene.file.goal is None:
         raise SetError(f"scene: {scene.name} has no goal")

@@ -112,7 +112,7 @@ def compiled(
     return Inputs(
         speeds=template.timed_speeds(),
         numbers=template.timed_numbers(),
-        timed=np.array([template.reads_time], np.int64),
+        timed=np.array([template.reads_time, template.awaits_time], np.int64),
         columns=np.array([template.parameters.index(name) for name in template.inputs], np.int64),
         durations=durations, levels=levels, ramps=ramps,
         code=programs.code, constants=programs.constants, table=programs.table,

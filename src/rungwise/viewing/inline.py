@@ -12,12 +12,14 @@ from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.outcome import Outcome
 from rungwise.plain import cut, table
+from rungwise.planning.design import Design
 from rungwise.planning.plan import Plan
 from rungwise.scene.values import shown
 from rungwise.sets.doomed import DoomedSet
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.simulation.result import Run
 from rungwise.viewing.clip import clip
+from rungwise.viewing.designs import design_bars
 from rungwise.viewing.draw import strip
 from rungwise.viewing.html import page
 from rungwise.viewing.slices import doomed_slices, feasible_slices
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
 INLINE, HEIGHT = 1_500_000, 560
 """Most bytes of an animation in a notebook, and its height in pixels."""
-Shown = Run | Plan | FeasibleSet | DoomedSet
+Shown = Run | Plan | Design | FeasibleSet | DoomedSet
 
 
 class PictureError(InputError):
@@ -36,19 +38,23 @@ class PictureError(InputError):
 
 @keywords
 def plot(result: Shown, *, frames: int = 6) -> Figure:
-    """The obvious picture: `frames` frames of a run or of a plan's run, or slices of a set over its first two
-    axes.
+    """The obvious picture: `frames` frames of a run or of a plan's run, slices of a set over its first two
+    axes, or how far the values of a design may drift.
 
     Raises PictureError where there is nothing to draw, or matplotlib is missing.
     """
     if not isinstance(result, Shown):
-        raise PictureError(f"plot: must be a run, a plan or a set, not {shown(result)}")
+        raise PictureError(f"plot: must be a run, a plan, a set or a design, not {shown(result)}")
     if find_spec("matplotlib") is None:
         raise PictureError("plot: needs matplotlib (pip install 'rungwise[view]')")
     if isinstance(result, FeasibleSet):
         return feasible_slices([result])
     if isinstance(result, DoomedSet):
         return doomed_slices(result)
+    if isinstance(result, Design):
+        if not result.found:
+            raise PictureError(f"plot: {result.reason}")
+        return design_bars(result)
     if isinstance(frames, bool) or not isinstance(frames, int) or not 1 <= frames <= 100:
         raise PictureError(f"frames: must be a whole number in 1..100, not {shown(frames)}")
     if isinstance(result, Plan):
@@ -61,7 +67,7 @@ def plot(result: Shown, *, frames: int = 6) -> Figure:
 
 
 @keywords
-def to_html(result: Shown) -> str:
+def to_html(result: Run | Plan | FeasibleSet | DoomedSet) -> str:
     """A small table and, below it, the animation of a run or the slices of a set: a part of a page.
 
     Raises PictureError for anything else."""

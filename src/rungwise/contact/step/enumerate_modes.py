@@ -50,7 +50,7 @@ def solve_by_enumeration(
         for r in range(limited):
             mode[contacts + r] = STICK + rest % 3
             rest //= 3
-        if _repeats(problem, contacts, limited, mode):
+        if _repeats(problem, contacts, limited, mode) or _holds_too_much(problem, n, contacts, limited, mode):
             continue
         solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
         found = residual(problem, n, contacts, limited, v, force, tau)
@@ -58,6 +58,20 @@ def solve_by_enumeration(
         if found <= tolerance:
             return found
     return best
+
+
+@kernel
+def _holds_too_much(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> bool:
+    """Whether more rigid rows are closed than there are velocities: where forces balance with such a mode,
+    they do with fewer rows, too, for forces can be shifted among dependent rows until one of them vanishes or
+    comes to the side of its cone."""
+    rows = 0
+    for k in range(contacts):
+        if mode[k] != OPEN and p.R[k, 0, 0] == 0.0:
+            rows += 2 if mode[k] == STICK and p.mu[k] > 0.0 else 1
+    for r in range(limited):
+        rows += 1 if mode[contacts + r] == STICK and p.R_s[r] == 0.0 else 0
+    return rows > n
 
 
 @kernel

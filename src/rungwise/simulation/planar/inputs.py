@@ -23,7 +23,7 @@ class Inputs(Block):
 
     speeds     programs of the speeds of drives, which a step takes as they are in its middle
     numbers    programs of the other numbers
-    timed      (1,)    whether some number reads t
+    timed      (2,)    whether some number reads t, and whether a condition of the scene does
     columns    (u,)    where expressions read the inputs
     durations  (s,)    lengths of the segments; time-outs of segments that end with a condition
     levels     (s, u)  inputs in a segment, or at its end where it ramps; nan: as before

@@ -188,7 +188,7 @@ def spent(
     if control[0].ends and left == 0:
         return MISSED
     driven, others = clock.free < state.q.shape[0], clock.varies + left + records.potentials.shape[0]
-    others += joints.any_driven(records)
+    others += joints.any_driven(records) + inputs.timed[1]
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:
         return MISSED if driven and moving == 0.0 else TIMEOUT

@@ -1,0 +1,251 @@
+"""Designs: parameters with which a scene succeeds best, and how far each of them may drift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
+from rungwise.outcome import OUTCOMES
+from rungwise.plain import cut
+from rungwise.planning.task import TaskError, fields_of
+from rungwise.planning.tune import GRID, Tuner, centre
+from rungwise.planning.verify import bound_below
+from rungwise.scene import Scene, load
+from rungwise.sets.feasible import feasible_set
+from rungwise.sets.request import ACCURACY, box_of, smallest
+from rungwise.simulation.crew import names_of
+from rungwise.simulation.options import moving_rung
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+BUDGET = 200_000
+DESIGNS, DRAWS = 40, 50
+"""Designs of a round of the search, and samples with which each is tried."""
+KEPT = 0.98
+"""A design may drift as long as its rate stays at this part of its best one."""
+
+
+@dataclass(frozen=True)
+class Design:
+    """Parameters with which a scene succeeds best, on a rung.
+
+    values: of the parameters designed, by name; box: the intervals searched; how: "in the middle of the set"
+    or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
+    drift: by name the interval in which success is kept while the others stay; successes of `samples` fresh
+    runs; runs: how many were made; outcomes: how they ended.
+    """
+
+    scene: Scene
+    model: Rung
+    over: tuple[str, ...]
+    box: dict[str, tuple[float, float]]
+    parameters: dict[str, float]
+    values: dict[str, float]
+    how: str
+    margin: float
+    drift: dict[str, tuple[float, float]]
+    samples: int
+    successes: int
+    runs: int
+    outcomes: dict[str, int]
+
+    @property
+    def found(self) -> bool:
+        """Whether any design succeeds."""
+        return bool(self.values)
+
+    @property
+    def ok(self) -> bool:
+        return self.found and self.successes > 0
+
+    @property
+    def lower(self) -> float:
+        """Lower bound of the rate of success (Clopper and Pearson, one-sided, 95 %)."""
+        return bound_below(self.successes, self.samples)
+
+    @property
+    def decides(self) -> str:
+        """The parameter that may drift least, as a part of its interval; empty where none ends within."""
+        room = {name: self._room(name) for name in self.drift}
+        return min(room, key=lambda name: room[name]) if room and min(room.values()) < 1.0 else ""
+
+    def _room(self, name: str) -> float:
+        (low, high), (first, last) = self.drift[name], self.box[name]
+        return (high - low) / (last - first)
+
+    @property
+    def reason(self) -> str:
+        """What blocks, where no design succeeds."""
+        if self.found:
+            return ""
+        most = sorted(self.outcomes.items(), key=lambda item: -item[1])
+        ended = ", ".join(f"{name} {count}" for name, count in most)
+        meaning = next(each.meaning for each in OUTCOMES.values() if each.name == most[0][0])
+        return f"no design of {self.runs} runs succeeds: {ended}; most often {meaning}"
+
+    def summary(self) -> dict[str, Any]:
+        """All of it as plain values."""
+        return {
+            "scene": self.scene.name, "model": self.model.name, "found": self.found, "how": self.how,
+            "values": self.values, "margin": None if np.isnan(self.margin) else self.margin,
+            "box": {name: list(interval) for name, interval in self.box.items()},
+            "drift": {name: list(interval) for name, interval in self.drift.items()},
+            "decides": self.decides, "samples": self.samples, "successes": self.successes,
+            "lower": self.lower if self.found else 0.0, "runs": self.runs, "outcomes": self.outcomes,
+            "reason": self.reason,
+        }  # fmt: skip
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{name} {value:.6g}" for name, value in self.values.items()) or "none"
+        return f"<Design of {cut(self.scene.name)} on {self.model.name}: {cut(told, 200)}>"
+
+    def __str__(self) -> str:
+        head = f"{self.scene.name} on {self.model.name}"
+        if not self.found:
+            return f"{head}: {self.reason}"
+        lines = [
+            f"{head}: {self._confirmed}",
+            f"  {'parameter':14s} {'best':>11s} {'may drift':>25s} {'within':>25s}",
+        ]
+        for name, value in self.values.items():
+            drift, box = (f"{low:.6g} to {high:.6g}" for low, high in (self.drift[name], self.box[name]))
+            lines.append(f"  {name:14s} {value:11.6g} {drift:>25s} {box:>25s}")
+        decides = f"; {self.decides} decides" if self.decides else "; none decides within its interval"
+        lines.append(f"  found {self.how}, in {self.runs} runs{decides}")
+        return "\n".join(lines)
+
+    @property
+    def _confirmed(self) -> str:
+        if self.samples == 1:
+            return "reaches the goal" if self.ok else "misses the goal, beside ones that reach it"
+        return (
+            f"{self.successes} of {self.samples} fresh runs succeed, at least {self.lower:.3f} with a"
+            " confidence of 95%"
+        )
+
+    def designed(self) -> Scene:
+        """The scene with the best values as defaults."""
+        data = self.scene.file.model_dump(mode="json", exclude_unset=True)
+        for name, value in (self.parameters | self.values).items():
+            data["parameters"][name]["default"] = value
+        return load(data)
+
+    def plot(self) -> Figure:
+        """The best values and how far they may drift (see `rungwise.plot`)."""
+        import rungwise
+
+        return rungwise.plot(self)
+
+
+@keywords
+def design(
+    scene: Scene | str | Path | Mapping[str, Any],
+    over: Sequence[str],
+    *,
+    model: Rung | str = DYNAMIC_COMPLIANT,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    robust: bool = False,
+    samples: int = 200,
+    tol: float = 0.01,
+    accuracy: float | None = None,
+    budget: int = BUDGET,
+    seed: int = 0,
+    threads: int | None = None,
+    on_progress: Callable[[int], None] | None = None,
+) -> Design:
+    """The parameters with which the scene succeeds best.
+
+    Up to four parameters are taken from the middle of their feasible set: the point farthest from its
+    boundary and from the sides of the box. With `robust`, and for more parameters, a search goes on from
+    there, for the greatest rate of success under what the task calls uncertain, then the greatest margin of
+    the worst tenth.
+
+    Args:
+        scene, model, parameters: as for `simulate`.
+        over: names of the parameters to choose.
+        box: interval (low, high) by name, as for `feasible_set`.
+        robust: draw what the scene's task calls uncertain.
+        samples: fresh runs that confirm a robust design; without uncertainty one run is all there is.
+        tol: of the set, as for `feasible_set`.
+        accuracy: error allowed per step of a run.
+        budget: greatest number of runs.
+        seed: of the search and of the draws.
+
+    Raises SceneError, SetError, ModelError or TaskError for wrong input.
+    """
+    loaded, rung = load(scene), moving_rung(model)
+    if loaded.file.goal is None:
+        raise TaskError("goal: the scene has none; a design needs one")
+    values = loaded.parameters(parameters)
+    names = names_of(loaded, over)
+    if robust and not fields_of(loaded).uncertain:
+        raise TaskError("robust: the scene's task calls nothing uncertain")
+    if samples < 1:
+        raise TaskError(f"samples: must be at least 1, not {samples}")
+    samples = samples if robust else 1
+    intervals = box_of(loaded, names, box)
+    rng = np.random.default_rng(seed)
+    count = len(fields_of(loaded).uncertain) if robust else 0
+    per_design = DRAWS if robust else 1
+    allowed = ACCURACY * smallest(loaded, values) if accuracy is None else accuracy
+    tuner = Tuner(
+        loaded, rung, names, intervals, values, _quantiles(rng, per_design, count), allowed, threads,
+        on_progress,
+    )  # fmt: skip
+    best, how, margin = _found(tuner, tol, budget, robust, rng)
+    rate = 0.0 if best is None else float(tuner.tried(best[None])[0][0])
+    empty = Design(
+        scene=loaded, model=rung, over=names, parameters=values, values={}, how=how, margin=np.nan,
+        box={name: (float(a), float(b)) for name, (a, b) in zip(names, intervals, strict=True)},
+        drift={}, samples=samples, successes=0, runs=tuner.count, outcomes=dict(tuner.outcomes),
+    )  # fmt: skip
+    if best is None or rate == 0.0:
+        return empty
+    fresh = tuner.tried(best[None], _quantiles(rng, samples, count))[0][0]
+    drift = tuner.drift(best, KEPT * rate)
+    return replace(
+        empty,
+        values=dict(zip(names, best.tolist(), strict=True)),
+        margin=margin,
+        drift={name: (float(a), float(b)) for name, (a, b) in zip(names, drift, strict=True)},
+        successes=round(fresh * samples),
+        runs=tuner.count,
+        outcomes=dict(tuner.outcomes),
+    )
+
+
+def _found(
+    tuner: Tuner, tol: float, budget: int, robust: bool, rng: np.random.Generator
+) -> tuple[Reals | None, str, float]:
+    """The best design, how it was found, and its distance from the set's boundary."""
+    best, margin = None, np.nan
+    if len(tuner.names) in GRID:
+        box = {name: (float(a), float(b)) for name, (a, b) in zip(tuner.names, tuner.box, strict=True)}
+        found = feasible_set(
+            tuner.scene, tuner.model, tuner.names, tol=tol, box=box, parameters=tuner.parameters,
+            accuracy=tuner.tol, budget=budget // 2, threads=tuner.threads,
+        )  # fmt: skip
+        tuner.count += found.evaluations
+        for label, part in found.volumes(10_000).items():
+            tuner.outcomes[label] += round(part * found.evaluations)
+        middle = centre(found)
+        if middle is not None:
+            best, margin = middle
+        if not robust:
+            return best, "in the middle of the set", margin
+    return tuner.searched(best, DESIGNS, budget, rng), "by a search", np.nan
+
+
+def _quantiles(rng: np.random.Generator, samples: int, count: int) -> Reals:
+    """Points (samples, count) in 0..1, a Latin hypercube."""
+    columns = [(rng.permutation(samples) + rng.random(samples)) / samples for _ in range(count)]
+    return np.column_stack(columns) if columns else np.empty((samples, 0))
