@@ -285,7 +285,9 @@ def test_folders_of_sets_and_what_is_refused(
     assert rw.view(tmp_path / "flat", html=tmp_path / "flat.html")[0].read_text() == sets.page([flat])
     with pytest.raises(rw.ViewError, match="over the same parameters and box"):
         rw.view([*found, flat], html=tmp_path / "no.html")
-    with pytest.raises(rw.ViewError, match="sets to html only"):
-        rw.view(flat, png=tmp_path / "no.png")
+    with pytest.raises(rw.ViewError, match="sets to html and png only"):
+        rw.view(flat, gif=tmp_path / "no.gif")
+    with pytest.raises(rw.ViewError, match=r"holds no result itself; these folders in it do: .*flat"):
+        rw.view(tmp_path)
     with pytest.raises(rw.ViewError, match="files of their own"):
         rw.view([flat, rw.simulate("two_finger", rw.KINEMATIC)], html=tmp_path / "no.html")
