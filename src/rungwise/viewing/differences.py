@@ -37,7 +37,7 @@ class Difference:
         """The labels and the models that have them; those of the most common label are `the others`."""
         common, count = Counter(self.labels).most_common(1)[0]
         groups = {
-            each: ", ".join(name for name, own in zip(names, self.labels, strict=True) if own is each)
+            each: " and ".join(name for name, own in zip(names, self.labels, strict=True) if own is each)
             for each in dict.fromkeys(self.labels)
         }
         if count > 1:

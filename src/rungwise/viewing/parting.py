@@ -18,8 +18,9 @@ from rungwise.planning.words import UNTOUCHED
 from rungwise.planning.worlds import World
 from rungwise.scene import Scene
 from rungwise.viewing.clip import Clip, of_trajectory
-from rungwise.viewing.draw import GAP, INK, MODELS, WIDE, draw_frame, legend, pose_at
+from rungwise.viewing.draw import INK, MODELS, draw_frame, pose_at
 from rungwise.viewing.extent import bounds
+from rungwise.viewing.strip import GAP, WIDE, legend
 from rungwise.viewing.view import ViewError, needs_matplotlib, write
 
 if TYPE_CHECKING:

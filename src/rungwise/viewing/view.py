@@ -17,7 +17,7 @@ from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
 from rungwise.simulation.result import Run
-from rungwise.viewing import draw, sets, slices
+from rungwise.viewing import sets, slices, strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
 from rungwise.wording import listed
@@ -77,10 +77,10 @@ def view(
         made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
     if png is not None:
         needs_matplotlib("png")
-        made.append(("png", png, lambda file: draw.save_png(clips, file, frames, at)))
+        made.append(("png", png, lambda file: strip.save_png(clips, file, frames, at)))
     if gif is not None:
         needs_matplotlib("gif")
-        made.append(("gif", gif, lambda file: draw.save_gif(clips, file)))
+        made.append(("gif", gif, lambda file: strip.save_gif(clips, file)))
     return [write(*one) for one in made]
 
 
