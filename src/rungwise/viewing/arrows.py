@@ -84,9 +84,12 @@ def draw_touches(axes: Axes, arrows: Arrows, unit: str, edge: str) -> None:
 
     for mode, (marker, face, rim, _) in MARKS.items():
         for k in np.flatnonzero((arrows.mode == mode) & (arrows.long > 0.0)):
+            ends = axes.transData.transform([arrows.spot[k], arrows.tail[k]])
+            points = 72.0 / axes.figure.dpi * float(np.linalg.norm(ends[1] - ends[0]))
             axes.add_patch(
                 FancyArrowPatch(
-                    tuple(arrows.tail[k]), tuple(arrows.spot[k]), arrowstyle="-|>", mutation_scale=11,
+                    tuple(arrows.tail[k]), tuple(arrows.spot[k]), arrowstyle="-|>",
+                    mutation_scale=min(11.0, 0.7 * points),
                     color=face, lw=1.8, shrinkA=0, shrinkB=3, zorder=30,
                 )
             )  # fmt: skip
