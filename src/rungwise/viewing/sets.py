@@ -103,7 +103,7 @@ def _runs(box: Reals, rows: Sequence[_Row]) -> dict[str, Any]:
         each["bodies"] = bodies.index(each["bodies"])
     return {
         "bounds": bounds(clips),
-        "force": largest_force(clips) if clips else 1.0,
+        "force": largest_force(clips, 0.5) if clips else 1.0,
         "bodies": bodies,
         "clips": data,
         "runs": [{"at": ((row.point - low) / (high - low)).tolist(), "labels": row.labels} for row in rows],

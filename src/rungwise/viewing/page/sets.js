@@ -122,7 +122,7 @@ function buildLegend() {
   for (const k of DATA.present)
     legendRow(box, DATA.labels[k], g => { g.fillStyle = labelColour(k); g.strokeStyle = colours.faint; g.lineWidth = 1; g.fillRect(5, 3, 24, 12); g.strokeRect(5, 3, 24, 12); });
   const many = visible(), sample = colour => g => { g.strokeStyle = colour; g.lineWidth = LINE; line(g, 2, 9, 32, 9); };
-  for (const set of many) legendRow(box, `the feasible part of ${set.name} ends`, sample(set.colour()));
+  for (const set of many) legendRow(box, `feasible part ends: ${set.name}`, sample(set.colour()));
   if (many.length > 1) {
     legendRow(box, "striped: these models' boundaries coincide", g => many.slice(0, 4).forEach((set, k, all) => {
       g.strokeStyle = set.colour(); g.lineWidth = LINE; line(g, 2 + 30 * k / all.length, 9, 2 + 30 * (k + 1) / all.length, 9);
