@@ -12,7 +12,8 @@ function drawTouches(g, panel, t, spot, options) {
     const inside = x >= 0 && y >= 0 && x <= panel.width && y <= panel.height;
     if (options.forces && inside) {
       const drawn = arrow(g, x, y, clip.force[2 * i], -clip.force[2 * i + 1], options.length, colour, panel);
-      if (drawn) busy.push([drawn.x, drawn.y], [(x + drawn.x) / 2, (y + drawn.y) / 2]);
+      const steps = drawn ? Math.ceil(Math.hypot(x - drawn.x, y - drawn.y) / 9) : 0;
+      for (let s = 1; s <= steps; s++) busy.push([x + s / steps * (drawn.x - x), y + s / steps * (drawn.y - y)]);
       if (drawn && drawn.broken) broken.push(drawn);
     }
     if (options.contacts) { mark(g, x, y, clip.mode[i], colour); busy.push([x, y]); }

@@ -1,6 +1,6 @@
 // Texts beside bodies: where they hide no body, no contact and no other text.
 
-const WAYS = 16, STEP = 5, FARTHEST = 90, TALL = 16, CELL = 4, CLEAR = 3, PLANES = 1 << 30, MOST_NAMES = 24;
+const WAYS = 16, STEP = 5, FARTHEST = 90, TALL = 16, CELL = 4, CLEAR = 3, SOFT = 1 << 30, MOST_NAMES = 24;
 const IN_THE_WAY = 1000;
 
 // How far a point of the body's frame is outside a shape; not positive inside.
@@ -17,8 +17,8 @@ function outside(shape, x, y) {
   return (inside ? -least : least) - shape.radius;
 }
 
-// Bodies of a clip at a time, ready to say whether they lie in a box of the panel, and how much of it is in a half-plane:
-// a bit for each body in small cells, and one for all half-planes.
+// Bodies of a clip at a time, ready to say whether they lie in a box of the panel, and how much of it is in half-planes or
+// ghosts: a bit for each body in small cells, and one for all that is soft.
 function placedBodies(clip, t, panel) {
   const [k, fraction] = locate(clip, t), spot = spotIn(panel), columns = Math.ceil(panel.width / CELL), rows = Math.ceil(panel.height / CELL);
   const cells = new Uint32Array(columns * rows), within = (x, size) => Math.min(size, Math.max(0, Math.floor(x / CELL)));
@@ -45,10 +45,16 @@ function placedBodies(clip, t, panel) {
       const gap = CLEAR + (body.points.includes(shape) ? DOT : 0);
       fill(shape, pose, view.scale * body.reach + gap, gap, bit);
     }
-    for (const shape of body.planes) fill(shape, pose, Infinity, 0, PLANES);
+    for (const shape of body.planes) fill(shape, pose, Infinity, 0, SOFT);
     return { body, solid, at: spot(pose[0] + c * mx - s * my, pose[1] + s * mx + c * my), solids: box => count(box, bit, 1) > 0 };
   });
-  return { bodies, solids: box => count(box, PLANES - 1, 1) > 0, planes: box => count(box, PLANES, Infinity) };
+  for (const ghost of panel.ghosts) {
+    const [l, part] = locate(ghost, t);
+    ghost.bodies.forEach((body, b) => {
+      for (const shape of body.shapes) if (!shape.halfplane) fill(shape, poseOf(ghost, b, l, part, [0, 0, 0]), view.scale * body.reach, CLEAR, SOFT);
+    });
+  }
+  return { bodies, solids: box => count(box, SOFT - 1, 1) > 0, soft: box => count(box, SOFT, Infinity) };
 }
 
 const boxAt = (x, y, width) => ({ x: x - width / 2, y: y - TALL / 2, width, height: TALL });
@@ -59,7 +65,7 @@ function fault(box, panel, all, busy, taken) {
   if (box.x < 2 || box.y < 2 || box.x + box.width > panel.width - 2 || box.y + box.height > panel.height - 2) return IN_THE_WAY;
   if (taken.some(other => overlap(box, other))) return IN_THE_WAY;
   if (all.solids(box)) return IN_THE_WAY;
-  let sum = 0.6 * all.planes(box);
+  let sum = 0.6 * all.soft(box);
   for (const [x, y] of busy) if (overlap(box, { x: x - 6, y: y - 6, width: 12, height: 12 })) sum += 35;
   return sum;
 }
