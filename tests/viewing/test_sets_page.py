@@ -141,6 +141,37 @@ def test_the_command_repeats_the_run(page: Any, tmp_path: Path) -> None:
 
 
 @in_browser
+def test_boundaries_that_coincide_are_striped(page: Any) -> None:
+    """Both models catch from r = 1/2 to 2 without friction: each colour is on the line and the surface."""
+    choose(page, 1.0, 1.0, 0.05)
+    seen = page.evaluate(
+        """(() => {
+          const c = $("slice"), g = c.getContext("2d"), k = c.width / c.clientWidth, b = boxOfSlice();
+          const paints = SETS.map(set => rgb(set.colour()).join()), found = SETS.map(() => 0);
+          for (let v = 0.6; v < 2.0; v += 0.005) for (let d = -0.03; d <= 0.03; d += 0.01) {
+            const [x, y] = placeOf(b, [partOf(0, v), partOf(1, v / 2 + d), 0]);
+            const at = paints.indexOf([...g.getImageData(k * x, k * y, 1, 1).data].slice(0, 3).join());
+            if (at >= 0) found[at]++;
+          }
+          drawSpace(true);
+          return [found, SETS.map((_, k) => raster.owner.filter(o => o === FIRST + k).length)]; })()"""
+    )
+    for counts in seen:
+        assert min(counts) > 0.3 * max(counts) > 20
+
+
+@in_browser
+def test_the_legend_says_what_every_mark_is(page: Any) -> None:
+    said = page.evaluate("$('legend').textContent + $('stage-legend').textContent")
+    names = page.evaluate("SETS.map(set => set.name)")
+    for word in (*names, "feasible", "doomed", "striped", "hatched", "chosen point", "stored runs", "slips"):
+        assert word in said
+    assert page.evaluate("$('reasons').childElementCount") == len(
+        page.evaluate("[...new Set(runsOf(chosen.run).map(c => c.outcome + c.reason))]")
+    )
+
+
+@in_browser
 def test_the_slider_moves_the_slice(page: Any) -> None:
     """Over v1 and mu, with v2 on the slider: the part is caught for v1 from v2 / 2 to 2 v2."""
     page.evaluate("$('up').value = 2, $('up').dispatchEvent(new Event('change'))")
@@ -254,7 +285,9 @@ def test_folders_of_sets_and_what_is_refused(
     assert rw.view(tmp_path / "flat", html=tmp_path / "flat.html")[0].read_text() == sets.page([flat])
     with pytest.raises(rw.ViewError, match="over the same parameters and box"):
         rw.view([*found, flat], html=tmp_path / "no.html")
-    with pytest.raises(rw.ViewError, match="sets to html only"):
-        rw.view(flat, png=tmp_path / "no.png")
+    with pytest.raises(rw.ViewError, match="sets to html and png only"):
+        rw.view(flat, gif=tmp_path / "no.gif")
+    with pytest.raises(rw.ViewError, match=r"holds no result itself; these folders in it do: .*flat"):
+        rw.view(tmp_path)
     with pytest.raises(rw.ViewError, match="files of their own"):
         rw.view([flat, rw.simulate("two_finger", rw.KINEMATIC)], html=tmp_path / "no.html")

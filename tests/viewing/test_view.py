@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 from pathlib import Path
@@ -136,6 +137,28 @@ def test_view_refuses_in_one_line(tmp_path: Path, runs: list[rw.Run]) -> None:
     with pytest.raises(rw.ViewError, match="cannot be written"):
         rw.view(runs[0], html=tmp_path / "file" / "x.html")
     assert not list(tmp_path.glob(".*"))
+
+
+def test_view_takes_a_plan_and_refuses_what_is_none(tmp_path: Path) -> None:
+    plan = rw.plan("two_finger", seed=0)
+    assert rw.view(plan, html=tmp_path / "plan.html")[0].stat().st_size > 10_000
+    plan.save(tmp_path / "plan.json")
+    again = rw.view(tmp_path / "plan.json", html=tmp_path / "again.html")[0].read_text("utf-8")
+    assert data_of(again) == data_of((tmp_path / "plan.html").read_text("utf-8"))
+    with pytest.raises(rw.ViewError, match="there is none"):
+        rw.view(dataclasses.replace(plan, stage=None, reason="out of steps"))
+    for wrong in (3, None, [plan, 3]):
+        with pytest.raises(rw.ViewError, match=r"^runs: must be runs, plans, sets"):
+            rw.view(wrong)  # type: ignore[arg-type]
+
+
+def test_a_folder_of_results_is_pointed_into(tmp_path: Path, runs: list[rw.Run]) -> None:
+    for run in runs[:2]:
+        run.save(tmp_path / "out" / run.model.name)
+    (tmp_path / "out" / "else").mkdir()
+    done = CliRunner().invoke(app, ["view", str(tmp_path / "out")])
+    assert done.exit_code == 2 and done.output.count("\n") == 1
+    assert done.output.endswith(", ".join(str(tmp_path / "out" / name) for name in sorted(RUNGS[:2])) + "\n")
 
 
 def test_command_draws_saved_runs_over_each_other(tmp_path: Path, runs: list[rw.Run]) -> None:

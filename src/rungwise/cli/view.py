@@ -36,8 +36,8 @@ def view(
         ),
     ] = None,
     values: SetOption = None,
-    html: Annotated[Path | None, typer.Option("--html", help="Animation in one file, for a browser.")] = None,
-    png: Annotated[Path | None, typer.Option("--png", help="Strip of frames.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Page in one file, for a browser.")] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="Strip of frames; slices of sets.")] = None,
     gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
     frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
     at: Annotated[
@@ -54,7 +54,7 @@ def view(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Draw saved runs or sets, or runs of a scene or a plan on several rungs over each other.
+    """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
 
     Writes SCENE.html if no file is named."""
     from rungwise.viewing.view import ViewError

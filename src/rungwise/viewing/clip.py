@@ -33,6 +33,7 @@ from rungwise.system.planar.manifold import (
 )
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
+from rungwise.viewing.units import common_units
 
 if TYPE_CHECKING:
     import xarray
@@ -83,7 +84,8 @@ class Clip:
 
     `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
     (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
-    `push` holds. A joint is a body and a point of this body, in its own frame.
+    `push` holds, and `units` what is known of the scene's (see `common_units`). A joint is a body and a point
+    of this body, in its own frame.
     """
 
     scene: str
@@ -103,6 +105,7 @@ class Clip:
     push: NDArray[np.float64]
     push_is: str
     touches: Touches
+    units: Mapping[str, str]
 
     def thinned(self, frames: NDArray[np.int64]) -> Clip:
         """The clip with these frames only."""
@@ -166,6 +169,7 @@ def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Da
         push=_pushes(records, force),
         push_is=push_is,
         touches=touches,
+        units=common_units(each.unit for each in scene.file.parameters.values()),
     )
 
 

@@ -1,38 +1,24 @@
-"""Frames of runs drawn with matplotlib: one frame, a strip of frames, or a GIF."""
+"""Bodies of runs in one frame, drawn with matplotlib."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from io import BytesIO
-from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.viewing.clip import SHOWN_OPEN, SHOWN_SLIP, SHOWN_STICK, Clip, Outline
-from rungwise.viewing.extent import bounds, largest_force, receives_first
-from rungwise.viewing.html import labels, title
+from rungwise.viewing.arrows import View, arrows_at, draw_touches, view_of
+from rungwise.viewing.clip import Clip, Outline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MODELS = ("#0072b2", "#d55e00", "#007f5f", "#b0508c", "#8a6d00", "#333333")
 """Colours that people see apart whatever their colour vision (Okabe and Ito, some darkened)."""
 ROLES = {"object": "#d5e3f2", "robot": "#e7e2d3", "obstacle": "#dcdfe3"}
 INK = "#1b1f24"
-MARKS = {
-    SHOWN_OPEN: ("o", "white", "#7a828c", "open"),
-    SHOWN_STICK: ("s", "#0072b2", "white", "sticks"),
-    SHOWN_SLIP: ("^", "#c14e00", "white", "slips"),
-}
-"""Marker, face, edge and word of a contact mode."""
-ARROW = 0.16
-"""Length of the arrow of the nominal force, as a fraction of the picture's larger side."""
-WIDE, GAP = 6.6, 0.2
-"""Width of a frame that stands alone, and the space between frames, in inches."""
 STEPS_OF_ARC = 24
 
 
@@ -67,13 +53,22 @@ def pose_at(clip: Clip, time: float) -> NDArray[np.float64]:
     return np.array([np.interp(time, clip.time, column) for column in flat.T]).reshape(-1, 3)
 
 
-def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
-    """Draw bodies, contact points and forces of the clips at one time, over each other."""
-    x0, y0, x1, y1 = _seen(clips)
+def draw_frame(
+    axes: Axes,
+    clips: Sequence[Clip],
+    time: float,
+    view: View | None = None,
+    colors: Sequence[str] | None = None,
+) -> None:
+    """Draw bodies, contact points and forces of the clips at one time, over each other; outlines have these
+    colours."""
+    colors = colors or ([INK] if len(clips) == 1 else MODELS)
+    view = view_of(clips, [time]) if view is None else view
+    x0, y0, x1, y1 = view.extent
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=(), yticks=())
-    size, force = max(x1 - x0, y1 - y0), largest_force(clips)
+    size = max(x1 - x0, y1 - y0)
     for index, clip in enumerate(clips):
-        line = INK if len(clips) == 1 else MODELS[index % len(MODELS)]
+        line = colors[index % len(colors)]
         extra = len(clips) - 1 - index
         _bodies(axes, clip, pose_at(clip, time), line, extra, 4.0 * size, index)
         for body, x, y in clip.joints:
@@ -81,8 +76,8 @@ def draw_frame(axes: Axes, clips: Sequence[Clip], time: float) -> None:
             axes.plot(*at.T, "o", mfc="white", mec=line, mew=1.6, ms=7, zorder=20)
             axes.plot(*at.T, "o", color=line, ms=2, zorder=20)
     for index, clip in enumerate(clips):
-        line = "white" if len(clips) == 1 else MODELS[index % len(MODELS)]
-        _touches(axes, clip, time, ARROW * size / force, line)
+        line = "white" if len(clips) == 1 else colors[index % len(colors)]
+        draw_touches(axes, arrows_at(clip, time, view.per_force, view.longest), clip.units["force"], line)
 
 
 def _bodies(
@@ -123,103 +118,3 @@ def _band(outline: Outline, far: float) -> NDArray[np.float64]:
     return np.array(
         [at - far * along, at + far * along, at + far * (along - normal), at - far * (along + normal)]
     )
-
-
-def _touches(axes: Axes, clip: Clip, time: float, per_force: float, edge: str) -> None:
-    from matplotlib.patches import FancyArrowPatch
-
-    t = clip.touches
-    frame = int(np.abs(clip.time - time).argmin())
-    rows = slice(*np.searchsorted(t.frame, [frame, frame + 1]))
-    sign = np.where(receives_first(clip)[t.contact[rows]], 1.0, -1.0)[:, None]
-    spots, forces, modes = t.place[rows], per_force * sign * t.force[rows], t.mode[rows]
-    for mode, (marker, face, rim, _) in MARKS.items():
-        at = spots[modes == mode]
-        for spot, force in zip(at, forces[modes == mode], strict=True):
-            if np.any(force != 0.0):
-                axes.add_patch(
-                    FancyArrowPatch(
-                        tuple(spot - force), tuple(spot), arrowstyle="-|>", mutation_scale=11, color=face,
-                        lw=1.8, shrinkA=0, shrinkB=0, zorder=30,
-                    )
-                )  # fmt: skip
-        colour = rim if edge == "white" else edge
-        axes.plot(*at.T, marker, mfc=face, mec=colour, mew=1.0, ms=6.5, zorder=31, ls="none", clip_on=False)
-
-
-def legend(figure: Figure, clips: Sequence[Clip]) -> None:
-    """Draw models (where there are several), contact modes and roles, below the picture."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Line2D | Patch] = []
-    if len(clips) > 1:
-        for k, (clip, label) in enumerate(zip(clips, labels(clips), strict=True)):
-            handles.append(
-                Line2D([], [], color=MODELS[k % len(MODELS)], lw=3, label=f"{label}: {clip.outcome}")
-            )
-    for marker, face, rim, word in MARKS.values():
-        handles.append(Line2D([], [], marker=marker, mfc=face, mec=rim, ls="none", label=f"contact {word}"))
-    for role in dict.fromkeys(role for clip in clips for role in clip.roles):
-        handles.append(Patch(fc=ROLES[role], ec=INK, label=role))
-    figure.legend(handles=handles, loc="lower center", ncols=3, frameon=False, fontsize=9)
-
-
-def strip(clips: Sequence[Clip], count: int = 6, at: float | None = None) -> Figure:
-    """Picture of `count` frames at equal times, the first and the last among them; or of one frame at time
-    `at`."""
-    from matplotlib.figure import Figure
-
-    end = max(float(clip.time[-1]) for clip in clips)
-    times = [min(at, end)] if at is not None else np.linspace(0.0, end, count).tolist()
-    columns = min(len(times), 3)
-    rows = math.ceil(len(times) / columns)
-    x0, y0, x1, y1 = _seen(clips)
-    wide = WIDE if len(times) == 1 else 0.55 * WIDE
-    tall = wide * (y1 - y0) / (x1 - x0)
-    across, above, below = columns * (wide + GAP) + GAP, rows * (tall + 2.0 * GAP) + 2.0 * GAP, 0.9
-    figure = Figure(figsize=(across, above + below), dpi=110)
-    for k, time in enumerate(times):
-        left, top = GAP + k % columns * (wide + GAP), 4.0 * GAP + k // columns * (tall + 2.0 * GAP)
-        bottom = above + below - top - tall
-        axes = figure.add_axes(
-            (left / across, bottom / (above + below), wide / across, tall / (above + below))
-        )
-        draw_frame(axes, clips, time)
-        axes.set_title(f"t = {time:.4g}", fontsize=10, pad=3)
-    what = title(clips) + (f": {clips[0].outcome}" if len(clips) == 1 else "")
-    figure.suptitle(what, fontsize=12, y=1.0 - 0.8 * GAP / (above + below), va="top")
-    legend(figure, clips)
-    return figure
-
-
-def _seen(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
-    """Extent of a picture: all moving bodies and a margin, at most five times as long as wide."""
-    x0, y0, x1, y1 = bounds(clips)
-    margin = 0.08 * max(x1 - x0, y1 - y0)
-    width, height = x1 - x0 + 2.0 * margin, y1 - y0 + 2.0 * margin
-    more_x, more_y = max(0.0, 0.2 * height - width), max(0.0, 0.2 * width - height)
-    mx, my = margin + 0.5 * more_x, margin + 0.5 * more_y
-    return x0 - mx, y0 - my, x1 + mx, y1 + my
-
-
-def save_png(clips: Sequence[Clip], file: File, count: int = 6, at: float | None = None) -> None:
-    """Write `strip` as PNG."""
-    strip(clips, count, at).savefig(file, format="png")
-
-
-def save_gif(clips: Sequence[Clip], file: File, count: int = 60, seconds: float = 5.0) -> None:
-    """Write an animation of `count` frames that takes `seconds` seconds, and begins again."""
-    from PIL import Image
-
-    end = max(float(clip.time[-1]) for clip in clips)
-    images = []
-    for time in np.linspace(0.0, end, count):
-        picture = BytesIO()
-        strip(clips, at=float(time)).savefig(picture, format="png")
-        images.append(Image.open(picture).convert("RGB").quantize(64))
-    pause = int(1000.0 * seconds / count)
-    images[0].save(
-        file, format="GIF", save_all=True, append_images=images[1:], loop=0,
-        duration=[pause] * (count - 1) + [max(pause, 1000)],
-    )  # fmt: skip

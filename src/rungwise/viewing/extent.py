@@ -31,11 +31,11 @@ def bounds(clips: Sequence[Clip]) -> tuple[float, float, float, float]:
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
-def largest_force(clips: Sequence[Clip]) -> float:
-    """Force of an arrow of nominal length: 95 of 100 recorded forces are no larger; 1 where there is none."""
+def largest_force(clips: Sequence[Clip], part: float = 0.95) -> float:
+    """Force of an arrow of nominal length: this part of the forces is no larger; 1 where there is none."""
     sizes = np.concatenate([np.linalg.norm(clip.touches.force, axis=1) for clip in clips])
     sizes = sizes[sizes > 0.0]
-    return float(np.quantile(sizes, 0.95)) if len(sizes) else 1.0
+    return float(np.quantile(sizes, part)) if len(sizes) else 1.0
 
 
 def receives_first(clip: Clip) -> NDArray[np.bool_]:

@@ -16,7 +16,8 @@ from rungwise.viewing.clip import Clip
 from rungwise.viewing.extent import bounds, largest_force, receives_first
 
 PAGE = files("rungwise.viewing") / "page"
-SCRIPTS = ("unpack.js", "data.js", "stage.js", "charts.js", "player.js")
+STAGE = ("stage.js", "marks.js", "names.js", "legend.js")
+SCRIPTS = ("unpack.js", "data.js", *STAGE, "charts.js", "player.js")
 LARGEST = 4_500_000
 """Bytes of a file: frames are left out, evenly, until the file is no larger."""
 CURVES = 8
@@ -87,10 +88,11 @@ def _data(clips: Sequence[Clip]) -> dict[str, Any]:
     return {
         "bounds": bounds(clips),
         "force": largest_force(clips),
+        "units": dict(clips[0].units),
         "push": " / ".join(dict.fromkeys(pushes)),
         "contacts": [clips[0].contacts[c] for c in curves],
         "clips": [
-            clip_data(clip, curves) | {"label": label, "note": ". ".join(filter(None, (note, clip.reason)))}
+            clip_data(clip, curves) | {"label": label, "note": note}
             for clip, label, note in zip(clips, labels(clips), notes, strict=True)
         ],
     }

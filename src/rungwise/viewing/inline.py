@@ -20,9 +20,9 @@ from rungwise.sets.feasible import FeasibleSet
 from rungwise.simulation.result import Run
 from rungwise.viewing.clip import clip
 from rungwise.viewing.designs import design_bars
-from rungwise.viewing.draw import strip
 from rungwise.viewing.html import page
 from rungwise.viewing.slices import doomed_slices, feasible_slices
+from rungwise.viewing.strip import strip
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,9 +17,10 @@ from rungwise.planning.diagnose import NOTHING, Diagnosis, both, distances, weig
 from rungwise.planning.words import UNTOUCHED
 from rungwise.planning.worlds import World
 from rungwise.scene import Scene
+from rungwise.viewing.arrows import view_of
 from rungwise.viewing.clip import Clip, of_trajectory
-from rungwise.viewing.draw import GAP, INK, MODELS, WIDE, draw_frame, legend, pose_at
-from rungwise.viewing.extent import bounds
+from rungwise.viewing.draw import INK, MODELS, draw_frame, pose_at
+from rungwise.viewing.strip import GAP, WIDE, legend
 from rungwise.viewing.view import ViewError, needs_matplotlib, write
 
 if TYPE_CHECKING:
@@ -88,7 +89,8 @@ def _figure(
     from matplotlib.figure import Figure
 
     farthest = float(times[apart.argmax()])
-    x0, y0, x1, y1 = bounds(clips)
+    view = view_of(clips, [when, farthest])
+    x0, y0, x1, y1 = view.extent
     wide = 0.75 * WIDE
     tall = float(np.clip(wide * (y1 - y0) / (x1 - x0), 0.35 * wide, 1.3 * wide))
     said = [line for text in str(found).splitlines() for line in _wrapped(text)]
@@ -100,7 +102,7 @@ def _figure(
     for k, (time, name) in enumerate(((when, "where they part"), (farthest, "where they are farthest"))):
         left, bottom = GAP + k * (wide + GAP), BELOW + 0.4 + CURVE + 0.5
         axes = figure.add_axes((left / across, bottom / high, wide / across, tall / high))
-        draw_frame(axes, clips, time)
+        draw_frame(axes, clips, time, view)
         _mark(axes, clips, body, time, joined=bool(k))
         shown = name if k or time == found.time else "the time asked for"
         away = np.interp(time, times, apart)

@@ -18,9 +18,10 @@ from rungwise.sets.motions import SLOWEST
 from rungwise.sets.surface import Mesh, boundary
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.extent import bounds, largest_force
-from rungwise.viewing.html import LARGEST, bytes_of, clip_data, fill, quantised
+from rungwise.viewing.html import LARGEST, STAGE, bytes_of, clip_data, fill, quantised
+from rungwise.viewing.units import common_units
 
-SCRIPTS = ("unpack.js", "setdata.js", "stage.js", "slice.js", "space.js", "sets.js")
+SCRIPTS = ("unpack.js", "setdata.js", *STAGE, "slice.js", "space.js", "sets.js")
 CELLS, SIDE = 1_000_000, 400
 """Cells in which labels are shown, at most, and along one parameter."""
 TRIANGLES = 20_000
@@ -102,7 +103,7 @@ def _runs(box: Reals, rows: Sequence[_Row]) -> dict[str, Any]:
         each["bodies"] = bodies.index(each["bodies"])
     return {
         "bounds": bounds(clips),
-        "force": largest_force(clips) if clips else 1.0,
+        "force": largest_force(clips, 0.5) if clips else 1.0,
         "bodies": bodies,
         "clips": data,
         "runs": [{"at": ((row.point - low) / (high - low)).tolist(), "labels": row.labels} for row in rows],
@@ -119,6 +120,7 @@ def _data(found: Sequence[FeasibleSet]) -> dict[str, Any]:
             {"name": name, "unit": _unit(declared[name].unit), "low": low, "high": high}
             for name, (low, high) in zip(first.over, first.box.tolist(), strict=True)
         ],
+        "units": common_units(each.unit for each in declared.values()),
         "cells": cells,
         "tol": first.tol,
         "labels": [str(label) for label in Label],

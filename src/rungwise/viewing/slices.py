@@ -15,6 +15,7 @@ from rungwise.sets.doomed import DoomedSet
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
 from rungwise.sets.surface import boundary
+from rungwise.viewing.differences import differences, draw_differences, shade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,61 +32,97 @@ COLORS = {
 }
 PIXELS, LAYERS, STATE_LAYERS = 400, 3, 4
 """Resolution of a slice; slices shown of a set over more than two parameters, or states."""
+WIDEST, MOST = 3, 5
+"""Panels side by side of sets over two parameters; kinds of differences that the legend tells apart."""
 
 
 def feasible_slices(found: Sequence[FeasibleSet]) -> Figure:
-    """Slices of each set, in one row, over its first two parameters."""
+    """Slices of each set over its first two parameters and, of several sets, the same slices with the parts
+    where they differ."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-    first = found[0]
+    first, several = found[0], len(found) > 1
     layers = LAYERS if len(first.over) > 2 else 1
-    drawing = Figure(figsize=(1.2 + 3.0 * layers, 0.8 + 2.9 * len(found)), layout="constrained")
-    axes = drawing.subplots(len(found), layers, squeeze=False, sharex=True, sharey=True)
-    seen: set[Label] = set()
-    for row, each in zip(axes, found, strict=True):
-        for k, axis in enumerate(row):
-            part = (k + 1) / (layers + 1)
-            seen |= draw_slice(axis, each, dict.fromkeys(each.over[2:], part))
-        row[0].set_ylabel(f"{each.name}\n\n{row[0].get_ylabel()}", fontsize=9)
+    count = (len(found) + several) * layers
+    columns = layers if layers > 1 else min(count, WIDEST)
+    rows = -(-count // columns)
+    parts = [(k + 1) / (layers + 1) for k in range(layers)]
+    labels = [np.stack([slice_labels(each, part) for each in found]) for part in parts]
+    kinds = differences(labels) if several else []
+    drawing = Figure(
+        figsize=(1.0 + 3.2 * columns, 1.0 + 2.9 * rows + 0.2 * min(len(kinds), MOST)), layout="constrained"
+    )
+    axes = drawing.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    panels = [(each.name, k, part) for each in found for k, part in enumerate(parts)]
+    for i, (axis, (name, k, part)) in enumerate(zip(axes, panels, strict=False)):
+        _paint(axis, labels[k][i // layers], _extent(first))
+        axis.set_title(name + _fixed(first, part), fontsize=9)
+    for axis, shown, part in zip(axes[len(panels) : count], labels, parts, strict=False):
+        draw_differences(axis, shown, kinds, [COLORS[label] for label in Label], _extent(first))
+        axis.set_title(("where they differ" if kinds else "they agree") + _fixed(first, part), fontsize=9)
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    _name_axes(list(axes[:count]), first, columns)
     drawing.suptitle(f"{first.scene.name}: {', '.join(first.over)}", fontsize=11)
-    handles = [
-        Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in sorted(seen)
-    ]
-    drawing.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9, frameon=False)
+    seen = sorted({Label(value) for each in labels for value in np.unique(each)})
+    handles = [Patch(facecolor=COLORS[label], edgecolor="#888888", label=str(label)) for label in seen]
+    names = [each.name for each in found]
+    handles += [Patch(facecolor=shade(k), label=kind.words(names)) for k, kind in enumerate(kinds[:MOST])]
+    if len(kinds) > MOST:
+        rest = 100.0 * sum(kind.part for kind in kinds[MOST:])
+        handles.append(Patch(facecolor=shade(MOST), label=f"{len(kinds) - MOST} other ways ({rest:.2g} %)"))
+    drawing.legend(
+        handles=handles, loc="outside lower center", ncols=1 if kinds else len(handles), fontsize=9,
+        frameon=False,
+    )  # fmt: skip
     return drawing
 
 
-def draw_slice(axis: Axes, found: FeasibleSet, at: dict[str, float]) -> set[Label]:
-    """Draw labels over the first two parameters, the others at parts 0..1 of their range; returns the labels
-    shown."""
-    from matplotlib.colors import ListedColormap
-
+def slice_labels(found: FeasibleSet, part: float) -> Ints:
+    """Labels (rows, columns) over the first two parameters, the others at that part 0..1 of their range."""
     low, high = found.box.T
     grid = (np.arange(PIXELS) + 0.5) / PIXELS
-    columns = [grid, grid] if len(found.over) > 1 else [grid, np.array([0.5])]
-    x, y = np.meshgrid(*columns)
+    x, y = np.meshgrid(grid, grid if len(found.over) > 1 else np.array([0.5]))
     places = [x.ravel(), y.ravel()][: len(found.over)]
-    places += [np.full(x.size, at[name]) for name in found.over[2:]]
+    places += [np.full(x.size, part) for _ in found.over[2:]]
     shown: Ints = found.labels(low + np.stack(places, axis=1) * (high - low))
-    extent = (low[0], high[0], *((low[1], high[1]) if len(found.over) > 1 else (0.0, 1.0)))
-    colors = ListedColormap([COLORS[label] for label in Label])
+    return shown.reshape(x.shape)
+
+
+def _extent(found: FeasibleSet) -> tuple[float, float, float, float]:
+    low, high = found.box.T
+    ends = (low[1], high[1]) if len(found.over) > 1 else (0.0, 1.0)
+    return float(low[0]), float(high[0]), float(ends[0]), float(ends[1])
+
+
+def _paint(axis: Axes, shown: Ints, extent: tuple[float, float, float, float]) -> None:
+    from matplotlib.colors import ListedColormap
+
     axis.imshow(
-        shown.reshape(x.shape), origin="lower", extent=extent, aspect="auto", cmap=colors,
-        vmin=-0.5, vmax=len(Label) - 0.5, interpolation="nearest",
+        shown, origin="lower", extent=extent, aspect="auto",
+        cmap=ListedColormap([COLORS[label] for label in Label]), vmin=-0.5, vmax=len(Label) - 0.5,
+        interpolation="nearest",
     )  # fmt: skip
-    axis.set_xlabel(_unit_of(found, 0), fontsize=9)
-    axis.set_ylabel(_unit_of(found, 1) if len(found.over) > 1 else "", fontsize=9)
-    axis.tick_params(labelsize=8)
-    if found.over[2:]:
-        axis.set_title(_fixed(found, next(iter(at.values()))).lstrip(", "), fontsize=9)
-    return {Label(value) for value in np.unique(shown)}
+
+
+def _name_axes(axes: Sequence[Axes], found: FeasibleSet, columns: int) -> None:
+    """Names below the last panel of each column, and left of each row."""
+    for i, axis in enumerate(axes):
+        axis.tick_params(labelsize=8)
+        if i + columns >= len(axes):
+            axis.set_xlabel(_unit_of(found, 0), fontsize=9)
+            axis.tick_params(labelbottom=True)
+        if i % columns == 0 and len(found.over) > 1:
+            axis.set_ylabel(_unit_of(found, 1), fontsize=9)
+        if len(found.over) == 1:
+            axis.set_yticks(())
 
 
 def _unit_of(found: FeasibleSet, index: int) -> str:
     name = found.over[index]
     unit = found.scene.file.parameters[name].unit
-    return f"{name} [{unit}]" if unit else name
+    return f"{name} [{unit}]" if unit not in (None, "1") else name
 
 
 def _fixed(found: FeasibleSet, part: float) -> str:

@@ -10,15 +10,19 @@ from pathlib import Path
 
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
+from rungwise.planning.plan import Plan, load_plan
 from rungwise.scene import SceneError
+from rungwise.scene.values import shown
 from rungwise.sets.feasible import FeasibleSet, load_set
-from rungwise.sets.store import STORE, SetError
+from rungwise.sets.store import STORE
+from rungwise.simulation import trajectory
 from rungwise.simulation.result import Run
-from rungwise.viewing import draw, sets
+from rungwise.viewing import sets, slices, strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
+from rungwise.wording import listed
 
-Source = Run | FeasibleSet | str | Path
+Source = Run | Plan | FeasibleSet | str | Path
 
 
 class ViewError(InputError):
@@ -35,28 +39,31 @@ def view(
     frames: int = 6,
     at: float | None = None,
 ) -> list[Path]:
-    """Write pictures of a run, or of several runs over each other, or of sets; returns the files written.
+    """Write pictures of a run or a plan, or of several runs beside each other, or of sets; returns the files
+    written.
 
     Args:
-        runs: runs, or folders that `Run.save` wrote; or, for html only, sets of one scene over the
+        runs: runs or plans, or where `Run.save` and `Plan.save` wrote them; or sets of one scene over the
             same box, or folders that `FeasibleSet.save` wrote.
-        html: an animation in one file that any browser plays, without a network.
-        png: a strip of `frames` pictures, or the one at time `at` (needs the extra `view`).
-        gif: a short animation (needs the extra `view`).
+        html: an animation in one file that any browser plays, without a network; of sets, surfaces,
+            slices and runs.
+        png: a strip of `frames` pictures, or the one at time `at`; of sets, slices, and where they
+            differ (needs the extra `view`).
+        gif: a short animation (needs the extra `view`); not of sets.
 
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
-    sources = [_source(one) for one in ([runs] if isinstance(runs, Source) else runs)]
+    sources = [_source(one) for one in _listed(runs)]
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
         raise ViewError(f"frames: {frames!r} must be at least 1")
     found = [source for source in sources if isinstance(source, FeasibleSet)]
     if found:
-        if len(found) < len(sources) or png is not None or gif is not None:
-            raise ViewError("view: sets and runs go to files of their own, and sets to html only")
-        return [_sets(found, html)]
+        if len(found) < len(sources) or gif is not None:
+            raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
+        return _sets(found, html, png)
     try:
         clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet)]
     except SceneError as error:
@@ -70,33 +77,75 @@ def view(
         made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
     if png is not None:
         needs_matplotlib("png")
-        made.append(("png", png, lambda file: draw.save_png(clips, file, frames, at)))
+        made.append(("png", png, lambda file: strip.save_png(clips, file, frames, at)))
     if gif is not None:
         needs_matplotlib("gif")
-        made.append(("gif", gif, lambda file: draw.save_gif(clips, file)))
+        made.append(("gif", gif, lambda file: strip.save_gif(clips, file)))
     return [write(*one) for one in made]
 
 
-def _source(source: Source) -> Source:
-    """The set in a folder of a set; any other source as it is."""
-    if isinstance(source, str | Path) and (Path(source) / STORE).is_dir():
-        try:
-            return load_set(source)
-        except (SceneError, SetError, OSError) as error:
-            raise ViewError(f"view: {error}") from None
-    return source
+def _listed(runs: object) -> list[object]:
+    if isinstance(runs, Source):
+        return [runs]
+    if isinstance(runs, Sequence):
+        return list(runs)
+    raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(runs)}")
 
 
-def _sets(found: Sequence[FeasibleSet], html: str | Path | None) -> Path:
+def _source(source: object) -> Run | FeasibleSet | Path:
+    """The set in a folder of a set, the run of a plan; a run, or the folder of one, as it is."""
+    if not isinstance(source, Source):
+        raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(source)}")
+    try:
+        if isinstance(source, str | Path):
+            path = Path(source)
+            if (path / STORE).is_dir():
+                return load_set(path)
+            if path.suffix != ".json" or path.is_dir():
+                _point(path)
+                return path
+            source = load_plan(path)
+        if isinstance(source, Plan):
+            if not source.found:
+                raise ViewError(f"plan: there is none. {source.reason}")
+            return source.replay()
+        return source
+    except ViewError:
+        raise
+    except (InputError, OSError) as error:
+        raise ViewError(f"view: {error}") from None
+
+
+def _point(folder: Path) -> None:
+    """Where a folder holds no result, but folders in it do: a line that names those. Raises ViewError."""
+    if not folder.is_dir() or (folder / trajectory.SUMMARY).exists():
+        return
+    within = [
+        str(each)
+        for each in sorted(folder.iterdir())
+        if (each / STORE).is_dir() or (each / trajectory.SUMMARY).is_file()
+    ]
+    if within:
+        raise ViewError(f"view: {folder} holds no result itself; these folders in it do: {listed(within)}")
+
+
+def _sets(found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path | None) -> list[Path]:
     first = found[0]
     for other in found[1:]:
         if (other.scene.file, other.over, other.box.tolist()) != (
             first.scene.file, first.over, first.box.tolist()
         ):  # fmt: skip
             raise ViewError("view: the sets must be of one scene, over the same parameters and box")
-    text = sets.page(found)
-    target = f"{first.scene.name}_sets.html" if html is None else html
-    return write("html", target, lambda file: file.write_text(text, "utf-8"))
+    files = []
+    if html is not None or png is None:
+        text = sets.page(found)
+        target = f"{first.scene.name}_sets.html" if html is None else html
+        files.append(write("html", target, lambda file: file.write_text(text, "utf-8")))
+    if png is not None:
+        needs_matplotlib("png")
+        drawing = slices.feasible_slices(found)
+        files.append(write("png", png, lambda file: drawing.savefig(file, format="png", dpi=120)))
+    return files
 
 
 def _same_bodies(clips: Sequence[Clip]) -> None:

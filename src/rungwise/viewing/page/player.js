@@ -7,6 +7,8 @@ const FULL = (END || 1) / 6;  // at speed 1 the whole takes six seconds
 
 const reduced = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
 
+const inUnit = kind => DATA.units[kind] ? ` [${DATA.units[kind]}]` : "";
+
 function redraw(curvesToo) { state.dirty = true; if (curvesToo) charts.forEach(c => { c.stale = true; }); }
 function seek(t) { state.t = Math.min(END, Math.max(0, t)); redraw(); }
 function play(on) {
@@ -36,56 +38,60 @@ function tick(now) {
     drawStage(state.t, { forces: $("forces").checked, contacts: $("contacts").checked, names: $("names").checked,
       length: 70 * 10 ** +$("arrows").value });
     charts.forEach(c => c.draw(state.t, $("log").checked));
+    $("push-peaks").textContent = charts[1].peaks.length ? "; \u25b2 peaks beyond the axis" : "";
     $("time").value = state.t;
     $("time").setAttribute("aria-valuetext", `${short(state.t)}`);
-    $("clock").textContent = `t = ${state.t.toPrecision(4)} of ${short(END)}`;
+    $("clock").textContent = `t = ${state.t.toPrecision(4)} of ${withUnit(END, DATA.units.time)}`;
     state.frames++; state.work += performance.now() - began;
   }
   requestAnimationFrame(tick);
 }
 
-function element(tag, text, parent, attributes) {
-  const e = document.createElement(tag);
-  if (text) e.textContent = text;
-  Object.assign(e, attributes || {});
-  parent.append(e);
-  return e;
-}
-
 function buildModels() {
+  const box = $("models");
   CLIPS.forEach((clip, i) => {
-    const label = element("label", "", $("models"));
-    const box = element("input", "", label, { type: "checkbox", checked: true, id: `model-${i}` });
-    box.addEventListener("change", () => { clip.visible = box.checked; captions(); redraw(true); });
-    const swatch = element("span", "", label, { className: "swatch" });
-    swatch.style.background = `var(--model-${i % PALETTE.length})`;
-    element("span", ` ${clip.label}: ${clip.outcome}`, label, { title: clip.reason });
-    element("p", clip.note, $("models"), { className: "note" });
+    const row = element("div", "", box, { className: "model" });
+    const show = element("input", "", row, { type: "checkbox", checked: true, id: `model-${i}`, ariaLabel: `show ${clip.label}` });
+    show.addEventListener("change", () => { clip.visible = show.checked; captions(); redraw(true); });
+    const label = element("label", "", row), front = element("input", "", label, { type: "radio", name: "front", checked: i === 0, id: `front-${i}` });
+    front.addEventListener("change", () => bringFront(i));
+    element("span", "", label, { className: "swatch" }).style.background = `var(--model-${i % PALETTE.length})`;
+    element("span", `${clip.label}: ${clip.outcome}`, label);
+    if (clip.note) element("p", clip.note, box, { className: "note" });
   });
+  box.classList.toggle("alone", CLIPS.length === 1);
+  $("models-title").textContent = CLIPS.length === 1 ? "model" : "models: shown, in front";
+  $("views").hidden = CLIPS.length === 1;
+  tellReasons($("reasons"), CLIPS, clip => clip.label);
 }
 
-function legendRow(text, paint) {
-  const row = element("div", "", $("legend")), c = element("canvas", "", row), ratio = window.devicePixelRatio || 1;
-  c.width = 34 * ratio; c.height = 18 * ratio; c.style.width = "34px"; c.style.height = "18px";
-  const g = c.getContext("2d"); g.setTransform(ratio, 0, 0, ratio, 0, 0); paint(g);
-  element("span", text, row);
+function bringFront(index) {
+  layout.front = index;
+  $(`front-${index}`).checked = true;
+  if (!CLIPS[index].visible) flip(`model-${index}`);
+  captions(); redraw(true);
+}
+
+function bringNext() {
+  const clips = shown();
+  if (clips.length) bringFront(clips[(clips.indexOf(inFront()) + 1) % clips.length].index);
+}
+
+function arrange(beside) {
+  layout.beside = beside;
+  $("beside").checked = beside; $("single").checked = !beside;
+  captions(); redraw();
 }
 
 function captions() {
   const several = shown().length > 1, box = $("legend");
   box.replaceChildren();
-  legendRow("contact open", g => mark(g, 17, 9, OPEN, colours.open, null));
-  legendRow("contact sticks, or rests", g => mark(g, 17, 9, STICK, colours.stick, null));
-  legendRow("contact slips", g => mark(g, 17, 9, SLIP, colours.slip, null));
-  if (DATA.push) legendRow(`force; this long: ${short(DATA.force * 28 / 70)}${+$("arrows").value ? " / " + short(10 ** +$("arrows").value) : ""}`,
-    g => arrow(g, 31, 9, DATA.force, 0, 28, colours.ink));
-  DATA.contacts.forEach((name, c) => legendRow(name, g => {
+  stageLegend(box);
+  DATA.contacts.forEach((name, c) => legendRow(box, `${name}, in the curves`, g => {
     const [colour, dash] = charts[0].style({ clip: shown()[0] || CLIPS[0], c });
     g.strokeStyle = several ? colours.ink : colour; g.lineWidth = 2; g.setLineDash(dash);
     g.beginPath(); g.moveTo(2, 9); g.lineTo(32, 9); g.stroke();
   }));
-  for (const role of new Set(CLIPS.flatMap(c => c.bodies.map(b => b.role))))
-    legendRow(role, g => { g.fillStyle = colours[role]; g.strokeStyle = colours.ink; g.fillRect(5, 3, 24, 12); g.strokeRect(5, 3, 24, 12); });
 }
 
 function paintTheme() {
@@ -95,7 +101,9 @@ function paintTheme() {
 }
 
 function zoom(factor, x, y) {
-  const box = $("stage").getBoundingClientRect(), dx = (x ?? box.width / 2) - box.width / 2, dy = box.height / 2 - (y ?? box.height / 2);
+  const panel = panelAt(x, y) || stage.panels[0];
+  if (!panel) return;
+  const dx = x === undefined ? 0 : x - panel.x - panel.width / 2, dy = y === undefined ? 0 : panel.y + panel.height / 2 - y;
   view.whole = false;
   view.x += dx / view.scale * (1 - 1 / factor); view.y += dy / view.scale * (1 - 1 / factor);
   view.scale *= factor;
@@ -110,6 +118,7 @@ const KEYS = {
   "+": () => faster(1), "=": () => faster(1), "-": () => faster(-1),
   c: () => flip("contacts"), f: () => flip("forces"), n: () => flip("names"), g: () => flip("log"), l: () => flip("loop"),
   z: () => zoom(1.25), x: () => zoom(0.8), r: () => { view.whole = true; redraw(); }, t: () => $("theme").click(),
+  m: () => arrange(!layout.beside), b: () => bringNext(),
 };
 
 function onKey(event) {
@@ -124,15 +133,32 @@ function onKey(event) {
   event.preventDefault();
 }
 
+// A drag moves the view, and a click brings the panel's model to the front.
+function onStage() {
+  const canvas = $("stage"), at = e => { const box = canvas.getBoundingClientRect(); return [e.clientX - box.left, e.clientY - box.top]; };
+  let moved = 0;
+  canvas.addEventListener("wheel", e => { e.preventDefault(); zoom(Math.exp(-0.0015 * e.deltaY), ...at(e)); }, { passive: false });
+  canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); moved = 0; });
+  canvas.addEventListener("pointermove", e => {
+    if (!e.buttons) return;
+    moved += Math.abs(e.movementX) + Math.abs(e.movementY);
+    if (moved <= 3) return;
+    view.whole = false; view.x -= e.movementX / view.scale; view.y += e.movementY / view.scale; redraw();
+  });
+  canvas.addEventListener("pointerup", e => { const panel = moved > 3 ? null : panelAt(...at(e)); if (panel) bringFront(panel.clip.index); });
+}
+
 function start() {
   $("title").textContent = document.title;
+  layout.most = () => Math.min(0.6 * window.innerHeight, 600);
   $("time").max = END;
   SPEEDS.forEach((s, i) => element("option", `${short(s * FULL)} per s`, $("speed"), { value: i, selected: s === 1 }));
-  $("gap-title").textContent = "least gap of each contact, along time";
-  $("push-title").textContent = DATA.push ? `${DATA.push} of each contact, along time` : "";
+  $("beside").onchange = $("single").onchange = () => arrange($("beside").checked);
+  $("gap-title").textContent = `least gap of each contact${inUnit("length")}, along time`;
+  $("push-title").textContent = DATA.push ? `${DATA.push} of each contact${inUnit("force")}, along time` : "";
   $("push-figure").hidden = !DATA.push;
   if (window.matchMedia("(prefers-color-scheme: dark)").matches) root.classList.add("dark");
-  buildModels(); paintTheme();
+  buildModels(); paintTheme(); arrange(CLIPS.length > 1);
   $("theme").onclick = () => { root.classList.toggle("dark"); paintTheme(); };
   $("play").onclick = () => play(!state.playing);
   $("back").onclick = () => stepFrames(-1);
@@ -140,20 +166,10 @@ function start() {
   $("time").oninput = () => { play(false); seek(+$("time").value); };
   for (const id of ["contacts", "forces", "names"]) $(id).onchange = () => redraw();
   $("log").onchange = () => redraw(true);
-  $("arrows").oninput = () => { captions(); redraw(); };
+  $("arrows").oninput = () => redraw();
   document.addEventListener("keydown", onKey);
   window.addEventListener("resize", () => redraw(true));
-  const stage = $("stage");
-  stage.addEventListener("wheel", e => {
-    e.preventDefault();
-    const box = stage.getBoundingClientRect();
-    zoom(Math.exp(-0.0015 * e.deltaY), e.clientX - box.left, e.clientY - box.top);
-  }, { passive: false });
-  stage.addEventListener("pointerdown", e => stage.setPointerCapture(e.pointerId));
-  stage.addEventListener("pointermove", e => {
-    if (!e.buttons) return;
-    view.whole = false; view.x -= e.movementX / view.scale; view.y += e.movementY / view.scale; redraw();
-  });
+  onStage();
   requestAnimationFrame(tick);
   if (!reduced) play(true);
 }

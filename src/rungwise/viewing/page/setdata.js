@@ -2,7 +2,8 @@
 
 const DATA = JSON.parse($("data").textContent);
 const D = DATA.over.length, N = DATA.cells;
-const CLIPS = DATA.clips.map((c, i) => clipOf({ ...c, bodies: structuredClone(DATA.bodies[c.bodies]) }, i % DATA.sets.length));
+const CLIPS = DATA.clips.map((c, i) => clipOf(
+  { ...c, label: DATA.sets[i % DATA.sets.length].name, bodies: structuredClone(DATA.bodies[c.bodies]) }, i % DATA.sets.length));
 const SETS = DATA.sets.map((set, index) => ({
   ...set, index, visible: true, labels: unroll(set.grid), mesh: set.mesh && meshOf(set.mesh),
   colour: () => css(`--model-${index % PALETTE.length}`),

@@ -8,14 +8,6 @@ function redraw() { state.stage = state.slice = state.space = true; state.fine =
 function play(on) { if (on && state.t >= end()) state.t = 0; state.playing = on; state.last = 0; $("play").textContent = on ? "pause" : "play"; }
 function seek(t) { state.t = Math.min(end(), Math.max(0, t)); state.stage = true; }
 
-function element(tag, text, parent, attributes) {
-  const e = document.createElement(tag);
-  if (text) e.textContent = text;
-  Object.assign(e, attributes || {});
-  parent.append(e);
-  return e;
-}
-
 function choose(part) {
   chosen.point = Float64Array.from(part);
   Object.assign(chosen, nearest(chosen.point));
@@ -37,8 +29,10 @@ function tell() {
   SETS.forEach((s, k) => {
     $(`here-${k}`).textContent = DATA.labels[labelAt(s, chosen.point)];
     const clip = runsOf(chosen.run)[k];
-    $(`run-${k}`).textContent = clip ? `${clip.outcome}: ${clip.reason}` : "";
+    $(`run-${k}`).textContent = clip ? clip.outcome : "";
   });
+  layout.front = chosen.model;
+  tellReasons($("reasons"), runsOf(chosen.run), clip => clip.label);
   const list = (part, digits) => DATA.over.map((o, a) => `${o.name} = ${+values(part)[a].toPrecision(digits)}`).join(", ");
   $("run-title").textContent = row ? `stored run at ${list(row.at, 4)}` : "no run is stored";
   $("where").textContent = `Chosen: ${list(chosen.point, 6)}.` + (row ? ` The nearest of ${DATA.runs.length} stored points`
@@ -65,7 +59,7 @@ function tick(now) {
   if (state.stage) {
     const t = Math.min(state.t, end());
     drawStage(t, { forces: true, contacts: true, names: true, length: 50 });
-    $("time").max = end(); $("time").value = t; $("clock").textContent = `t = ${t.toPrecision(3)} of ${short(end())}`;
+    $("time").max = end(); $("time").value = t; $("clock").textContent = `t = ${t.toPrecision(3)} of ${withUnit(end(), DATA.units.time)}`;
   }
   if (state.slice) drawSlice();
   if (D === 3 && (state.space || (state.fine && now > state.fine))) {
@@ -107,7 +101,7 @@ function buildModels() {
   SETS.forEach((set, k) => {
     const row = element("tr", "", table);
     const show = element("input", "", element("td", "", row), { type: "checkbox", checked: true, id: `show-${k}`, ariaLabel: `show ${set.name}` });
-    show.onchange = () => { set.visible = show.checked; redraw(); };
+    show.onchange = () => { set.visible = show.checked; buildLegend(); redraw(); };
     const pickModel = element("input", "", element("td", "", row), { type: "radio", name: "slice", checked: k === 0, id: `pick-${k}`, ariaLabel: `slice of ${set.name}` });
     pickModel.onchange = () => { chosen.model = k; choose(chosen.point); };
     const name = element("td", "", row), swatch = element("span", "", name, { className: "swatch" });
@@ -125,13 +119,20 @@ function buildModels() {
 function buildLegend() {
   const box = $("legend");
   box.replaceChildren();
-  for (const k of DATA.present) {
-    const item = element("span", "", box), patch = element("span", "", item, { className: "patch" });
-    patch.style.background = labelColour(k);
-    item.append(DATA.labels[k]);
+  for (const k of DATA.present)
+    legendRow(box, DATA.labels[k], g => { g.fillStyle = labelColour(k); g.strokeStyle = colours.faint; g.lineWidth = 1; g.fillRect(5, 3, 24, 12); g.strokeRect(5, 3, 24, 12); });
+  const many = visible(), sample = colour => g => { g.strokeStyle = colour; g.lineWidth = LINE; line(g, 2, 9, 32, 9); };
+  for (const set of many) legendRow(box, `feasible part ends: ${set.name}`, sample(set.colour()));
+  if (many.length > 1) {
+    legendRow(box, "striped: these models' boundaries coincide", g => many.slice(0, 4).forEach((set, k, all) => {
+      g.strokeStyle = set.colour(); g.lineWidth = LINE; line(g, 2 + 30 * k / all.length, 9, 2 + 30 * (k + 1) / all.length, 9);
+    }));
+    legendRow(box, "hatched: the shown models' labels differ", g => { g.beginPath(); g.rect(5, 2, 24, 14); g.clip(); hatchLines(g, 5, 2, 24, 14); });
   }
-  if (SETS.length > 1) element("span", "lines: where the feasible part of each model ends", box);
-  element("span", "dots: stored runs", box);
+  legendRow(box, "chosen point", g => cross(g, 17, 9));
+  legendRow(box, "stored runs; the one that is played", g => { runSpot(g, 9, 9, false); runSpot(g, 24, 9, true); });
+  $("stage-legend").replaceChildren();
+  stageLegend($("stage-legend"));
 }
 
 function paintTheme() {
@@ -197,6 +198,8 @@ function start() {
   buildSliders(); buildModels(); paintTheme();
   if (D === 3) onSpace();
   onSlice();
+  $("beside-part").hidden = SETS.length === 1;
+  $("beside").onchange = () => { layout.beside = $("beside").checked; buildLegend(); redraw(); };
   $("theme").onclick = () => { root.classList.toggle("dark"); paintTheme(); };
   $("play").onclick = () => play(!state.playing);
   $("time").oninput = () => { play(false); seek(+$("time").value); };

@@ -1,10 +1,10 @@
 // Surfaces over three parameters: triangles into a depth buffer of our own, so that it needs no graphics card,
-// and every pixel tells what is seen there.
+// and every pixel tells what is seen there. Surfaces that coincide are striped in their colours.
 
 const eye = { yaw: -0.6, pitch: 0.45, zoom: 1 };
 const NOTHING = 0, PLANE = 1, FIRST = 2;
-const OFFSET = 0.004;  // a set lies so much behind those before it: where they agree, the first is seen
-const raster = { width: 0, height: 0, depth: null, owner: null, image: null, canvas: document.createElement("canvas") };
+const TOGETHER = Math.max(0.012, 1.5 * DATA.tol), BAND = 9;  // surfaces this near coincide; the width of a stripe
+const raster = { width: 0, height: 0, depth: null, owner: null, sets: null, bright: null, image: null, canvas: document.createElement("canvas") };
 
 function axesOf() {
   const cy = Math.cos(eye.yaw), sy = Math.sin(eye.yaw), cp = Math.cos(eye.pitch), sp = Math.sin(eye.pitch);
@@ -14,19 +14,20 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 
 function cleared(width, height) {
   if (raster.width !== width || raster.height !== height) {
-    Object.assign(raster, { width, height, depth: new Float32Array(width * height), owner: new Uint8Array(width * height) });
+    Object.assign(raster, { width, height, depth: new Float32Array(width * height),
+      owner: new Uint8Array(width * height), sets: new Uint32Array(width * height), bright: new Float32Array(width * height) });
     raster.canvas.width = width; raster.canvas.height = height;
     raster.image = raster.canvas.getContext("2d").createImageData(width, height);
     raster.pixels = new Uint32Array(raster.image.data.buffer);
   }
-  raster.depth.fill(-Infinity); raster.owner.fill(NOTHING); raster.pixels.fill(0);
+  raster.depth.fill(-Infinity); raster.owner.fill(NOTHING); raster.sets.fill(0); raster.pixels.fill(0);
 }
 
 const packed = (r, g, b) => (255 << 24 | b << 16 | g << 8 | r) >>> 0;
 
 // A triangle of a mesh whose vertices are projected to x, y, z (depth) and c; pixels with c * side > limit are cut away.
-function triangle({ x: X, y: Y, z: Z, c: C }, ia, ib, ic, paint, owner, side, limit) {
-  const { width, height, depth, owner: owners, pixels } = raster;
+function triangle({ x: X, y: Y, z: Z, c: C }, ia, ib, ic, shade, bit, side, limit) {
+  const { width, height, depth, sets, bright } = raster;
   const ax = X[ia], ay = Y[ia], bx = X[ib] - ax, by = Y[ib] - ay, cx = X[ic] - ax, cy = Y[ic] - ay, area = bx * cy - by * cx;
   if (area === 0) return;
   const x0 = Math.max(0, Math.ceil(ax + Math.min(0, bx, cx) - 0.5)), x1 = Math.min(width - 1, Math.floor(ax + Math.max(0, bx, cx) - 0.5));
@@ -36,8 +37,9 @@ function triangle({ x: X, y: Y, z: Z, c: C }, ia, ib, ic, paint, owner, side, li
     const px = x + 0.5 - ax, py = y + 0.5 - ay, u = (px * cy - py * cx) / area, v = (bx * py - by * px) / area;
     if (u < -1e-6 || v < -1e-6 || u + v > 1 + 1e-6) continue;
     const z = Z[ia] + u * zb + v * zc, at = y * width + x;
-    if (z <= depth[at] || side * (C[ia] + u * cb + v * cc) > limit) continue;
-    depth[at] = z; owners[at] = owner; pixels[at] = paint;
+    if (z < depth[at] - TOGETHER || side * (C[ia] + u * cb + v * cc) > limit) continue;
+    sets[at] = z > depth[at] + TOGETHER ? bit : sets[at] | bit;
+    if (z > depth[at]) { depth[at] = z; bright[at] = shade; }
   }
 }
 
@@ -49,19 +51,30 @@ function paintSets(look, scale, cut) {
   const { width, height } = raster, axis = others()[0], level = chosen.point[axis] - 0.5, side = look.to[axis] >= 0 ? 1 : -1;
   const light = [0, 1, 2].map(k => 0.35 * look.right[k] + 0.5 * look.up[k] + 0.8 * look.to[k]);
   for (const set of visible()) {
-    const { vertices: v, pieces, normals, spots } = set.mesh, [r, g, b] = rgb(set.colour());
+    const { vertices: v, pieces, normals, spots } = set.mesh;
     for (let i = 0; i < spots.x.length; i++) {
       const p = v.subarray(3 * i, 3 * i + 3);
       spots.x[i] = width / 2 + scale * dot(p, look.right); spots.y[i] = height / 2 - scale * dot(p, look.up);
-      spots.z[i] = dot(p, look.to) - OFFSET * set.index; spots.c[i] = p[axis];
+      spots.z[i] = dot(p, look.to); spots.c[i] = p[axis];
     }
     for (let t = 0; t < pieces.length; t += 3) {
       const bright = 0.5 + 0.5 * Math.min(1, Math.abs(dot(normals.subarray(t, t + 3), light)));
-      triangle(spots, pieces[t], pieces[t + 1], pieces[t + 2], packed(r * bright, g * bright, b * bright),
-        FIRST + set.index, side, cut ? side * level + 1e-6 : Infinity);
+      triangle(spots, pieces[t], pieces[t + 1], pieces[t + 2], bright, 1 << set.index % 31, side, cut ? side * level + 1e-6 : Infinity);
     }
   }
+  paintStripes();
   paintPlane(look, scale, axis, level, cut);
+}
+
+function paintStripes() {
+  const { width, owner, sets, bright, pixels, dense } = raster, paints = SETS.map(set => rgb(set.colour())), band = BAND * dense;
+  for (let at = 0; at < sets.length; at++) if (sets[at]) {
+    let left = sets[at], many = 0;
+    for (let bits = left; bits; bits &= bits - 1) many++;
+    for (let skip = many > 1 ? Math.floor((at % width + Math.floor(at / width)) / band) % many : 0; skip; skip--) left &= left - 1;
+    const index = 31 - Math.clz32(left & -left), shade = bright[at], [r, g, b] = paints[index];
+    owner[at] = FIRST + index; pixels[at] = packed(r * shade, g * shade, b * shade);
+  }
 }
 
 // The slice where it lies in the box: opaque where the set before it is cut away, else like glass.
@@ -76,7 +89,7 @@ function paintPlane(look, scale, axis, level, cut) {
     part[p] = (s * look.up[q] - t * look.right[q]) / det + 0.5; part[q] = (t * look.right[p] - s * look.up[p]) / det + 0.5;
     if (!(part[p] >= 0 && part[p] <= 1 && part[q] >= 0 && part[q] <= 1)) continue;
     const at = y * width + x, z = (part[p] - 0.5) * look.to[p] + (part[q] - 0.5) * look.to[q] + level * look.to[axis];
-    if (z <= depth[at] - (cut ? OFFSET * SETS.length : 0)) continue;
+    if (z <= depth[at] - (cut ? 0.004 : 0)) continue;
     const c = paints[labelAt(set, part)], old = pixels[at];
     if (cut) { pixels[at] = packed(...c); owner[at] = PLANE; depth[at] = z; } else {
       const under = old ? [old & 255, old >> 8 & 255, old >> 16 & 255] : rgb(colours.page);
@@ -97,6 +110,7 @@ function drawSpace(fine) {
   const hidden = CORNERS.reduce((least, c, k) => dot(c, look.to) < dot(CORNERS[least], look.to) ? k : least, 0);
   drawFrame(g, spot, 7 - hidden, false, colours.line);
   cleared(Math.round(width * dense), Math.round(height * dense));
+  raster.dense = dense;
   paintSets(look, scale * dense, $("cut").checked);
   raster.canvas.getContext("2d").putImageData(raster.image, 0, 0);
   g.imageSmoothingEnabled = true; g.imageSmoothingQuality = "high";
@@ -146,7 +160,7 @@ function pick(x, y) {
   const { look, scale, dense, width, height } = raster.seen, column = Math.floor(x * dense), row = Math.floor(y * dense);
   const at = row * raster.width + column;
   if (column < 0 || row < 0 || column >= raster.width || row >= raster.height || raster.owner[at] === NOTHING) return null;
-  const owner = raster.owner[at], z = raster.depth[at] + (owner >= FIRST ? OFFSET * (owner - FIRST) : 0);
+  const owner = raster.owner[at], z = raster.depth[at];
   const s = (x - width / 2) / scale, t = (height / 2 - y) / scale;
   const part = [0, 1, 2].map(k => Math.min(1, Math.max(0, 0.5 + s * look.right[k] + t * look.up[k] + z * look.to[k])));
   return { part, set: owner >= FIRST ? owner - FIRST : null };

@@ -1,7 +1,11 @@
-// The stage: bodies with their true outlines, contact points by mode, forces as arrows.
+// The stage: bodies with their true outlines. Models stand side by side, one to a panel, or one is in front, with
+// the outlines of the others where they are elsewhere: its ghosts.
 
-const OPEN = 0, STICK = 1, SLIP = 2;
 const view = { x: 0, y: 0, scale: 1, whole: true };
+const layout = { beside: false, front: 0, most: null };  // `most`: the height allowed, where the canvas may take less
+const HEAD = 24, FOOT = 30, SEAM = 8, SAME = 2.5, DOT = 6, MARGIN = 22;
+const FONT = "12px system-ui, sans-serif";
+const stage = { panels: [], texts: [] };  // as last drawn
 let colours = {};
 
 function readColours() {
@@ -10,11 +14,41 @@ function readColours() {
   colours.models = CLIPS.map(c => c.colour());
 }
 
+// The scale at which all bodies and their names have room.
+function fit(width, height) {
+  const [x0, y0, x1, y1] = DATA.bounds, free = size => Math.max(0.3 * size, size - Math.max(2 * MARGIN, 0.14 * size));
+  return Math.min(free(width) / (x1 - x0), free(height) / (y1 - y0));
+}
+
 function showWhole(width, height) {
-  const [x0, y0, x1, y1] = DATA.bounds, pad = 1.16;
-  view.scale = Math.min(width / (pad * (x1 - x0)), height / (pad * (y1 - y0)));
+  const [x0, y0, x1, y1] = DATA.bounds;
+  view.scale = fit(width, height);
   view.x = (x0 + x1) / 2; view.y = (y0 + y1) / 2;
 }
+
+const inFront = () => shown().find(c => c.index === layout.front) || shown()[0];
+
+// Panels of the canvas: as many columns as make the bodies largest.
+function panelsOf(width, height) {
+  const clips = shown(), front = inFront();
+  if (!clips.length) return [];
+  const beside = layout.beside && clips.length > 1, count = beside ? clips.length : 1, head = CLIPS.length > 1 ? HEAD : 0;
+  const [x0, y0, x1, y1] = DATA.bounds;
+  let best = null;
+  for (let columns = 1; columns <= count; columns++) {
+    const rows = Math.ceil(count / columns), w = (width - SEAM * (columns - 1)) / columns, h = (height - FOOT) / rows - head;
+    const scale = fit(w, h), enough = layout.most ? Math.max(2 * MARGIN + 1.2 * scale * (y1 - y0), 0.45 * w) : h;
+    if (!best || scale > best.scale * 1.02) best = { columns, w, h: Math.min(h, enough), scale };
+  }
+  return [...Array(count).keys()].map(i => ({
+    clip: beside ? clips[i] : front, ghosts: beside ? [] : clips.filter(c => c !== front), head, width: best.w, height: best.h,
+    x: i % best.columns * (best.w + SEAM), y: Math.floor(i / best.columns) * (best.h + head) + head,
+  }));
+}
+
+// Place in its panel of a point of the world.
+const spotIn = panel => (x, y) => [panel.width / 2 + view.scale * (x - view.x), panel.height / 2 - view.scale * (y - view.y)];
+const panelAt = (x, y) => stage.panels.find(p => x >= p.x && x <= p.x + p.width && y >= p.y - p.head && y <= p.y + p.height);
 
 // Outline of a rounded convex polygon in its body's frame: edges moved out by the radius, arcs between them.
 function pathOf(shape) {
@@ -44,23 +78,22 @@ function poseOf(clip, b, k, fraction, out) {
   const stride = 3 * clip.bodies.length, at = k * stride + 3 * b;
   const next = k + 1 < clip.time.length ? at + stride : at;
   for (let i = 0; i < 3; i++) out[i] = clip.pose[at + i] + fraction * (clip.pose[next + i] - clip.pose[at + i]);
+  return out;
 }
 
-// Models drawn over others have thinner lines (`extra` is 0 for the last), so that those that agree are all seen.
-function drawBodies(g, clip, t, line, extra) {
-  const [k, fraction] = locate(clip, t), pose = [0, 0, 0], dot = (6 + 1.5 * extra) / view.scale;
-  for (let b = 0; b < clip.bodies.length; b++) {
-    const body = clip.bodies[b];
+function drawBodies(g, clip, t, line) {
+  const [k, fraction] = locate(clip, t), pose = [0, 0, 0];
+  clip.bodies.forEach((body, b) => {
     poseOf(clip, b, k, fraction, pose);
     g.save();
     g.translate(pose[0], pose[1]);
     g.rotate(pose[2]);
     g.fillStyle = colours[body.role];
     g.strokeStyle = line;
-    for (const s of body.planes) drawPlane(g, s, extra > 0 ? colours.faint : line);
+    for (const s of body.planes) drawPlane(g, s, line);
     // Outline first, at double width, then one fill of all: seams between the shapes of one body stay hidden.
     g.lineJoin = "round";
-    g.lineWidth = (3.6 + 4 * extra) / view.scale;
+    g.lineWidth = 4.2 / view.scale;
     g.stroke(body.whole);
     g.fill(body.whole);
     g.lineWidth = 1.2 / view.scale;
@@ -68,11 +101,34 @@ function drawBodies(g, clip, t, line, extra) {
       g.beginPath(); g.moveTo(...s.vertices[0]); g.lineTo(s.vertices[0][0] + s.radius, s.vertices[0][1]); g.stroke();
     }
     g.fillStyle = line;
-    for (const s of body.points) {
-      g.beginPath(); g.arc(s.vertices[0][0], s.vertices[0][1], dot, 0, 2 * Math.PI); g.fill();
-    }
+    for (const s of body.points) { g.beginPath(); g.arc(...s.vertices[0], DOT / view.scale, 0, 2 * Math.PI); g.fill(); }
     g.restore();
-  }
+  });
+}
+
+// Outlines of the other models' bodies, except where they are seen anyway; stripes where several of them agree.
+function drawGhosts(g, panel, t) {
+  const at = clip => { const [k, fraction] = locate(clip, t); return clip.bodies.map((_, b) => poseOf(clip, b, k, fraction, [0, 0, 0])); };
+  const front = at(panel.clip), others = panel.ghosts.map(at), dash = 7 / view.scale;
+  panel.clip.bodies.forEach((body, b) => {
+    const near = (p, q) => view.scale * (Math.hypot(p[b][0] - q[b][0], p[b][1] - q[b][1]) + body.reach * Math.abs(p[b][2] - q[b][2])) < SAME;
+    const groups = [];
+    others.forEach((pose, i) => {
+      if (near(pose, front)) return;
+      const group = groups.find(some => near(others[some[0]], pose));
+      if (group) group.push(i); else groups.push([i]);
+    });
+    for (const alike of groups) for (const i of alike) {
+      const clip = panel.ghosts[i], own = clip.bodies[b], [x, y, angle] = others[i][b];
+      g.save();
+      g.translate(x, y); g.rotate(angle);
+      g.lineJoin = "round"; g.strokeStyle = colours.models[clip.index]; g.lineWidth = 2.2 / view.scale;
+      if (alike.length > 1) { g.setLineDash([dash, dash * (alike.length - 1)]); g.lineDashOffset = -dash * alike.indexOf(i); }
+      g.stroke(own.whole);
+      for (const s of own.points) { g.beginPath(); g.arc(...s.vertices[0], (DOT - 1) / view.scale, 0, 2 * Math.PI); g.stroke(); }
+      g.restore();
+    }
+  });
 }
 
 function drawJoints(g, clip, t, spot, line) {
@@ -98,82 +154,49 @@ function drawPlane(g, shape, line) {
   g.restore();
 }
 
-const layer = document.createElement("canvas");
-
 function drawStage(t, options) {
-  const canvas = $("stage"), [width, height, ratio] = fitted(canvas), g = canvas.getContext("2d");
-  if (view.whole) showWhole(width, height);
+  const canvas = $("stage");
+  stage.panels = panelsOf(canvas.clientWidth, layout.most ? layout.most() : canvas.clientHeight);
+  stage.texts = [];
+  const last = stage.panels.at(-1);
+  if (layout.most && last) canvas.style.height = `${Math.round(last.y + last.height + FOOT)}px`;
+  const [, height, ratio] = fitted(canvas), width = canvas.clientWidth, g = canvas.getContext("2d");
+  if (last) options = { ...options, length: options.length * Math.min(1, Math.min(last.width, last.height) / 320) };
+  if (view.whole && stage.panels.length) showWhole(stage.panels[0].width, stage.panels[0].height);
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   g.fillStyle = colours.page;
   g.fillRect(0, 0, width, height);
-  const clips = shown(), world = target => target.setTransform(
-    ratio * view.scale, 0, 0, -ratio * view.scale,
-    ratio * (width / 2 - view.scale * view.x), ratio * (height / 2 + view.scale * view.y));
-  clips.forEach((clip, i) => {
-    const line = clips.length === 1 ? colours.ink : colours.models[clip.index], extra = clips.length - 1 - i;
-    if (i === 0) { world(g); drawBodies(g, clip, t, line, extra); return; }
-    // Each further model is opaque in itself, and laid over the others as a whole.
-    if (layer.width !== canvas.width || layer.height !== canvas.height) { layer.width = canvas.width; layer.height = canvas.height; }
-    const h = layer.getContext("2d");
-    h.setTransform(1, 0, 0, 1, 0, 0); h.clearRect(0, 0, layer.width, layer.height);
-    world(h); drawBodies(h, clip, t, line, extra);
-    g.setTransform(1, 0, 0, 1, 0, 0); g.globalAlpha = 0.75; g.drawImage(layer, 0, 0); g.globalAlpha = 1;
-  });
+  for (const panel of stage.panels) drawPanel(g, panel, t, options, ratio);
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const spot = (x, y) => [width / 2 + view.scale * (x - view.x), height / 2 - view.scale * (y - view.y)];
-  for (const clip of clips) drawJoints(g, clip, t, spot, clips.length > 1 ? colours.models[clip.index] : colours.ink);
-  for (const clip of clips) drawTouches(g, clip, t, spot, options, clips.length > 1 ? colours.models[clip.index] : null);
-  if (options.names && clips.length) drawNames(g, clips[0], t, spot);
-}
-
-function drawTouches(g, clip, t, spot, options, ring) {
-  const [frame, fraction] = locate(clip, t), k = Math.min(frame + (fraction > 0.5 ? 1 : 0), clip.time.length - 1);
-  for (let i = clip.first[k]; i < clip.first[k + 1]; i++) {
-    const [x, y] = spot(clip.place[2 * i], clip.place[2 * i + 1]), colour = colours[["open", "stick", "slip"][clip.mode[i]]];
-    if (options.forces) arrow(g, x, y, clip.force[2 * i], -clip.force[2 * i + 1], options.length, colour);
-    if (options.contacts) mark(g, x, y, clip.mode[i], colour, ring);
+  for (const panel of stage.panels) {
+    g.strokeStyle = colours.line; g.lineWidth = 1; g.strokeRect(panel.x + 0.5, panel.y + 0.5, panel.width - 1, panel.height - 1);
+    if (panel.head) heading(g, panel);
   }
+  drawScales(g, height, options);
 }
 
-function mark(g, x, y, mode, colour, ring) {
-  g.beginPath();
-  if (mode === OPEN) g.arc(x, y, 4.5, 0, 2 * Math.PI);
-  else if (mode === STICK) g.rect(x - 4.5, y - 4.5, 9, 9);
-  else { g.moveTo(x, y - 6); g.lineTo(x + 5.5, y + 4.5); g.lineTo(x - 5.5, y + 4.5); g.closePath(); }
-  g.fillStyle = mode === OPEN ? colours.page : colour;
-  g.fill();
-  g.lineWidth = mode === OPEN ? 2 : 1.5;
-  g.strokeStyle = ring || (mode === OPEN ? colour : colours.page);
-  g.stroke();
+function drawPanel(g, panel, t, options, ratio) {
+  const { clip, x, y, width, height } = panel, spot = spotIn(panel), line = CLIPS.length > 1 ? colours.models[clip.index] : colours.ink;
+  g.save();
+  g.setTransform(ratio, 0, 0, ratio, ratio * x, ratio * y);
+  g.beginPath(); g.rect(0, 0, width, height); g.clip();
+  g.save();
+  g.transform(view.scale, 0, 0, -view.scale, width / 2 - view.scale * view.x, height / 2 + view.scale * view.y);
+  drawBodies(g, clip, t, line);
+  drawGhosts(g, panel, t);
+  g.restore();
+  drawJoints(g, clip, t, spot, line);
+  const busy = drawTouches(g, panel, t, spot, options);
+  drawTexts(g, panel, t, spot, options, busy);
+  g.restore();
 }
 
-// An arrow whose head is at the contact point: the force on the body that it points into.
-function arrow(g, x, y, fx, fy, length, colour) {
-  const size = Math.hypot(fx, fy), long = Math.min(length * size / DATA.force, 400);
-  if (!(long > 2)) return;
-  const ux = fx / size, uy = fy / size, head = Math.min(11, 0.6 * long);
-  for (const [wide, c] of [[6, colours.page], [3, colour]]) {
-    g.strokeStyle = g.fillStyle = c; g.lineWidth = wide;
-    g.beginPath(); g.moveTo(x - long * ux, y - long * uy); g.lineTo(x - head * ux, y - head * uy); g.stroke();
-    if (c === colour) {
-      g.beginPath(); g.moveTo(x, y);
-      g.lineTo(x - head * ux + 0.5 * head * uy, y - head * uy - 0.5 * head * ux);
-      g.lineTo(x - head * ux - 0.5 * head * uy, y - head * uy + 0.5 * head * ux);
-      g.closePath(); g.fill();
-    }
-  }
-}
-
-function drawNames(g, clip, t, spot) {
-  const [k, fraction] = locate(clip, t), pose = [0, 0, 0];
-  g.font = "13px system-ui, sans-serif"; g.textBaseline = "middle"; g.lineJoin = "round";
-  clip.bodies.forEach((body, b) => {
-    if (!body.paths.length && !body.points.length) return;
-    poseOf(clip, b, k, fraction, pose);
-    const [x, y] = spot(pose[0], pose[1]), reach = view.scale * body.reach, beside = reach < 30;
-    g.textAlign = beside ? "left" : "center";
-    g.strokeStyle = colours.page; g.lineWidth = 3; g.globalAlpha = 0.75;
-    g.strokeText(body.name, x + (beside ? reach + 11 : 0), y); g.globalAlpha = 1;
-    g.fillStyle = colours.ink; g.fillText(body.name, x + (beside ? reach + 11 : 0), y);
-  });
+// The model and how its run ends, in one line if there is room.
+function heading(g, panel) {
+  const { clip, x, y, width } = panel, full = `${clip.label}: ${clip.outcome}`;
+  g.textAlign = "left"; g.textBaseline = "middle"; g.font = FONT;
+  g.fillStyle = colours.models[clip.index]; g.fillRect(x, y - 15, 12, 6);
+  const size = Math.min(12, 12 * (width - 18) / g.measureText(full).width);
+  g.font = `${size}px system-ui, sans-serif`;
+  g.fillStyle = colours.ink; g.fillText(full, x + 17, y - 11.5);
 }

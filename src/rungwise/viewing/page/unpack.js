@@ -47,7 +47,17 @@ const root = document.documentElement;
 const css = name => getComputedStyle(root).getPropertyValue(name).trim();
 const $ = id => document.getElementById(id);
 // Numbers for people.
-const short = x => x === 0 ? "0" : Math.abs(x) >= 1e4 || Math.abs(x) < 1e-3 ? x.toExponential(2) : String(+x.toPrecision(4));
+const short = x => x === 0 ? "0" : Math.abs(x) >= 1e6 || Math.abs(x) < 1e-3 ? x.toExponential(2).replace(/\.?0+e/, "e") : String(+x.toPrecision(4));
+
+const withUnit = (x, unit) => unit ? `${short(x)} ${unit}` : short(x);
+
+function element(tag, text, parent, attributes) {
+  const e = document.createElement(tag);
+  if (text) e.textContent = text;
+  Object.assign(e, attributes || {});
+  parent.append(e);
+  return e;
+}
 
 function fitted(canvas) {
   const ratio = window.devicePixelRatio || 1, box = canvas.getBoundingClientRect();

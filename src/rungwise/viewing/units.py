@@ -1,0 +1,18 @@
+"""Units that a scene's parameters agree on, for the scales of its pictures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+BASES = {"length": "m", "time": "s", "force": "N"}
+
+
+def common_units(declared: Iterable[str]) -> dict[str, str]:
+    """The unit of lengths, times and forces: the one in the declared units, or "" for none or several."""
+    symbols = {symbol for unit in declared for symbol in re.findall(r"[A-Za-zµ]+", unit)}
+    found = {
+        kind: [symbol for symbol in symbols if re.fullmatch(f"[kMGcmuµn]?{base}", symbol)]
+        for kind, base in BASES.items()
+    }
+    return {kind: units[0] if len(units) == 1 else "" for kind, units in found.items()}

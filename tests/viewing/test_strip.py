@@ -1,0 +1,79 @@
+"""Strips of frames: one scale, whole arrows, times as titles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.viewing.arrows import arrows_at, short, view_of
+from rungwise.viewing.clip import Clip, clip
+from rungwise.viewing.units import common_units
+
+matplotlib = pytest.importorskip("matplotlib")
+from rungwise.viewing.strip import strip  # noqa: E402
+
+RUNGS = ("quasistatic-compliant", "dynamic-rigid")
+
+
+@pytest.fixture(scope="module")
+def clips() -> list[Clip]:
+    """Impacts of thousands of newtons at fingers that are above, at the upper edge of all that is seen."""
+    values = {"v2": 0.55, "restitution": 1.0}
+    return [clip(rw.simulate("two_finger", name, parameters=values)) for name in RUNGS]
+
+
+def test_frames_have_one_scale_ticks_and_times(clips: list[Clip]) -> None:
+    figure = strip(clips, 4)
+    frames = figure.axes
+    assert len(frames) == 8
+    scales = {
+        tuple(
+            np.round(
+                np.array([axes.get_window_extent().width, axes.get_window_extent().height])
+                / [np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())],
+                6,
+            )
+        )
+        for axes in frames
+    }
+    assert len(scales) == 1
+    end = max(float(each.time[-1]) for each in clips)
+    assert [axes.get_title() for axes in frames[:4]] == [f"t = {k / 3 * end:.4g} s" for k in range(4)]
+    assert all(len(axes.get_xticks()) > 1 and len(axes.get_yticks()) > 1 for axes in frames)
+    said = " ".join(text.get_text() for text in figure.texts)
+    assert all(f"{name}: " in said for name in RUNGS)
+
+
+def test_arrows_lie_whole_in_the_frame_and_the_long_ones_are_broken(clips: list[Clip]) -> None:
+    times = np.linspace(0.0, float(clips[0].time[-1]), 6).tolist()
+    view = view_of(clips, times)
+    low, high = np.array(view.extent).reshape(2, 2)
+    broken = 0
+    for each in clips:
+        for time in times:
+            arrows = arrows_at(each, time, view.per_force, view.longest)
+            assert ((arrows.tail > low) & (arrows.tail < high)).all()
+            assert (arrows.long <= view.longest).all()
+            assert (arrows.broken == (arrows.size * view.per_force > view.longest)).all()
+            broken += int(arrows.broken.sum())
+    assert broken > 0
+    texts = [text.get_text() for axes in strip(clips, 6).axes for text in axes.texts]
+    assert len([text for text in texts if text.endswith(" N")]) == broken
+
+
+def test_texts_of_a_strip_stay_in_its_frames(clips: list[Clip]) -> None:
+    figure = strip(clips, 6)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        frame = axes.get_window_extent()
+        for text in axes.texts:
+            box = text.get_window_extent()
+            assert frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1
+
+
+def test_sizes_and_units_are_short() -> None:
+    assert [short(x) for x in (2678.9, 0.012345, 14.04, 3.2e7)] == ["2680", "0.0123", "14", "3.2e+07"]
+    units = common_units(["m/s", "1", "N*s/m", "kg"])
+    assert units == {"length": "m", "time": "s", "force": "N"}
+    assert common_units(["m", "mm/s"])["length"] == "" and common_units(["1"])["force"] == ""
