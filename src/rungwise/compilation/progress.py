@@ -1,4 +1,4 @@
-"""Tells a person who waits for compilation, once and then every ten seconds, on the standard error stream."""
+"""Tells a person who waits for compilation, once and then every four seconds, on the standard error stream."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 
 SHORT_S = 0.5
 """A wait of so many seconds needs no word: chosen for a person who waits, by trial."""
-EVERY_S = 10.0
+EVERY_S = 4.0
 """Seconds between further words: chosen for a person who reads them, by trial."""
 
 
