@@ -173,6 +173,15 @@ def test_pushes_without_the_others(
     assert all(row["error"] <= pushes.ALLOWED and row["steps"] <= 4 for row in rows)
 
 
+def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    squeezes = script("benchmarks/squeeze.py", monkeypatch)
+    monkeypatch.setattr(squeezes, "BISECTIONS", 2)
+    assert squeezes.main(["--samples", "50", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["alike"] == 50 and found["greatest"] == found["foretold"]
+    assert all(said == foretold for _, said, foretold in found["rows"])
+
+
 ELSEWHERE = {"tutorial.md"}
 """Pages whose code `tests/test_newcomer.py` runs."""
 PAGES = sorted(
