@@ -2,7 +2,7 @@
 
     python benchmarks/squeeze.py [--samples 10000] [--model quasistatic-rigid] [--shift 0] [--json]
 
-An unsymmetrical pentagon lies on a table in a random orientation, between two parallel jaws. `rw.squeeze_plan`
+An unsymmetrical pentagon lies on a table, in a random orientation, between two jaws. `rw.squeeze_plan`
 says at which angles they close, and where the part ends. Each squeeze is simulated, from where the one before
 left the part, with its middle between the jaws, so that both touch it at once; `--shift D` leaves it up to D
 beside the middle. Without friction all must end alike. Then friction between jaws and part is bisected for
@@ -116,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
 def told(found: dict[str, Any]) -> str:
     angles = ", ".join(f"{angle:.2f}" for angle in found["squeezes"])
     lines = [
-        f"plan: squeezes at {angles} degrees; then the part is at {found['final']:.2f}, up to {found['period']:g}",
+        f"plan: squeezes at {angles} degrees; the part ends at {found['final']:.2f}, up to {found['period']:g}",
         f"{found['model']}, no friction: {found['alike']} of {found['samples']} end there",
         f"greatest friction at which all do: {found['greatest']:.3f}; foretold {found['foretold']:.3f}",
         "  friction   end there    foretold",

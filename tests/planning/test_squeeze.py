@@ -1,8 +1,9 @@
-"""Squeezes orient parts as Goldberg's theory says, and the scene `squeeze` does as the squeeze function says."""
+"""Squeezes orient parts as Goldberg's theory says, and the scene does as the squeeze function says."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ def outline(seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize("ratio", [0.05, 0.5, 2 / 3, 0.99])
 def test_two_squeezes_orient_a_rectangle(ratio: float) -> None:
-    """Its long sides end at the jaws; half a turn is its symmetry. The diagonals are the greatest diameters."""
+    """Its long sides end at the jaws; half a turn is its symmetry. Diagonals are the greatest diameters."""
     plan = rw.squeeze_plan(rectangle(1.0, ratio))
     assert len(plan.angles) == 2 and plan.period == pytest.approx(math.pi)
     assert math.cos(plan.final - plan.angles[-1]) == pytest.approx(0.0, abs=1e-12)
@@ -71,7 +72,7 @@ def test_a_plan_brings_every_start_to_one_end(seed: int) -> None:
     starts = np.random.default_rng(seed).uniform(-10.0, 10.0, 200)
     assert np.max(plan.off(plan.predicted(starts))) < 1e-9
     assert plan.steps[0].width == pytest.approx(math.pi) and plan.steps[-1].low == plan.steps[-1].high
-    for step, after in zip(plan.steps, plan.steps[1:], strict=False):
+    for step, after in pairwise(plan.steps):
         assert step.high - step.low < after.width < step.width
 
 
@@ -118,7 +119,7 @@ def test_a_plan_holds_up_to_the_friction_that_fills_its_room() -> None:
     plan = rw.squeeze_plan(PENTAGON)
     step, after = plan.steps
     room = (after.width - (step.high - step.low)) / 2.0 - (step.low - step.start)
-    assert math.degrees(room) == pytest.approx(1.8836, abs=1e-3)
+    assert math.degrees(room) == pytest.approx(1.8657, abs=1e-4)
     starts = np.linspace(step.start - 0.1, step.start + 0.1, 20001)
     for part, holds in ((0.98, True), (1.02, False)):
         lost = plan.off(plan.predicted(starts, friction=math.tan(part * room / 2.0))) > 1e-6
@@ -127,7 +128,7 @@ def test_a_plan_holds_up_to_the_friction_that_fills_its_room() -> None:
 
 @pytest.mark.parametrize("model", MOVING)
 def test_a_squeezed_rectangle_turns_to_the_least_width_on_its_side(model: str) -> None:
-    """It ends on its long sides from beyond the diagonal, else on its short ones, at any angle of the jaws."""
+    """From beyond the diagonal it ends on its long sides, else on its short ones."""
     function = rw.squeeze_plan(rectangle(0.06, 0.04)).function
     for angle in (-1.2, -0.7, -0.5, 0.1, 0.55, 0.65, 1.4):
         end = float(function.squeezed(angle))

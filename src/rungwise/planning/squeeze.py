@@ -1,11 +1,11 @@
 """Plans of squeezes that orient a polygonal part without sensors.
 
-After K. Y. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993). Two parallel jaws close
-on the part, and both touch it at once. Without friction it turns as its diameter decreases, until an edge is
-flush with a jaw. What a squeeze makes of an orientation is the squeeze function, a staircase: every orientation
-between two greatest diameters ends at the least one between them. A plan is built backwards, from the widest
-step: before each squeeze, the widest interval of orientations is chosen whose image fits into the interval that
-the next squeeze turns into what it needs.
+After K. Y. Goldberg, Orienting polygonal parts without sensors, Algorithmica 10 (1993). Two parallel jaws
+close on the part, and both touch it at once. Without friction it turns as its diameter decreases, until an
+edge is flush with a jaw. What a squeeze makes of an orientation is the squeeze function, a staircase: every
+orientation between two greatest diameters ends at the least one between them. A plan is built backwards, from
+the widest step: before each squeeze, the widest interval of orientations is chosen whose image fits into the
+interval that the next squeeze turns into what it needs.
 
 An orientation is the angle of the part less the angle of the direction in which the jaws close.
 """
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -143,7 +144,7 @@ def squeeze_plan(vertices: ArrayLike) -> SqueezePlan:
     function = _function(_hull(vertices))
     chain = _backward(function)
     angles, turn = [0.0], 0.0
-    for step, after in zip(chain, chain[1:], strict=False):
+    for step, after in pairwise(chain):
         turn += (step.low + step.high - 2.0 * after.start - after.width) / 2.0
         turn = math.remainder(turn, function.period)
         angles.append(turn)
@@ -168,7 +169,7 @@ def _hull(vertices: ArrayLike) -> Reals:
         raise InputError("squeeze_plan.vertices: lie on a line")
     if not polygon.is_valid:
         raise InputError("squeeze_plan.vertices: the outline crosses or touches itself")
-    return np.array(hull.exterior.coords)[:-1] * size + outline[0]
+    return np.asarray(np.array(hull.exterior.coords)[:-1] * size + outline[0])
 
 
 def _function(hull: Reals) -> SqueezeFunction:
