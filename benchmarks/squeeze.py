@@ -116,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
 def told(found: dict[str, Any]) -> str:
     angles = ", ".join(f"{angle:.2f}" for angle in found["squeezes"])
     lines = [
-        f"plan: squeezes at {angles} degrees; the part ends at {found['final']:.2f}, up to {found['period']:g}",
+        f"plan: squeezes at {angles} degrees; the end is {found['final']:.2f}, up to {found['period']:g}",
         f"{found['model']}, no friction: {found['alike']} of {found['samples']} end there",
         f"greatest friction at which all do: {found['greatest']:.3f}; foretold {found['foretold']:.3f}",
         "  friction   end there    foretold",

@@ -182,6 +182,18 @@ def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert all(said == foretold for _, said, foretold in found["rows"])
 
 
+def test_pegs_slide_and_jam_as_the_parallelogram_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Loads 2 % within it and 2 % beyond; two points hold a peg whatever the load iff its angle is over c / mu."""
+    jamming = script("benchmarks/jamming.py", monkeypatch)
+    assert jamming.main(["--cases", "40", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert sum(count for _, count, *_ in found["sides"]) == 40
+    assert all(count == slid == jammed > 0 for _, count, slid, jammed in found["sides"])
+    assert found["held"] == found["free"] == 40
+
+
 ELSEWHERE = {"tutorial.md"}
 """Pages whose code `tests/test_newcomer.py` runs."""
 PAGES = sorted(

@@ -1,0 +1,65 @@
+"""A peg on springs in a hole: where it is jammed, where it is wedged, and what its task asks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+
+FORCES = ("quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid", "dynamic-compliant")
+
+
+@pytest.mark.parametrize("model", FORCES)
+def test_springs_lead_the_peg_into_a_hole_that_is_elsewhere(model: str) -> None:
+    for x, angle in ((1e-3, math.radians(1.0)), (1e-3, -math.radians(1.0)), (-1e-3, math.radians(1.0))):
+        run = rw.simulate("peg_in_hole", model, parameters={"x": x, "angle": angle})
+        assert str(run.outcome) == "goal", run.reason
+        peg = run.final["peg"]
+        # In two points at the most, at this depth: no more of an angle than the clearance over it.
+        depth = 0.02 - 0.002
+        assert abs(peg["angle"] - angle) <= 1.01 * 2e-4 / depth
+
+
+def test_without_give_the_peg_stands_on_the_chamfer() -> None:
+    """The kinematic rung follows springs exactly, and no motion does both."""
+    run = rw.simulate("peg_in_hole", "kinematic", parameters={"x": 1e-3})
+    assert str(run.outcome) == "jammed" and run.certificate is not None
+    assert run.final["peg"]["y"] == pytest.approx(-(2e-3 - 9e-4), abs=1e-5)
+
+
+@pytest.mark.parametrize("mu", [0.1, 0.3, 0.6])
+def test_a_chamfer_holds_a_peg_that_its_springs_press_too_little(mu: float) -> None:
+    """On a slope of 45 degrees the spring gives way iff push (1 - mu) > spring d (1 + mu), d to the side."""
+    d, spring = 1e-3, 5e3
+    least = spring * (d - 1e-4) * (1.0 + mu) / (1.0 - mu)
+    for part, reaches in ((0.97, False), (1.03, True)):
+        over = {"x": d, "mu": mu, "push": part * least, "turn_spring": 1e9, "push_spring": 1e5}
+        run = rw.simulate("peg_in_hole", "quasistatic-rigid", parameters=over)
+        below = -run.final["peg"]["y"] > 2e-3
+        assert below == reaches, (part, run.final)
+
+
+def test_a_plan_holds_wherever_the_hole_is() -> None:
+    plan = rw.plan("peg_in_hole", seed=1)
+    assert plan.found
+    found = rw.verify(plan, samples=200, mode="open loop")
+    assert found.lower >= 0.9
+
+
+def test_a_servo_without_gains_has_no_force() -> None:
+    """Whatever its limit."""
+    free = {
+        "spring": 0.0,
+        "push_spring": 0.0,
+        "turn_spring": 0.0,
+        "apart": 0.0,
+        "ty": -1.0,
+        "fy": -1.0,
+        "drag": 10.0,
+    }
+    run = rw.simulate("peg_in_hole", "quasistatic-rigid", parameters=free, duration=0.05)
+    assert run.final["peg"]["y"] == pytest.approx(-0.005, rel=1e-6)
+    assert np.all(np.isfinite(run.trajectory["position"]))
