@@ -5,8 +5,8 @@
 An unsymmetrical pentagon lies on a table, in a random orientation, between two jaws. `rw.squeeze_plan`
 says at which angles they close, and where the part ends. Each squeeze is simulated, from where the one before
 left the part, with its middle between the jaws, so that both touch it at once; `--shift D` leaves it up to D
-beside the middle. Without friction all must end alike. Then friction between jaws and part is bisected for
-the greatest at which they still do, beside what the squeeze function with friction says.
+beside the middle. Without friction all must end alike. Then friction between jaws and part is bisected on a
+tenth of them, for the greatest at which they still do, beside what the squeeze function with friction says.
 """
 
 from __future__ import annotations
@@ -57,7 +57,9 @@ class Bench:
         for turn, shift in zip(self.plan.angles, self.shifts[:, :samples], strict=True):
             x, y = self.between(angles, turn, shift)
             given = {"turn": turn, "angle": angles, "x": x, "y": y, "mu": friction}
-            angles = rw.rollout(self.scene, self.model, parameters=given, keep=False).final[:, column]
+            angles = rw.rollout(self.scene, self.model, parameters=given, tol=1e-2, keep=False).final[
+                :, column
+            ]
         return angles
 
     def between(self, angles: np.ndarray, turn: float, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -96,7 +98,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
     bench, began = Bench(given.model, given.samples, given.shift), time.perf_counter()
-    most = given.samples
+    most, few = given.samples, max(given.samples // 10, 1)
     found = {
         "model": given.model,
         "squeezes": [math.degrees(angle) for angle in bench.plan.angles],
@@ -104,9 +106,9 @@ def main(arguments: list[str] | None = None) -> int:
         "period": math.degrees(bench.plan.period),
         "samples": most,
         "alike": bench.alike(0.0, most),
-        "greatest": greatest(lambda mu: bench.alike(mu, most) == most),
-        "foretold": greatest(lambda mu: bench.foretold(mu, most) == most),
-        "rows": [(mu, bench.alike(mu, most) / most, bench.foretold(mu, most) / most) for mu in SHOWN],
+        "greatest": greatest(lambda mu: bench.alike(mu, few) == few),
+        "foretold": greatest(lambda mu: bench.foretold(mu, few) == few),
+        "rows": [(mu, bench.alike(mu, few) / few, bench.foretold(mu, few) / few) for mu in SHOWN],
     }
     found["seconds"] = time.perf_counter() - began
     print(json.dumps(found) if given.json else told(found))
@@ -118,7 +120,7 @@ def told(found: dict[str, Any]) -> str:
     lines = [
         f"plan: squeezes at {angles} degrees; the end is {found['final']:.2f}, up to {found['period']:g}",
         f"{found['model']}, no friction: {found['alike']} of {found['samples']} end there",
-        f"greatest friction at which all do: {found['greatest']:.3f}; foretold {found['foretold']:.3f}",
+        f"greatest friction at which all of a tenth do: {found['greatest']:.3f}; foretold {found['foretold']:.3f}",
         "  friction   end there    foretold",
         *(f"  {mu:8g} {100 * said:9.1f} % {100 * told:9.1f} %" for mu, said, told in found["rows"]),
         f"{found['seconds']:.0f} s",
