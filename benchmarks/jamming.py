@@ -2,12 +2,14 @@
 
     python benchmarks/jamming.py [--cases 500] [--model quasistatic-rigid] [--json]
 
-A peg of half-width r is at the depth l in a hole, with forces Fx across it, Fz into it, and a moment M about its
-tip. It slides in if |Fx / Fz| < 1 / mu and M / (r Fz) is between the two lines +-L - mu (1 + L) Fx / Fz, where
-L = l / (2 r mu). On the lines it touches the hole at two points, on the other sides of the parallelogram at one
-face. Each case draws mu, l and a point of the boundary; loads of (1 - MARGIN) and of (1 + MARGIN) times that
-point must slide and jam. Two points may wedge the peg, hold it whatever the load, if l < 2 r mu, that is if its
-angle is greater than c / mu, c the clearance over the width of the hole: then they close it by force.
+A peg of half-width r is at the depth l in a hole, with forces Fx across it, Fz into it, and a moment M about
+its tip. It slides in if |Fx / Fz| < 1 / mu and M / (r Fz) is between the lines +-L - mu (1 + L) Fx / Fz, where
+L = l / (2 r mu). On the lines it touches the hole at two points, on the other sides of the parallelogram along
+one face. Each case draws mu, l and a point of the boundary; loads of (1 - MARGIN) and of (1 + MARGIN) times that
+point must slide and jam.
+
+Two points may wedge the peg, hold it whatever the load, if its angle is greater than c / mu, c the clearance
+over the width of the hole: then they close it by force. That is asked at angles MARGIN beyond and below.
 """
 
 from __future__ import annotations
@@ -94,7 +96,7 @@ def closes(case: Case) -> bool:
 
 
 def measured(model: str, count: int) -> dict[str, Any]:
-    """How many cases slide within the parallelogram, jam outside it, and are wedged on each side of c / mu."""
+    """How many cases slide within the parallelogram and jam outside it; how many are wedged beyond c / mu."""
     rng = np.random.default_rng(0)
     cases = [drawn(rng) for _ in range(count)]
     sides = np.array([case.side for case in cases])
@@ -104,12 +106,18 @@ def measured(model: str, count: int) -> dict[str, Any]:
         (side, int(np.sum(sides == side)), int(slid[sides == side].sum()), int(jammed[sides == side].sum()))
         for side in SIDES
     ]
-    near = [HALF * 2.0 * case.mu for case in cases]
-    held = [
-        [closes(case._replace(depth=depth * part)) for case, depth in zip(cases, near, strict=True)]
-        for part in (1.0 - MARGIN, 1.0 + MARGIN)
-    ]
-    return {"model": model, "sides": rows, "held": sum(held[0]), "free": count - sum(held[1]), "cases": count}
+    held, free = (
+        sum(closes(case._replace(depth=depth_at(part, case.mu))) == wedges for case in cases)
+        for part, wedges in ((1.0 + MARGIN, True), (1.0 - MARGIN, False))
+    )
+    return {"model": model, "sides": rows, "held": held, "free": free, "cases": count}
+
+
+def depth_at(part: float, mu: float) -> float:
+    """The depth at which a peg that touches both sides is at this part of the angle c / mu."""
+    hole = 2.0 * HALF + CLEARANCE
+    angle = part * CLEARANCE / hole / mu
+    return (hole - 2.0 * HALF * math.cos(angle)) / math.sin(angle)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -128,8 +136,8 @@ def main(arguments: list[str] | None = None) -> int:
         for side, count, slid, jammed in found["sides"]:
             print(f"  {side:6} {slid:4} of {count:3} slide within, {jammed:4} jam beyond")
         print(
-            f"at {100 * MARGIN:g} % less depth than 2 r mu two points hold {found['held']} of {given.cases} pegs"
-            f" whatever the load; at more, they let go {found['free']}"
+            f"two points hold {found['held']} of {given.cases} pegs {100 * MARGIN:g} % beyond the angle"
+            f" c / mu, and let go {found['free']} below it"
         )
     right = sum(slid + jammed for _, _, slid, jammed in found["sides"]) == 2 * given.cases
     return 0 if right and found["held"] == found["free"] == given.cases else 1

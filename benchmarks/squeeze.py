@@ -120,7 +120,7 @@ def told(found: dict[str, Any]) -> str:
     lines = [
         f"plan: squeezes at {angles} degrees; the end is {found['final']:.2f}, up to {found['period']:g}",
         f"{found['model']}, no friction: {found['alike']} of {found['samples']} end there",
-        f"greatest friction at which all of a tenth do: {found['greatest']:.3f}; foretold {found['foretold']:.3f}",
+        f"all of a tenth do up to a friction of {found['greatest']:.3f}; foretold: {found['foretold']:.3f}",
         "  friction   end there    foretold",
         *(f"  {mu:8g} {100 * said:9.1f} % {100 * told:9.1f} %" for mu, said, told in found["rows"]),
         f"{found['seconds']:.0f} s",
