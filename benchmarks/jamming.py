@@ -3,9 +3,9 @@
     python benchmarks/jamming.py [--cases 500] [--model quasistatic-rigid] [--json]
 
 A peg of half-width r is at the depth l in a hole, with forces Fx across it, Fz into it, and a moment M about
-its tip. It slides in if |Fx / Fz| < 1 / mu and M / (r Fz) is between the lines +-L - mu (1 + L) Fx / Fz, where
-L = l / (2 r mu). On the lines it touches the hole at two points, on the other sides of the parallelogram along
-one face. Each case draws mu, l and a point of the boundary; loads of (1 - MARGIN) and of (1 + MARGIN) times that
+its tip. It slides in if |Fx / Fz| < 1 / mu and M / (r Fz) is between +-L - mu (1 + L) Fx / Fz, two lines with
+L = l / (2 r mu). On them it touches the hole at two points, on the other sides of the parallelogram along one
+face. Each case draws mu, l and a point of the boundary; loads of (1 - MARGIN) and of (1 + MARGIN) times that
 point must slide and jam.
 
 Two points may wedge the peg, hold it whatever the load, if its angle is greater than c / mu, c the clearance

@@ -185,7 +185,7 @@ def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
 def test_pegs_slide_and_jam_as_the_parallelogram_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Loads 2 % within it and beyond; two points hold a peg whatever the load iff it leans more than c / mu."""
+    """Loads 2 % within it and beyond; two points hold a peg whatever the load iff it leans by c / mu."""
     jamming = script("benchmarks/jamming.py", monkeypatch)
     assert jamming.main(["--cases", "40", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
