@@ -173,6 +173,27 @@ def test_pushes_without_the_others(
     assert all(row["error"] <= pushes.ALLOWED and row["steps"] <= 4 for row in rows)
 
 
+def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    squeezes = script("benchmarks/squeeze.py", monkeypatch)
+    monkeypatch.setattr(squeezes, "BISECTIONS", 2)
+    assert squeezes.main(["--samples", "50", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["alike"] == 50 and found["greatest"] == found["foretold"]
+    assert all(said == foretold for _, said, foretold in found["rows"])
+
+
+def test_pegs_slide_and_jam_as_the_parallelogram_says(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Loads 2 % within it and beyond; two points hold a peg whatever the load iff it leans by c / mu."""
+    jamming = script("benchmarks/jamming.py", monkeypatch)
+    assert jamming.main(["--cases", "40", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert sum(count for _, count, *_ in found["sides"]) == 40
+    assert all(count == slid == jammed > 0 for _, count, slid, jammed in found["sides"])
+    assert found["held"] == found["free"] == 40
+
+
 ELSEWHERE = {"tutorial.md"}
 """Pages whose code `tests/test_newcomer.py` runs."""
 PAGES = sorted(

@@ -34,6 +34,7 @@ from .planning.design import Design, design
 from .planning.diagnose import Diagnosis, diagnose
 from .planning.plan import Plan, PlanError, load_plan
 from .planning.predict import Stage
+from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
 from .planning.task import TaskError, instances
 from .planning.verify import Verification, verify
 from .scene import InvalidScene, Scene, SceneBuilder, SceneError, load, parts, schema, shipped
@@ -107,6 +108,8 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "SqueezeFunction",
+    "SqueezePlan",
     "Stage",
     "State",
     "StateError",
@@ -148,6 +151,7 @@ __all__ = [
     "solution_sets",
     "solutions",
     "solve",
+    "squeeze_plan",
     "step_sensitivity",
     "to_html",
     "touching",

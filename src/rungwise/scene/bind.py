@@ -68,7 +68,9 @@ def _derive(records: Records) -> tuple[int, int]:
         if not coordinates[i].lower <= value <= coordinates[i].upper:
             return OUT_OF_TRAVEL, i
         if coordinates[i].drive == SERVO:
-            coordinates[i].limited = math.isfinite(coordinates[i].limit)
+            # Without gains it has no force to limit; a row with a limit alone would be dry friction.
+            gains = coordinates[i].stiffness + coordinates[i].drive_damping
+            coordinates[i].limited = gains > 0.0 and math.isfinite(coordinates[i].limit)
     return BOUND, 0
 
 
