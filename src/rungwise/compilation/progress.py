@@ -1,4 +1,4 @@
-"""Tells a person who waits for compilation, once and then every four seconds, on the standard error stream."""
+"""Tells a person who waits for compilation, at once and every four seconds, on the standard error stream."""
 
 from __future__ import annotations
 
