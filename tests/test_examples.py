@@ -182,6 +182,16 @@ def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert all(said == foretold for _, said, foretold in found["rows"])
 
 
+def test_guarded_moves_find_a_hole_without_chamfers(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/peg_in_hole.py", monkeypatch)
+    monkeypatch.setattr(example, "FRICTIONS", (0.2,))
+    assert example.main(["--samples", "40", "--json"]) == 0
+    ((_, straight, guarded),) = json.loads(capsys.readouterr().out)["rows"]
+    assert straight < 10 and guarded >= 36
+
+
 def test_pegs_slide_and_jam_as_the_parallelogram_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
