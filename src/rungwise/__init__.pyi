@@ -17,6 +17,8 @@ from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .errors import InputError
+from .hierarchy.compare import Comparison, compare
+from .hierarchy.counterexample import Counterexample
 from .keywords import KeywordError
 from .models.ladder import (
     DYNAMIC_COMPLIANT,
@@ -72,7 +74,9 @@ __all__ = [
     "Between",
     "Closure",
     "Code",
+    "Comparison",
     "ContactSolution",
+    "Counterexample",
     "Diagnosis",
     "DoomedSet",
     "FeasibleSet",
@@ -117,6 +121,7 @@ __all__ = [
     "ViewError",
     "ask",
     "between",
+    "compare",
     "diagnose",
     "doomed_set",
     "draw_parting",

@@ -1,0 +1,76 @@
+"""Two runs that show that a model does not approximate another, as data that `simulate` takes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from rungwise.hierarchy.motions import THETA, Bench
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung, rung
+from rungwise.plain import brief
+from rungwise.scene import Scene
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import simulate
+
+
+@dataclass(frozen=True)
+class Side:
+    """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and accuracy
+    (the error allowed per step)."""
+
+    model: str
+    inertia: float
+    parameters: dict[str, float]
+    inputs: tuple[Segment, ...]
+    duration: float
+    tol: float
+    theta: float = THETA
+
+    def replay(self, scene: Scene) -> Run:
+        chosen = rung(self.model)
+        return simulate(
+            scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
+            parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
+            theta=self.theta,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Counterexample:
+    """The richer run and the simpler one, how far they are apart (over the extent), and what fails."""
+
+    words: str
+    richer: Side
+    simpler: Side
+    distance: float
+    scene: Scene = field(repr=False)
+
+    __repr__ = brief
+
+    def replay(self) -> tuple[Run, Run]:
+        """Both runs, anew."""
+        return self.richer.replay(self.scene), self.simpler.replay(self.scene)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values; the scene is the comparison's `scene_file`."""
+        return {
+            "words": self.words, "distance": self.distance, "richer": asdict(self.richer),
+            "simpler": asdict(self.simpler),
+        }  # fmt: skip
+
+
+def side(
+    bench: Bench, model: Rung, inputs: Reals, until: float, tol: float, parameters: dict[str, float]
+) -> Side:
+    """The run under inputs (pieces, k) until a time, as data."""
+    values, segments = bench.matched.values(model) | parameters, tuple[Segment, ...]()
+    named = bench.inputs.named(inputs)
+    if bench.inputs.scheduled:
+        segments = tuple(
+            Segment(each, until / len(named), ramp=bench.inputs.ramp) for each in named
+        )  # fmt: skip
+    else:
+        values |= named[0]
+    return Side(model.name, model.inertia, values, segments, until, tol * bench.extent)
