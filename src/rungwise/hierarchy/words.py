@@ -32,7 +32,7 @@ def table(found: Comparison) -> Iterator[str]:
     yield f"{'from':{RUNG}} {'to':{RUNG}} {'paper':6} {heads}  verdict"
     for each in found.pairs:
         yield from _pair(each)
-    yield "Def. 1: the largest over these inputs of the smallest distance found. Inputs not drawn may be worse"
+    yield "Def. 1: the largest, over inputs, of the smallest distance found; inputs not drawn may be worse"
     yield "and inputs not tried better. Orders: in the second half of the run, until the first run ends."
     yield from _stages(found)
     for example in found.counterexamples:
