@@ -188,7 +188,7 @@ def test_answer_is_data_from_which_runs_can_be_repeated(pushed: rw.Scene) -> Non
     told = json.loads(json.dumps(found.summary()))
     assert told["ok"] is found.ok is False and told["pairs"][0]["verdict"] == "fails"
     example = told["counterexamples"][0]
-    scene = rw.load(told["scene_file"])
+    scene = rw.load(example["scene_file"])
     ends = []
     for side in (example["richer"], example["simpler"]):
         run = rw.simulate(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from rungwise.hierarchy.counterexample import Counterexample, side
 from rungwise.hierarchy.drives import Inputs, inputs_of
-from rungwise.hierarchy.limits import ACCURACY, INDEPENDENT, SAME, STAYS, TENDS, Fit, fit
-from rungwise.hierarchy.matching import DAMPING, STIFFNESS, matched
+from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, fit
+from rungwise.hierarchy.matching import matched
 from rungwise.hierarchy.motions import MOVING, Bench, Motions, measures
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
@@ -110,7 +110,6 @@ class Comparison:
     costs: tuple[Cost, ...]
     cheapest: Cost | None
     counterexamples: tuple[Counterexample, ...]
-    matched: Scene = field(repr=False)
 
     @property
     def ok(self) -> bool:
@@ -136,7 +135,6 @@ class Comparison:
             "stages": [_cost(each) for each in self.costs],
             "cheapest": None if self.cheapest is None else _cost(self.cheapest),
             "counterexamples": [each.summary() for each in self.counterexamples],
-            "scene_file": self.matched.file.model_dump(mode="json", exclude_unset=True),
             "ok": self.ok,
         }  # fmt: skip
 
@@ -200,7 +198,7 @@ def compare(
     return Comparison(
         scene=loaded, parameters=values, accuracy=accuracy, extent=extent, inputs=bench.inputs, samples=drawn,
         until=until, notes=match.notes, pairs=tuple(measured), costs=tuple(stages),
-        cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown), matched=match.scene,
+        cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown),
     )  # fmt: skip
 
 
@@ -242,7 +240,7 @@ def _measure(
 def _counterexamples(bench: Bench, found: Measured, inputs: Reals, until: Reals) -> list[Counterexample]:
     """What shows that a definition fails: the worst input of Definition 1 where the paper claims it, and the
     end of each path that does not lead to the simpler model."""
-    pair, near, scene = found.pair, found.nearest, bench.matched.scene
+    pair, near = found.pair, found.nearest
     name, shown = f"{pair.richer.name} -> {pair.simpler.name}", list[Counterexample]()
     if pair.definition == 1 and found.first == FAILS:
         k = near.worst
@@ -252,20 +250,20 @@ def _counterexamples(bench: Bench, found: Measured, inputs: Reals, until: Reals)
                 f"{name}, Definition 1: the nearest motion found",
                 side(bench, pair.richer, near.inputs[k], end, tol, {}),
                 side(bench, pair.simpler, inputs[k], end, tol, {}),
-                near.value, scene,
+                near.value, bench.matched.scene,
             )
         )  # fmt: skip
     for each in found.fits:
         if each.verdict in (STAYS, INDEPENDENT):
             path, at, drive = each.path, each.values[-1], inputs[each.sample]
             bounce = bench.matched.bouncing(path.bounce)
-            factors = {STIFFNESS: path.stiffness(at), DAMPING: path.damping(at), **bounce}
+            factors = path.factors(at) | bounce
             shown.append(
                 Counterexample(
                     f"{name}, Definition 2: {path.words}, at {path.name} = {at:g}",
-                    side(bench, path.rung(pair.richer, at), drive, each.until, ACCURACY, factors),
-                    side(bench, pair.simpler, drive, each.until, ACCURACY, bounce),
-                    each.distances[-1], scene,
+                    side(bench, path.rung(pair.richer, at), drive, each.until, each.tol, factors),
+                    side(bench, pair.simpler, drive, each.until, each.tol, bounce),
+                    each.distances[-1], bench.matched.bare,
                 )
             )  # fmt: skip
     return shown

@@ -54,10 +54,11 @@ class Counterexample:
         return self.richer.replay(self.scene), self.simpler.replay(self.scene)
 
     def summary(self) -> dict[str, Any]:
-        """Plain values; the scene is the comparison's `scene_file`."""
+        """Plain values, with the scene as `load` takes it."""
         return {
             "words": self.words, "distance": self.distance, "richer": asdict(self.richer),
             "simpler": asdict(self.simpler),
+            "scene_file": self.scene.file.model_dump(mode="json", exclude_unset=True),
         }  # fmt: skip
 
 

@@ -9,15 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.hierarchy.matching import DAMPING, STIFFNESS
-from rungwise.hierarchy.motions import Bench, apart
+from rungwise.hierarchy.motions import Bench, Motions, apart
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
-ACCURACY = 1e-9
-"""Error allowed per step of runs along a path, as a part of the extent."""
+ACCURACIES = (1e-9, 1e-7)
+"""Error allowed per step of runs along a path, as a part of the extent: the second where the first takes too
+many steps."""
 ROUGH = 1e-5
 """The same of runs that choose the inputs."""
-BUDGET = 20_000
+BUDGET = 4000
 """Most steps of one run along a path."""
 FLOOR = 10.0
 """Distances below so many times the error of the runs say nothing."""
@@ -48,6 +49,10 @@ class Path:
 
     def rung(self, model: Rung, at: float) -> Rung:
         return model.with_inertia(self.inertia(at)) if model.inertia > 0.0 else model
+
+    def factors(self, at: float) -> dict[str, float]:
+        """Factors of stiffness and damping, by the names of the matched scene's parameters."""
+        return {STIFFNESS: self.stiffness(at), DAMPING: self.damping(at)}
 
 
 def _one(_: float) -> float:
@@ -80,8 +85,9 @@ BOTH = Path(
 
 @dataclass(frozen=True)
 class Fit:
-    """What was found along a path: distances at the values that were run, until a time; the order, as the
-    exponent of the small number, with its standard error; `floor`: below it distances say nothing."""
+    """What was found along a path: distances at its values, nan where a run took too many steps, until a
+    time, under a sample's inputs, at an accuracy; the order, as the exponent of the small number, with its
+    standard error; `floor`: below it distances say nothing."""
 
     path: Path
     values: tuple[float, ...]
@@ -91,6 +97,7 @@ class Fit:
     error: float
     until: float
     sample: int
+    tol: float
 
     @property
     def verdict(self) -> str:
@@ -133,41 +140,59 @@ def fit(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, un
     """Walk the path under those of the inputs (m, pieces, k) under which the two motions differ most at its
     beginning, until just before times (m,). Distances are those in the second half of the run, after the
     boundary layer."""
-    bounce = bench.matched.bouncing(path.bounce)
     sample = _telling(bench, path, richer, simpler, inputs, until)
     chosen, end = inputs[sample : sample + 1], BEFORE * until[sample : sample + 1]
-
-    def factors(at: float) -> dict[str, float]:
-        return {STIFFNESS: path.stiffness(at), DAMPING: path.damping(at), **bounce}
-
-    for _ in range(2):  # once more, if a run ends sooner: jams belong to distances, not to orders
-        wanted = bench.run(simpler, chosen, end, ACCURACY, budget=BUDGET, parameters=bounce)
-        rough = bench.run(simpler, chosen, end, 10.0 * ACCURACY, budget=BUDGET, parameters=bounce)
-        runs = [
-            bench.run(path.rung(richer, at), chosen, end, ACCURACY, budget=BUDGET, parameters=factors(at))
-            for at in path.values
-        ]
-        first = min(float(run.time[0]) for run in (wanted, *runs))
-        if first >= end[0] * (1.0 - 1e-9):
+    for tol in ACCURACIES:
+        for _ in range(2):  # once more, if a run ends sooner: jams belong to distances, not to orders
+            wanted, rough, runs = _walk(bench, path, richer, simpler, chosen, end, tol)
+            first = min(
+                (float(run.time[0]) for run in (wanted, *runs) if run.known[0]), default=float(end[0])
+            )
+            if first >= end[0] * (1.0 - 1e-9):
+                break
+            end = np.array([BEFORE * first])
+        if len(runs) == len(path.values) and all(run.known[0] for run in runs):
             break
-        end = np.array([BEFORE * first])
-    found = np.array([apart(run, wanted, late=True)[0] for run in runs])
-    floor = FLOOR * max(float(np.nan_to_num(apart(rough, wanted, late=True)[0])), 10.0 * ACCURACY)
+    found = np.full(len(path.values), math.nan)
+    found[: len(runs)] = [apart(run, wanted, late=True)[0] for run in runs]
+    errors = [apart(a, b, late=True)[0] for a, b in zip(rough, (wanted, *runs[-1:]), strict=False)]
+    floor = FLOOR * float(np.nan_to_num([*errors, 3.0 * tol]).max())
     kept = found > floor  # false for runs that say nothing
     order, error = exponent(np.array(path.values)[kept], found[kept])
     return Fit(
-        path, path.values, tuple(found.tolist()), floor, order, error, float(end[0]), sample,
+        path, path.values, tuple(found.tolist()), floor, order, error, float(end[0]), sample, tol,
     )  # fmt: skip
+
+
+def _walk(
+    bench: Bench, path: Path, richer: Rung, simpler: Rung, chosen: Reals, end: Reals, tol: float
+) -> tuple[Motions, list[Motions], list[Motions]]:
+    """The simpler motion; the simpler one and the last of the richer ones at ten times the error; and the
+    richer ones along the path, up to the first that takes too many steps."""
+    bounce = bench.matched.bouncing(path.bounce)
+
+    def run(at: float | None, error: float) -> Motions:
+        model = simpler if at is None else path.rung(richer, at)
+        values = bounce if at is None else path.factors(at) | bounce
+        return bench.run(model, chosen, end, error, bare=True, budget=BUDGET, parameters=values)
+
+    wanted, runs = run(None, tol), list[Motions]()
+    for at in path.values if wanted.known[0] else ():
+        runs.append(run(at, tol))
+        if not runs[-1].known[0]:
+            break
+    rough = [run(at, 10.0 * tol) for at in (None, path.values[-1])] if len(runs) == len(path.values) else []
+    return wanted, rough, runs
 
 
 def _telling(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals) -> int:
     """The sample in which motions differ most at the beginning of the path, of those that go on to the end;
     of all, if they differ in no such one."""
     at, bounce = path.values[0], bench.matched.bouncing(path.bounce)
-    factors = {STIFFNESS: path.stiffness(at), DAMPING: path.damping(at), **bounce}
+    factors = path.factors(at) | bounce
     end = BEFORE * until
-    a = bench.run(path.rung(richer, at), inputs, end, ROUGH, parameters=factors)
-    b = bench.run(simpler, inputs, end, ROUGH, parameters=bounce)
+    a = bench.run(path.rung(richer, at), inputs, end, ROUGH, bare=True, parameters=factors)
+    b = bench.run(simpler, inputs, end, ROUGH, bare=True, parameters=bounce)
     away = np.nan_to_num(apart(a, b, late=True))
     whole = (a.time >= end * (1.0 - 1e-9)) & (b.time >= end * (1.0 - 1e-9))
     return int(np.argmax(away * whole if (away * whole).max() > 10.0 * ROUGH else away))

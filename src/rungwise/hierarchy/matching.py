@@ -32,10 +32,12 @@ class Matched:
     """A scene whose contacts have restitution and damping that belong together; values of its parameters,
     those that the kinematic rung takes in place, and what was matched, in words.
 
-    ratios: damping ratio of each contact, nan where none is matched.
+    bare: the scene without conditions, whose runs go on; ratios: damping ratio of each contact, nan where
+    none is matched.
     """
 
     scene: Scene
+    bare: Scene
     parameters: dict[str, float]
     kinematic: dict[str, float]
     notes: tuple[str, ...]
@@ -105,7 +107,8 @@ def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matc
     unmatched = ["|".join(pair) for pair, r in zip(names, ratios, strict=True) if math.isnan(r)]
     if unmatched:
         told.append(f"{', '.join(unmatched)}: no touch under the scene's own inputs, restitution as it is")
-    return Matched(load(file), parameters | extra, turning, (*notes, *told), tuple(ratios))
+    bare = {name: value for name, value in file.items() if name not in CONDITIONS}
+    return Matched(load(file), load(bare), parameters | extra, turning, (*notes, *told), tuple(ratios))
 
 
 def _contact(pair: tuple[str, str], friction: float, k: int, give: dict[str, float]) -> dict[str, Any]:

@@ -69,13 +69,14 @@ class Bench:
         until: Reals,
         tol: float,
         *,
+        bare: bool = False,
         budget: int = BUDGET,
         parameters: Mapping[str, ArrayLike] | None = None,
         moments: int = MOMENTS,
     ) -> Motions:
         """Runs (m,) under inputs (m, pieces, k) until times (m,), with the error allowed per step as a part
-        of the extent."""
-        scene = self.matched.scene
+        of the extent; `bare`: whatever the scene's conditions say."""
+        scene = self.matched.bare if bare else self.matched.scene
         given = self.inputs.options(inputs, moments)
         values: dict[str, Any] = (
             self.matched.values(model) | given.pop("parameters", {}) | dict(parameters or {})
