@@ -18,7 +18,7 @@ ACCURACIES = (1e-9, 1e-7)
 many steps."""
 ROUGH = 1e-5
 """The same of runs that choose the inputs."""
-BUDGET = 4000
+BUDGET = 8000
 """Most steps of one run along a path."""
 FLOOR = 10.0
 """Distances below so many times the error of the runs say nothing."""
@@ -153,8 +153,7 @@ def fit(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, un
             end = np.array([BEFORE * first])
         if len(runs) == len(path.values) and all(run.known[0] for run in runs):
             break
-    found = np.full(len(path.values), math.nan)
-    found[: len(runs)] = [apart(run, wanted, late=True)[0] for run in runs]
+    found = np.array([apart(run, wanted, late=True)[0] for run in runs])
     errors = [apart(a, b, late=True)[0] for a, b in zip(rough, (wanted, *runs[-1:]), strict=False)]
     floor = FLOOR * float(np.nan_to_num([*errors, 3.0 * tol]).max())
     kept = found > floor  # false for runs that say nothing
@@ -168,7 +167,7 @@ def _walk(
     bench: Bench, path: Path, richer: Rung, simpler: Rung, chosen: Reals, end: Reals, tol: float
 ) -> tuple[Motions, list[Motions], list[Motions]]:
     """The simpler motion; the simpler one and the last of the richer ones at ten times the error; and the
-    richer ones along the path, up to the first that takes too many steps."""
+    richer ones along the path, unless one takes too many steps for this accuracy."""
     bounce = bench.matched.bouncing(path.bounce)
 
     def run(at: float | None, error: float) -> Motions:
@@ -177,12 +176,12 @@ def _walk(
         return bench.run(model, chosen, end, error, bare=True, budget=BUDGET, parameters=values)
 
     wanted, runs = run(None, tol), list[Motions]()
-    for at in path.values if wanted.known[0] else ():
-        runs.append(run(at, tol))
-        if not runs[-1].known[0]:
+    for at in reversed(path.values):  # those that take most steps first
+        if tol != ACCURACIES[-1] and not (runs[-1] if runs else wanted).known[0]:
             break
+        runs.append(run(at, tol))
     rough = [run(at, 10.0 * tol) for at in (None, path.values[-1])] if len(runs) == len(path.values) else []
-    return wanted, rough, runs
+    return wanted, rough, runs[::-1]
 
 
 def _telling(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals) -> int:
