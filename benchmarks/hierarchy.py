@@ -2,8 +2,8 @@
 
     python benchmarks/hierarchy.py [--json] [--scenes NAMES]
 
-A row is a pair of models: the greatest distance under the same inputs, the value of Definition 1, and along the
-paths of Definition 2 the orders with their standard errors (`rungwise compare SCENE` prints all of it).
+A row is a pair of models: the greatest distance under the same inputs, the value of Definition 1, and the
+orders along the paths of Definition 2 with their standard errors (`rungwise compare SCENE` prints all of it).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def rows(found: rw.Comparison, seconds: float) -> Iterator[str]:
     stage = (
         "none" if cheapest is None else f"{cheapest.stage}, {cheapest.steps} steps, {cheapest.solves} solves"
     )
-    yield f"{found.scene.name}: {len(found.samples)} inputs; cheapest stage within {found.accuracy:g}: {stage}"
+    yield f"{found.scene.name}: {len(found.samples)} runs; cheapest within {found.accuracy:g}: {stage}"
     for each in found.pairs:
         orders = ", ".join(
             fit.verdict if math.isnan(fit.order) else f"{fit.order:.2f} +- {fit.error:.2f} {fit.verdict}"

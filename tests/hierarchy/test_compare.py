@@ -169,7 +169,7 @@ def test_definition_1_where_another_input_comes_nearest() -> None:
     def away(u: float, v: float) -> float:
         return float(np.abs(v * times - u * lags).max()) / drag / found.extent
 
-    pulls = found.samples[:, 0, 0]
+    pulls = found.samples[:, 0]
     assert near.same == pytest.approx([away(v, v) for v in pulls], rel=1e-2)
     best = [
         minimize_scalar(away, bounds=(0.5, 1.5), args=(v,), options={"xatol": 1e-9}, method="bounded").fun

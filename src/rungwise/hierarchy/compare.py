@@ -93,7 +93,7 @@ class Comparison:
     """The hierarchy between the models, measured on a scene.
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
-    angles times the longest lever. `inputs` and `samples` (m, pieces, k): what was run, the scene's own
+    angles times the longest lever. `inputs` and `samples` (m, k): what was run, the scene's own
     inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `pairs`;
     `costs` of all stages, and `cheapest`, the one of fewest solves within `accuracy` of the richest.
     """

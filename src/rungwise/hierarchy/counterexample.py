@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+import numpy as np
+
 from rungwise.hierarchy.motions import THETA, Bench
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
@@ -65,13 +67,11 @@ class Counterexample:
 def side(
     bench: Bench, model: Rung, inputs: Reals, until: float, tol: float, parameters: dict[str, float]
 ) -> Side:
-    """The run under inputs (pieces, k) until a time, as data."""
+    """The run under inputs (k,) until a time, as data."""
     values, segments = bench.matched.values(model) | parameters, tuple[Segment, ...]()
-    named = bench.inputs.named(inputs)
     if bench.inputs.scheduled:
-        segments = tuple(
-            Segment(each, until / len(named), ramp=bench.inputs.ramp) for each in named
-        )  # fmt: skip
+        given = bench.inputs.options(inputs[None], np.array([[until]]), bench.duration)
+        segments = (Segment(bench.inputs.named(given["inputs"][0, 0]), until, ramp=bench.inputs.ramp),)
     else:
-        values |= named[0]
+        values |= bench.inputs.named(inputs)
     return Side(model.name, model.inertia, values, segments, until, tol * bench.extent)

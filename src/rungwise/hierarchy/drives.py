@@ -22,8 +22,9 @@ SPREAD = 0.5
 
 @dataclass(frozen=True)
 class Inputs:
-    """Names (k,), least, greatest and own values (k,); `scheduled`: they are inputs of the scene, in pieces
-    over time, with `ramp` led from one to the next; otherwise parameters that stay as they are."""
+    """Names (k,), least, greatest and own values (k,); `scheduled`: they are inputs of the scene,
+    with `ramp` led from their own values to those given over the whole duration; otherwise parameters. They
+    stay the same during a run."""
 
     names: tuple[str, ...]
     low: Reals
@@ -32,34 +33,23 @@ class Inputs:
     scheduled: bool
     ramp: bool
 
-    @property
-    def pieces(self) -> int:
-        """Into how many pieces a run is cut, each with its own values."""
-        return 2 if self.scheduled else 1
-
     def draw(self, count: int, rng: np.random.Generator) -> Reals:
-        """The scene's own inputs, and so many drawn: (1 + count, pieces, k)."""
+        """The scene's own inputs, and so many drawn: (1 + count, k)."""
         reach = SPREAD * (self.high - self.low)
         low, high = np.maximum(self.low, self.own - reach), np.minimum(self.high, self.own + reach)
-        drawn = rng.uniform(low, high, (count if self.names else 0, self.pieces, len(self.names)))
-        return np.concatenate([np.broadcast_to(self.own, (1, *drawn.shape[1:])), drawn])
+        drawn = rng.uniform(low, high, (count if self.names else 0, len(self.names)))
+        return np.concatenate([self.own[None], drawn])
 
-    def options(self, values: Reals, segments: int) -> dict[str, Any]:
-        """Inputs (m, pieces, k) as options of `rollout`, for a run in so many segments of equal length."""
+    def options(self, values: Reals, times: Reals, duration: float) -> dict[str, Any]:
+        """Inputs (m, k) as options of `rollout`, for segments that end at times (m, s)."""
         if not self.scheduled:
-            return {"parameters": dict(zip(self.names, values[:, 0].T, strict=True))}
-        pieces = values.shape[1]
-        if not self.ramp:
-            return {"inputs": np.repeat(values, segments // pieces, axis=1)}
-        own = np.broadcast_to(self.own, (len(values), 1, len(self.names)))
-        nodes, at = np.concatenate([own, values], axis=1), pieces * np.arange(1, segments + 1) / segments
-        before = np.minimum(at.astype(int), pieces - 1)
-        part = (at - before)[:, None]
-        return {"inputs": (1.0 - part) * nodes[:, before] + part * nodes[:, before + 1], "ramp": True}
+            return {"parameters": dict(zip(self.names, values.T, strict=True))}
+        part = (times / duration if self.ramp else np.ones_like(times))[:, :, None]
+        return {"inputs": (1.0 - part) * self.own + part * values[:, None], "ramp": self.ramp}
 
-    def named(self, values: Reals) -> list[dict[str, float]]:
-        """Inputs (pieces, k) by name, for each piece."""
-        return [dict(zip(self.names, row.tolist(), strict=True)) for row in values]
+    def named(self, values: Reals) -> dict[str, float]:
+        """Inputs (k,) by name."""
+        return dict(zip(self.names, values.tolist(), strict=True))
 
 
 def inputs_of(scene: Scene, parameters: dict[str, float]) -> Inputs:

@@ -137,7 +137,7 @@ def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
 
 
 def fit(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals) -> Fit:
-    """Walk the path under those of the inputs (m, pieces, k) under which the two motions differ most at its
+    """Walk the path under those of the inputs (m, k) under which the two motions differ most at its
     beginning, until just before times (m,). Distances are those in the second half of the run, after the
     boundary layer."""
     sample = _telling(bench, path, richer, simpler, inputs, until)

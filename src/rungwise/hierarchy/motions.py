@@ -23,7 +23,7 @@ from rungwise.simulation.state import State
 
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
-"""Moments of a run at which motions are compared; a multiple of the pieces of inputs."""
+"""Moments of a run at which motions are compared."""
 BUDGET = 3000
 """Most steps of one run; one that takes more says nothing."""
 THETA = 0.5
@@ -74,10 +74,11 @@ class Bench:
         parameters: Mapping[str, ArrayLike] | None = None,
         moments: int = MOMENTS,
     ) -> Motions:
-        """Runs (m,) under inputs (m, pieces, k) until times (m,), with the error allowed per step as a part
+        """Runs (m,) under inputs (m, k) until times (m,), with the error allowed per step as a part
         of the extent; `bare`: whatever the scene's conditions say."""
         scene = self.matched.bare if bare else self.matched.scene
-        given = self.inputs.options(inputs, moments)
+        times = until[:, None] * np.arange(1, moments + 1) / moments
+        given = self.inputs.options(inputs, times, self.duration)
         values: dict[str, Any] = (
             self.matched.values(model) | given.pop("parameters", {}) | dict(parameters or {})
         )
@@ -99,7 +100,7 @@ class Bench:
         """When the first and the last of the rungs have come to an end (m,)."""
         whole = np.full(len(inputs), self.duration)
         times = [
-            self.run(model, inputs, whole, tol, moments=self.inputs.pieces).time for model in MOVING
+            self.run(model, inputs, whole, tol, moments=1).time for model in MOVING
         ]  # fmt: skip
         return (
             np.maximum(np.min(times, axis=0), 1e-6 * self.duration),

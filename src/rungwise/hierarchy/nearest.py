@@ -20,7 +20,7 @@ FIRST, SHRINKS = 0.2, 0.4
 @dataclass(frozen=True)
 class Nearest:
     """For samples (m,): the distance under the same inputs, the least that was found, and under which inputs
-    (m, pieces, k) of the richer model."""
+    (m, k) of the richer model."""
 
     same: Reals
     least: Reals
