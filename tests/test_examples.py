@@ -97,6 +97,12 @@ def test_benchmark_of_work_and_precision(
     assert found["ratios"] and all(row["mean"] < 4.0 for row in found["ratios"] if row["what"] == "solves")
 
 
+def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    benchmark = script("benchmarks/hierarchy.py", monkeypatch)
+    assert benchmark.main(["--scenes", "two_finger_free"], samples=0) == 0
+    assert "two_finger_free: 1 runs" in capsys.readouterr().out
+
+
 def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     benchmark = script("benchmarks/sets.py", monkeypatch)
     assert benchmark.main(["--json"], runs=40, peer_runs=0, tols=(1 / 16, 1 / 32)) == 0

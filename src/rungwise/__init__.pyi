@@ -17,6 +17,8 @@ from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .errors import InputError
+from .hierarchy.compare import Comparison, compare
+from .hierarchy.counterexample import Counterexample
 from .keywords import KeywordError
 from .models.ladder import (
     DYNAMIC_COMPLIANT,
@@ -74,8 +76,10 @@ __all__ = [
     "Between",
     "Closure",
     "Code",
+    "Comparison",
     "ContactSolution",
     "Design",
+    "Counterexample",
     "Diagnosis",
     "DoomedSet",
     "FeasibleSet",
@@ -123,6 +127,7 @@ __all__ = [
     "ask",
     "between",
     "design",
+    "compare",
     "diagnose",
     "doomed_set",
     "draw_parting",

@@ -309,3 +309,15 @@ def test_numbers_of_a_drive_that_cannot_follow_an_input_say_so() -> None:
         slider({"kind": "servo", "stiffness": "u", "target": "u"})
     with pytest.raises(rw.SceneError, match=r"target_speed: cannot follow the input u without a target"):
         slider({"kind": "servo", "stiffness": 1.0, "target_speed": "u"})
+
+
+@pytest.mark.parametrize("tol", [1e-6, 1e-8])
+def test_impact_in_the_last_segment_bounces_as_without_one(tol: float) -> None:
+    """A step that was planned up to a switch is not tried again and again while an impact is resolved: one
+    that spans the rest of the impact looks plastic, and so do its halves."""
+    parameters = {"v2": 0.6, "mu": 0.0, "stiffness": 1e7, "damping": 0.6 * np.sqrt(2e7)}
+    options: dict[str, Any] = {"parameters": parameters, "tol": tol, "theta": 0.5}
+    whole = rw.simulate("two_finger", rw.DYNAMIC_COMPLIANT, duration=1.5484, **options)
+    segment = rw.simulate("two_finger", rw.DYNAMIC_COMPLIANT, inputs=[rw.Segment({}, 1.5484)], **options)
+    assert segment.final["part"]["x3"] == pytest.approx(whole.final["part"]["x3"], rel=1e-9)
+    assert segment.attempts == whole.attempts

@@ -30,7 +30,7 @@ from rungwise.simulation.arguments import (
 )
 from rungwise.simulation.crew import CHUNK, Crew
 from rungwise.simulation.inputs import Segment, condition
-from rungwise.simulation.options import moving_rung
+from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.questions import States
@@ -171,6 +171,7 @@ def rollout(
     theta: float = 1.0,
     motion: Mapping[str, float] | None = None,
     keep: bool = True,
+    budget: int | None = None,
     threads: int | None = None,
     chunk: int = CHUNK,
     on_progress: Callable[[int], None] | None = None,
@@ -190,6 +191,7 @@ def rollout(
         ramp: whether inputs go to their values linearly, for all segments or for each.
         parameters: values by name, a number or (m,) each.
         keep: whether the states at the switches are kept (see `Rollouts`).
+        budget: most steps of one run, a million if not given; a run that takes more has not converged.
         threads: how many; as many as there are cores if not given.
         on_progress: called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
 
@@ -207,7 +209,12 @@ def rollout(
     for k, text in enumerate(texts):
         condition(scene, text, f"until.{k}")
     options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
-    crew = Crew(scene, rung, over, None, until=texts, ramps=ramps, threads=threads, **options)  # type: ignore[arg-type]
+    if budget is not None:
+        budget = count("budget", budget, 1)
+    crew = Crew(
+        scene, rung, over, None, until=texts, ramps=ramps, budget=budget, threads=threads,
+        **options,  # type: ignore[arg-type]
+    )  # fmt: skip
     faults = faults_of(scene, over, points, lengths, levels, begins)
 
     def schedule(i: int) -> tuple[Segment, ...]:

@@ -22,6 +22,7 @@ from rungwise.simulation.planar.controlled import controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
 from rungwise.simulation.planar.inputs import (
+    REACHED,
     Inputs,
     is_guarded,
     shortened,
@@ -231,7 +232,7 @@ def run_step(
             stalls = refused and h * max(moving, _fastest(records, rung, workspace)) < nowhere
             clock.stalled = clock.stalled + 1 if stalls else 0
             clock.next = control[0].step if past else following
-            if cut and following >= h:
+            if cut and following >= h and clock.switch - clock.time <= REACHED * h:
                 clock.next = max(clock.next, planned)
             if stalls:
                 clock.next = min(clock.next, 2.0 * h)

@@ -1,0 +1,269 @@
+"""The paper's Table 1, measured on a scene: how far its models are apart, and what leads between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import Any
+
+import numpy as np
+
+from rungwise.hierarchy.counterexample import Counterexample, side
+from rungwise.hierarchy.drives import Inputs, inputs_of
+from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, fit
+from rungwise.hierarchy.matching import matched
+from rungwise.hierarchy.motions import MOVING, Bench, Motions, measures
+from rungwise.hierarchy.nearest import Nearest, nearest
+from rungwise.hierarchy.pairs import PAIRS, Pair
+from rungwise.hierarchy.stages import Cost, cheapest, costs
+from rungwise.hierarchy.words import table
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.plain import cut
+from rungwise.scene import Scene, load
+from rungwise.simulation.options import ModelError, check_options, count, moving_rung
+
+PART = 1e-2
+"""Error allowed per step of a run that is compared, as a part of the accuracy asked for."""
+
+Progress = Callable[[str, int, int], None]
+HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A pair of models: how near the richer one comes to the simpler (see `Nearest`), and the fits along the
+    paths from one to the other."""
+
+    pair: Pair
+    nearest: Nearest
+    fits: tuple[Fit, ...]
+    accuracy: float
+
+    @property
+    def first(self) -> str:
+        """Definition 1, within the accuracy."""
+        if not (self.nearest.least == self.nearest.least).any():
+            return UNDECIDED
+        return HOLDS if self.nearest.value <= self.accuracy else FAILS
+
+    @property
+    def second(self) -> str:
+        """Definition 2, along one of the paths."""
+        found = {fit.verdict for fit in self.fits}
+        if TENDS in found:
+            return HOLDS
+        if found & {STAYS, INDEPENDENT}:
+            return FAILS
+        return SAME if found == {SAME} else UNDECIDED
+
+    @property
+    def verdict(self) -> str:
+        """Whether what the paper's table says of the pair holds; of pairs that it does not have, Definition
+        2."""
+        return self.first if self.pair.definition == 1 else self.second
+
+    def summary(self) -> dict[str, Any]:
+        near = self.nearest
+        return {
+            "from": self.pair.richer.name, "to": self.pair.simpler.name,
+            "paper": f"Def. {self.pair.definition}" if self.pair.definition else None,
+            "distances": near.same.tolist(),
+            "definition_1": {"value": near.value, "least": near.least.tolist(), "verdict": self.first},
+            "definition_2": {
+                "verdict": self.second,
+                "paths": [
+                    {
+                        "path": fit.path.words, "parameter": fit.path.name, "values": list(fit.values),
+                        "distances": list(fit.distances), "floor": fit.floor, "order": fit.order,
+                        "standard_error": fit.error, "verdict": fit.verdict, "until": fit.until,
+                        "sample": fit.sample,
+                    }
+                    for fit in self.fits
+                ],
+            },
+            "verdict": self.verdict,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The hierarchy between the models, measured on a scene.
+
+    Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
+    angles times the longest lever. `inputs` and `samples` (m, k): what was run, the scene's own
+    inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `pairs`;
+    `costs` of all stages, and `cheapest`, the one of fewest solves within `accuracy` of the richest.
+    """
+
+    scene: Scene
+    parameters: dict[str, float]
+    accuracy: float
+    extent: float
+    inputs: Inputs
+    samples: Reals
+    until: Reals
+    notes: tuple[str, ...]
+    pairs: tuple[Measured, ...]
+    costs: tuple[Cost, ...]
+    cheapest: Cost | None
+    counterexamples: tuple[Counterexample, ...]
+
+    @property
+    def ok(self) -> bool:
+        """Whether the scene bears out what the paper's table says of each pair that was measured."""
+        return all(each.verdict in (HOLDS, SAME) for each in self.pairs if each.pair.definition)
+
+    def __repr__(self) -> str:
+        told = ", ".join(
+            f"{each.pair.richer.name} -> {each.pair.simpler.name} {each.verdict}" for each in self.pairs
+        )
+        return f"<Comparison of {cut(self.scene.name)}: {cut(told, 400)}>"
+
+    def __str__(self) -> str:
+        return "\n".join(table(self))
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, as `rungwise compare --json` prints them."""
+        return {
+            "scene": self.scene.name, "parameters": self.parameters, "accuracy": self.accuracy,
+            "extent": self.extent, "matched": list(self.notes),
+            "inputs": [self.inputs.named(row) for row in self.samples], "until": self.until.tolist(),
+            "pairs": [each.summary() for each in self.pairs],
+            "stages": [_cost(each) for each in self.costs],
+            "cheapest": None if self.cheapest is None else _cost(self.cheapest),
+            "counterexamples": [each.summary() for each in self.counterexamples],
+            "ok": self.ok,
+        }  # fmt: skip
+
+
+def _cost(cost: Cost) -> dict[str, Any]:
+    stage = cost.stage
+    return {
+        "model": stage.model.name, "tol": stage.tol, "distance": cost.distance, "steps": cost.steps,
+        "solves": cost.solves,
+    }  # fmt: skip
+
+
+@keywords
+def compare(
+    scene: Scene | str | File | Mapping[str, Any],
+    model: Rung | str | None = None,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    samples: int = 8,
+    seed: int = 0,
+    accuracy: float = 0.01,
+    duration: float | None = None,
+    threads: int | None = None,
+    on_progress: Progress | None = None,
+) -> Comparison:
+    """Measure how far the models are apart on a scene: the paper's Table 1.
+
+    Args:
+        scene, parameters: as for `simulate`.
+        model: only pairs with this rung; all if not given.
+        samples: how many inputs are drawn, besides the scene's own, from `seed`.
+        accuracy: within which motions count as alike, as a part of the scene's extent.
+        duration: end of the runs; if not given, each ends when the last rung has come to an end, at the
+            scene's duration at the latest.
+        threads: how many; as many as there are cores if not given. The results do not depend on it.
+        on_progress: called with what was measured, and how many parts of the work are done and known.
+
+    Raises SceneError or ModelError for wrong input. Ctrl-C raises KeyboardInterrupt."""
+    loaded, samples = load(scene), count("samples", samples, 0)
+    rng = np.random.default_rng(count("seed", seed, 0))
+    accuracy = _part(accuracy)
+    fixed = check_options(None, None, duration, 1.0)[2]
+    chosen = [] if model is None else [moving_rung(model).name]
+    pairs = [p for p in PAIRS if not chosen or chosen[0] in (p.richer.name, p.simpler.name)]
+    values = loaded.parameters(parameters)
+    longest = float(loaded.bind(values).records.world[0]["duration"]) if fixed is None else fixed
+    steps = _Steps(on_progress, 2 + sum(1 + len(pair.paths) for pair in pairs))
+    extent, levers = measures(loaded, values, longest)
+    match = matched(loaded, values, longest)
+    bench = Bench(match, inputs_of(loaded, values), longest, extent, levers, threads)
+    drawn, tol = bench.inputs.draw(samples, rng), PART * accuracy
+    first = until = np.full(len(drawn), longest)
+    if fixed is None:
+        first, until = bench.ends(drawn, tol)
+    runs = {rung.name: bench.run(rung, drawn, until, tol) for rung in MOVING}
+    steps.done("motions")
+    measured = [_measure(bench, pair, runs, drawn, (first, until), accuracy, rng, steps) for pair in pairs]
+    stages = costs(bench, drawn, until)
+    steps.done("stages")
+    shown = [each for part in measured for each in _counterexamples(bench, part, drawn, until)]
+    return Comparison(
+        scene=loaded, parameters=values, accuracy=accuracy, extent=extent, inputs=bench.inputs, samples=drawn,
+        until=until, notes=match.notes, pairs=tuple(measured), costs=tuple(stages),
+        cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown),
+    )  # fmt: skip
+
+
+class _Steps:
+    """Counts parts of the work that are done."""
+
+    def __init__(self, told: Progress | None, known: int) -> None:
+        self._told, self._known, self._done = told, known, 0
+
+    def done(self, what: str) -> None:
+        self._done += 1
+        if self._told is not None:
+            self._told(what, self._done, self._known)
+
+
+def _part(accuracy: float) -> float:
+    if isinstance(accuracy, bool) or not isinstance(accuracy, int | float) or not 1e-6 <= accuracy <= 1.0:
+        raise ModelError(f"accuracy: must be a number in 1e-6..1, not {str(accuracy)[:60]!r}")
+    return float(accuracy)
+
+
+def _measure(
+    bench: Bench, pair: Pair, runs: dict[str, Motions], inputs: Reals, times: tuple[Reals, Reals],
+    accuracy: float, rng: np.random.Generator, steps: _Steps,
+) -> Measured:  # fmt: skip
+    name, tol = f"{pair.richer.name} -> {pair.simpler.name}", PART * accuracy
+    first, until = times
+    near = nearest(
+        bench, pair.richer, runs[pair.simpler.name], runs[pair.richer.name], inputs, until, tol, accuracy, rng
+    )
+    steps.done(name)
+    fits = []
+    for path in pair.paths:
+        fits.append(fit(bench, path, pair.richer, pair.simpler, inputs, first))
+        steps.done(f"{name}: {path.name}")
+    return Measured(pair, near, tuple(fits), accuracy)
+
+
+def _counterexamples(bench: Bench, found: Measured, inputs: Reals, until: Reals) -> list[Counterexample]:
+    """What shows that a definition fails: the worst input of Definition 1 where the paper claims it, and the
+    end of each path that does not lead to the simpler model."""
+    pair, near = found.pair, found.nearest
+    name, shown = f"{pair.richer.name} -> {pair.simpler.name}", list[Counterexample]()
+    if pair.definition == 1 and found.first == FAILS:
+        k = near.worst
+        tol, end = PART * found.accuracy, float(until[k])
+        shown.append(
+            Counterexample(
+                f"{name}, Definition 1: the nearest motion found",
+                side(bench, pair.richer, near.inputs[k], end, tol, {}),
+                side(bench, pair.simpler, inputs[k], end, tol, {}),
+                near.value, bench.matched.scene,
+            )
+        )  # fmt: skip
+    for each in found.fits:
+        if each.verdict in (STAYS, INDEPENDENT):
+            path, at, drive = each.path, each.values[-1], inputs[each.sample]
+            bounce = bench.matched.bouncing(path.bounce)
+            factors = path.factors(at) | bounce
+            shown.append(
+                Counterexample(
+                    f"{name}, Definition 2: {path.words}, at {path.name} = {at:g}",
+                    side(bench, path.rung(pair.richer, at), drive, each.until, each.tol, factors),
+                    side(bench, pair.simpler, drive, each.until, each.tol, bounce),
+                    each.distances[-1], bench.matched.bare,
+                )
+            )  # fmt: skip
+    return shown

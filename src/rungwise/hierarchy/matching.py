@@ -1,0 +1,167 @@
+"""Matched parameters: what one model says by one number, and another by another.
+
+Restitution on the rigid rungs and the damping ratio of compliant contacts; the weight of turning in the
+slowest motion, rho^2 = I/m, and what a support resists turning with. The matched scene has parameters for
+them, so that any run of a comparison is a run of that one scene.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from rungwise.models.ladder import DYNAMIC_RIGID, Rung
+from rungwise.planning.worlds import CONDITIONS, GIVE, World
+from rungwise.scene import Scene, load
+from rungwise.scene.records import Records
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.run import simulate
+
+STIFFNESS, DAMPING, BOUNCE, TURN = "match_stiffness", "match_damping", "match_bounce_{}", "match_inertia_{}"
+"""Parameters of a matched scene: factors of all stiffnesses and dampings, restitution of each contact, and
+moment of inertia of each body whose turning is matched."""
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A scene whose contacts have restitution and damping that belong together; values of its parameters,
+    those that the kinematic rung takes in place, and what was matched, in words.
+
+    bare: the scene without conditions, whose runs go on; ratios: damping ratio of each contact, nan where
+    none is matched.
+    """
+
+    scene: Scene
+    bare: Scene
+    parameters: dict[str, float]
+    kinematic: dict[str, float]
+    notes: tuple[str, ...]
+    ratios: tuple[float, ...]
+
+    def values(self, model: Rung) -> dict[str, float]:
+        """Parameters for a run on this rung."""
+        return self.parameters | (self.kinematic if model.metric else {})
+
+    def bouncing(self, restitution: float | None) -> dict[str, float]:
+        """Restitution of all matched contacts, by the parameters' names; None: as matched."""
+        names = {BOUNCE.format(k): r for k, r in enumerate(self.ratios) if not math.isnan(r)}
+        return {} if restitution is None else dict.fromkeys(names, restitution)
+
+
+def restitution(ratio: float) -> float:
+    """Newton's restitution of one impact on a spring and a damper that cannot pull (a force that stays
+    pressing), at this damping ratio."""
+    if ratio < 1.0:
+        angle = math.acos(ratio)
+        return math.exp(-2.0 * ratio * angle / math.sin(angle))
+    angle = math.acosh(ratio)
+    return math.exp(-2.0 * ratio * (angle / math.sinh(angle) if angle > 0.0 else 1.0))
+
+
+def damping_ratio(bounce: float) -> float:
+    """The damping ratio whose impact has this restitution, in (0, 1]."""
+    if bounce >= 1.0:
+        return 0.0
+    return float(brentq(lambda ratio: restitution(ratio) - bounce, 0.0, 1.0 / math.sqrt(bounce)))
+
+
+def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matched:
+    """The scene with matched parameters: where a contact has restitution, its damping follows from that,
+    otherwise its restitution follows from its damping."""
+    records = World(scene, parameters, DYNAMIC_RIGID, 0.0).records
+    names, masses = scene.template.contacts, _masses(scene, parameters, duration)
+    extra: dict[str, float] = {STIFFNESS: 1.0, DAMPING: 1.0}
+    contacts, notes, ratios = [], [], []
+    for k, (pair, record) in enumerate(zip(names, records.contacts, strict=True)):
+        give = {name: float(record[name]) for name in GIVE}
+        bounce, mass, label = float(record["restitution"]), masses.get(k), "|".join(pair)
+        ratio = math.nan
+        if mass is not None:
+            critical = 2.0 * math.sqrt(give["stiffness"] * mass)
+            if bounce > 0.0:
+                ratio = damping_ratio(bounce)
+                give |= dict.fromkeys(("damping", "tangential_damping"), ratio * critical)
+            else:
+                ratio = give["damping"] / critical
+                bounce = restitution(ratio)
+            notes.append(
+                f"{label}: restitution {bounce:.3g} and damping ratio {ratio:.3g} (stiffness"
+                f" {give['stiffness']:.3g}, damping {give['damping']:.3g}, mass {mass:.3g} at first touch)"
+            )
+        extra[BOUNCE.format(k)] = bounce
+        ratios.append(ratio)
+        contacts.append(_contact(pair, float(record["friction"]), k, give))
+    bodies, turning, told = _turning(scene, records)
+    file: dict[str, Any] = json.loads(scene.file.model_dump_json(exclude_unset=True))
+    file.pop("task", None)
+    for name in bodies:
+        file["bodies"][name]["inertia"] = TURN.format(name)
+        extra[TURN.format(name)] = bodies[name]
+    own = file.get("parameters", {})
+    file |= {"contacts": contacts, "parameters": own | {n: {"default": x} for n, x in extra.items()}}
+    unmatched = ["|".join(pair) for pair, r in zip(names, ratios, strict=True) if math.isnan(r)]
+    if unmatched:
+        told.append(f"{', '.join(unmatched)}: no touch under the scene's own inputs, restitution as it is")
+    bare = {name: value for name, value in file.items() if name not in CONDITIONS}
+    return Matched(load(file), load(bare), parameters | extra, turning, (*notes, *told), tuple(ratios))
+
+
+def _contact(pair: tuple[str, str], friction: float, k: int, give: dict[str, float]) -> dict[str, Any]:
+    factors = {name: DAMPING if name.endswith("damping") else STIFFNESS for name in GIVE}
+    numbers = {name: f"{give[name]!r} * {factors[name]}" for name in GIVE}
+    return {"between": list(pair), "friction": friction, "restitution": BOUNCE.format(k), **numbers}
+
+
+def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict[int, float]:
+    """The mass that each contact feels along its normal without friction, where it first closes in the rigid
+    dynamic run; contacts that never do are left out."""
+    found: dict[int, float] = {}
+    file = json.loads(scene.file.model_dump_json(exclude_unset=True))
+    for name in CONDITIONS:
+        file.pop(name, None)
+    bare = load(file)
+    for k, (a, b) in enumerate(scene.template.contacts):
+        until = Segment({}, duration, f"gap({a}, {b}) <= tolerance")
+        run = simulate(bare, DYNAMIC_RIGID, parameters=parameters, inputs=[until], frames=3)
+        if run.steps == 0:  # closed from the start: a first step, for its terms
+            run = simulate(bare, DYNAMIC_RIGID, parameters=parameters, duration=1e-6 * duration, frames=3)
+        if run.workspace is None or run.time >= duration:
+            continue
+        terms, state, clock = run.workspace.terms, run.workspace.state, run.workspace.state.clock[0]
+        free = state.free[: int(clock["free"])]
+        pairs = bare.bind(parameters).records.pairs["contact"]
+        for row, slot in enumerate(run.workspace.scratch.slots[: int(clock["contacts"])]):
+            if slot // 2 < len(pairs) and pairs[slot // 2] == k:
+                normal = terms.rows[2 * row, free]
+                flexibility = float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
+                if flexibility > 0.0:
+                    found.setdefault(k, 1.0 / flexibility)
+    return found
+
+
+def _turning(scene: Scene, records: Records) -> tuple[dict[str, float], dict[str, float], list[str]]:
+    """Bodies whose turning a support resists, with their inertia; the inertia that makes the slowest motion
+    weigh it alike; and both in words."""
+    bodies, turning, notes = dict[str, float](), dict[str, float](), list[str]()
+    supported = {int(s["body"]): float(s["ratio"]) for s in records.supports if s["force"] > 0.0}
+    for k, name in enumerate(scene.template.bodies):
+        body, first = records.bodies[k], int(records.bodies[k]["coordinate"])
+        ratio = supported.get(k)
+        if ratio is None and scene.file.bodies[name].coordinate_names == ("x", "y", "angle"):
+            drag = records.coordinates["damping"][first : first + 3]
+            if scene.file.bodies[name].role == "object" and drag[0] == drag[1] > 0.0 and drag[2] > 0.0:
+                ratio = math.sqrt(float(drag[2] / drag[0]))
+        if ratio is not None:
+            bodies[name] = float(body["inertia"])
+            turning[TURN.format(name)] = float(body["mass"]) * ratio**2
+            notes.append(
+                f"{name}: on the kinematic rung rho^2 = I/m is {ratio**2:.3g}, the square of what its support"
+                f" resists turning with over what it resists sliding with (its own I/m is"
+                f" {body['inertia'] / body['mass']:.3g})"
+            )
+    return bodies, turning, notes

@@ -1,0 +1,128 @@
+"""Motions of many runs at the same moments, and how far they are apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rungwise.hierarchy.drives import Inputs
+from rungwise.hierarchy.matching import Matched
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import LADDER, Rung
+from rungwise.outcome import Code
+from rungwise.scene import Scene, SceneError
+from rungwise.simulation.result import texts
+from rungwise.simulation.rollout import rollout
+from rungwise.simulation.run import simulate
+from rungwise.simulation.state import State
+
+MOVING = tuple(rung for rung in LADDER if rung.moves)
+MOMENTS = 60
+"""Moments of a run at which motions are compared."""
+BUDGET = 3000
+"""Most steps of one run; one that takes more says nothing."""
+THETA = 0.5
+"""The theta rule of compliant contacts with momentum: of second order."""
+
+
+class Motions(NamedTuple):
+    """Places (m, s, n) at s moments, angles times a lever, as parts of the scene's extent, at rest after the
+    end; outcomes, times of the end, steps and problems solved (m,)."""
+
+    places: Reals
+    outcome: Ints
+    time: Reals
+    steps: Ints
+    solves: Ints
+
+    @property
+    def ends(self) -> list[str]:
+        return [str(text) for text in texts(self.outcome)]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which runs say something (m,): not those that did not begin, or took too many steps."""
+        return ~np.isin(self.outcome, (Code.INVALID, Code.NOT_CONVERGED))
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What runs of a comparison have in common: the matched scene, inputs, the longest duration, the extent,
+    and levers (n,) of coordinates."""
+
+    matched: Matched
+    inputs: Inputs
+    duration: float
+    extent: float
+    levers: Reals
+    threads: int | None
+
+    def run(
+        self,
+        model: Rung,
+        inputs: Reals,
+        until: Reals,
+        tol: float,
+        *,
+        bare: bool = False,
+        budget: int = BUDGET,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        moments: int = MOMENTS,
+    ) -> Motions:
+        """Runs (m,) under inputs (m, k) until times (m,), with the error allowed per step as a part
+        of the extent; `bare`: whatever the scene's conditions say."""
+        scene = self.matched.bare if bare else self.matched.scene
+        times = until[:, None] * np.arange(1, moments + 1) / moments
+        given = self.inputs.options(inputs, times, self.duration)
+        values: dict[str, Any] = (
+            self.matched.values(model) | given.pop("parameters", {}) | dict(parameters or {})
+        )
+        found = rollout(
+            scene, model, None, given.pop("inputs", None),
+            np.repeat(until[:, None] / moments, moments, axis=1),
+            parameters=values, tol=tol * self.extent, theta=THETA, budget=budget, threads=self.threads,
+            **given,
+        )  # fmt: skip
+        places = found.q.copy()
+        start = State.of(scene, parameters=self.matched.values(model)).q
+        for k in range(moments):
+            before = places[:, k - 1] if k else np.broadcast_to(start, places[:, 0].shape)
+            places[:, k] = np.where(np.isnan(places[:, k]), before, places[:, k])
+        places *= self.levers / self.extent
+        return Motions(places, found.outcome, found.time, found.steps, found.solves)
+
+    def ends(self, inputs: Reals, tol: float) -> tuple[Reals, Reals]:
+        """When the first and the last of the rungs have come to an end (m,)."""
+        whole = np.full(len(inputs), self.duration)
+        times = [
+            self.run(model, inputs, whole, tol, moments=1).time for model in MOVING
+        ]  # fmt: skip
+        return (
+            np.maximum(np.min(times, axis=0), 1e-6 * self.duration),
+            np.maximum(np.max(times, axis=0), 1e-6 * self.duration),
+        )
+
+
+def apart(a: Motions, b: Motions, *, late: bool = False) -> Reals:
+    """The greatest difference of a coordinate (m,), in the whole run or in its second half; nan where a run
+    says nothing."""
+    first = a.places.shape[1] // 2 if late else 0
+    away = np.abs(a.places[:, first:] - b.places[:, first:]).max(axis=(1, 2))
+    return np.where(a.known & b.known, away, math.nan)
+
+
+def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+    """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
+    reach; 0 for robots, unless there are no objects."""
+    run = simulate(scene, MOVING[0], parameters=parameters, duration=1e-3 * duration, frames=3)
+    if run.workspace is None:
+        raise SceneError(run.reason)
+    clock, names = run.workspace.state.clock[0], scene.template.coordinates
+    objects = np.array([scene.file.bodies[name.split(".")[0]].role == "object" for name in names], bool)
+    levers = np.array([float(clock["reach"]) if name.endswith("angle") else 1.0 for name in names])
+    return float(clock["extent"]), levers * objects if objects.any() else levers

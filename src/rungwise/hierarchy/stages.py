@@ -1,0 +1,48 @@
+"""Which stage, a rung and an accuracy, is enough for a scene, and what it costs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rungwise.hierarchy.motions import MOVING, Bench, apart
+from rungwise.kernel import Reals
+from rungwise.models.ladder import DYNAMIC_COMPLIANT
+from rungwise.planning.predict import Stage
+
+TOLS = (1e-2, 1e-3, 1e-4)
+FINE = 1e-6
+MOMENTS = 10
+"""Moments at which a stage is judged; a run has at least so many steps."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """A stage; its greatest distance to the finest run of the richest rung; steps and problems solved of all
+    runs."""
+
+    stage: Stage
+    distance: float
+    steps: int
+    solves: int
+
+
+def costs(bench: Bench, inputs: Reals, until: Reals) -> list[Cost]:
+    """What every rung at every accuracy takes under these inputs, and how far it is from the richest rung."""
+    truth = bench.run(DYNAMIC_COMPLIANT, inputs, until, FINE, moments=MOMENTS)
+    found = []
+    for model in MOVING:
+        for tol in TOLS:
+            runs = bench.run(model, inputs, until, tol, moments=MOMENTS)
+            away = np.nan_to_num(apart(runs, truth), nan=math.inf)
+            stage, steps, solves = Stage(model, tol), int(runs.steps.sum()), int(runs.solves.sum())
+            found.append(Cost(stage, float(away.max()), steps, solves))
+    return found
+
+
+def cheapest(found: list[Cost], accuracy: float) -> Cost | None:
+    """The stage of fewest solves within this distance, None if there is none."""
+    enough = [cost for cost in found if cost.distance <= accuracy]
+    return min(enough, key=lambda cost: (cost.solves, cost.steps), default=None)

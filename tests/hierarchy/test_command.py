@@ -1,0 +1,49 @@
+"""`rungwise compare`: text, JSON, exit codes."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import pytest
+
+from rungwise import cli
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["rungwise", "compare", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    return int(ended.value.code or 0)
+
+
+FEW = ("--samples", "1", "--model", "kinematic")
+
+
+def test_text_and_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(monkeypatch, "two_finger", *FEW) == 0
+    assert "quasistatic-rigid     kinematic             Def. 1" in capsys.readouterr().out
+    assert run(monkeypatch, "gripper", *FEW, "--json") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert not found["ok"] and found["pairs"][0]["verdict"] == "fails"
+    assert found["counterexamples"][0]["simpler"]["model"] == "kinematic"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere",), "scene: 'nowhere' is no file"),
+        (("two_finger", "--model", "kinetic"), "did you mean kinematic?"),
+        (("two_finger", "--accuracy", "7"), "accuracy: must be a number in 1e-6..1"),
+        (("two_finger", "--set", "v3=1"), "unknown 'v3'"),
+    ],
+)
+def test_wrong_input(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    words: str,
+) -> None:
+    assert run(monkeypatch, *arguments) == 2
+    told = capsys.readouterr().err
+    assert words in told and told.count("\n") == 1

@@ -1,0 +1,242 @@
+"""The hierarchy between the models against closed forms: orders, distances, Definition 1, counterexamples."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize_scalar
+
+import rungwise as rw
+from rungwise.hierarchy.limits import INDEPENDENT, TENDS, Fit, exponent
+from rungwise.hierarchy.matching import damping_ratio, matched, restitution
+
+STARTS, ENDS = 1.5, 1.58
+"""When finger 1 meets the part at v1 = 1, and a time before finger 2 does."""
+EXTENT = 2.0
+
+
+@pytest.fixture(scope="module")
+def pushed() -> rw.Scene:
+    """The two-finger scene without conditions, on a palm whose viscous drag on the part is `support`."""
+    data = rw.load("two_finger").file.model_dump(mode="json") | {"goal": None, "doomed": None, "task": None}
+    data["parameters"]["support"] = {"default": 0.0, "range": [0.0, 1e6]}
+    data["bodies"]["part"]["coordinates"]["x3"]["damping"] = "support"
+    return rw.load(data)
+
+
+def compared(scene: rw.Scene, model: str | None = None, **parameters: float) -> rw.Comparison:
+    given = {"v2": 0.6, "mu": 0.0, **parameters}
+    return rw.compare(scene, model, parameters=given, samples=0, duration=ENDS)
+
+
+def fits(found: rw.Comparison, richer: rw.Rung, simpler: rw.Rung) -> tuple[Fit, ...]:
+    return next(
+        each.fits for each in found.pairs if (each.pair.richer, each.pair.simpler) == (richer, simpler)
+    )
+
+
+def of(found: rw.Comparison, richer: rw.Rung, simpler: rw.Rung) -> Any:
+    return next(each for each in found.pairs if (each.pair.richer, each.pair.simpler) == (richer, simpler))
+
+
+def test_restitution_of_a_damping_ratio() -> None:
+    assert restitution(0.0) == 1.0 and restitution(1.0) == pytest.approx(math.exp(-2.0))
+    assert restitution(1.0 - 1e-9) == pytest.approx(restitution(1.0 + 1e-9), rel=1e-6)
+    for bounce in (1e-3, 0.1, 0.5, 0.99, 1.0):
+        assert restitution(damping_ratio(bounce)) == pytest.approx(bounce)
+    # The threshold of the two-finger grasp on damped contacts is that of impacts with this restitution.
+    assert 1.0 / (1.5 + 0.5 / (1.0 + restitution(1e4 / (2.0 * math.sqrt(2e6))))) == pytest.approx(
+        0.50218, abs=2e-5
+    )
+
+
+def test_what_is_matched() -> None:
+    scene = rw.load("two_finger")
+    for given in ({"damping": 1e3}, {"restitution": 0.4}):
+        found = matched(scene, scene.parameters(given), 4.0)
+        records = found.scene.bind(found.parameters).records.contacts[0]
+        # One face at 45 degrees on a mass of 1 that slides along the palm: a mass of 2 along the normal.
+        ratio = records["damping"] / (2.0 * math.sqrt(2.0 * records["stiffness"]))
+        assert records["restitution"] == pytest.approx(restitution(float(ratio)))
+    push = rw.load("push")
+    weighed = matched(push, push.parameters(), 5.0)
+    body = weighed.scene.bind(weighed.values(rw.KINEMATIC)).records.bodies[1]
+    ratio = float(push.bind().records.supports[0]["ratio"])
+    assert body["inertia"] / body["mass"] == pytest.approx(ratio**2)
+    body = weighed.scene.bind(weighed.values(rw.DYNAMIC_RIGID)).records.bodies[1]
+    assert body["inertia"] / body["mass"] == pytest.approx((0.1**2 + 0.1**2) / 12.0)
+
+
+def test_order_in_inertia_is_one_on_supports_with_damping() -> None:
+    """A finger on a spring, which drags itself and a block through a medium."""
+    servo = {"kind": "servo", "stiffness": 4.0, "damping": 0.5, "target": 0.5}
+    finger = {
+        "role": "robot",
+        "mass": 0.5,
+        "shape": {"kind": "disc", "radius": 5.0},
+        "pose": {"x": -6.0},
+        "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"damping": 1.0, "drive": servo}},
+    }
+    block = {
+        "role": "object",
+        "mass": 1.0,
+        "shape": {"kind": "box", "width": 2.0, "height": 2.0},
+        "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"damping": 2.0}},
+    }
+    scene = {"name": "damped", "bodies": {"finger": finger, "block": block}, "duration": 0.1, "step": 1e-3}
+    scene |= {"contacts": [{"between": ["finger", "block"], "stiffness": 50.0, "damping": 10.0}]}
+    found = rw.compare(scene, "dynamic-rigid", samples=0)
+    (fit,) = fits(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)
+    assert fit.verdict == TENDS, fit
+    assert fit.order == pytest.approx(1.0, abs=0.05) and fit.error < 0.05
+
+
+def test_orders_in_stiffness(pushed: rw.Scene) -> None:
+    """K^-1/2 at a fixed damping ratio (0.3) and undamped, 1/K with damping in proportion."""
+    found = compared(pushed, "dynamic-compliant", damping=0.3 * 2.0 * math.sqrt(2e6))
+    ratio, _, undamped = fits(found, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID)
+    assert ratio.order == pytest.approx(0.5, abs=0.02) and ratio.verdict == TENDS
+    assert undamped.order == pytest.approx(0.5, abs=0.02) and undamped.verdict == TENDS
+    assert max(ratio.error, undamped.error) < 0.02
+    damped = compared(pushed, "dynamic-compliant", damping=1e4)
+    _, proportional, _ = fits(damped, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID)
+    assert proportional.order == pytest.approx(1.0, abs=0.05) and proportional.verdict == TENDS
+
+
+def test_frictionless_palm_is_reported_as_the_exception() -> None:
+    """Prescribed speeds and nothing that resists: the dynamic run does not depend on M."""
+    found = rw.compare("two_finger", "dynamic-rigid", parameters={"v2": 0.7, "restitution": 0.5}, samples=0)
+    pair = of(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)
+    assert pair.fits[0].verdict == INDEPENDENT and pair.verdict == "fails" and not found.ok
+    example = next(each for each in found.counterexamples if "dynamic-rigid -> quasistatic" in each.words)
+    fast, slow = example.replay()
+    assert fast.model.inertia == pytest.approx(1e-5)
+    times = np.linspace(0.5, 1.0, 31)[1:] * example.richer.duration
+    places = [
+        np.interp(times, run.trajectory.time, run.trajectory.position.sel(coordinate="part.x3"))
+        for run in (fast, slow)
+    ]
+    away = np.abs(places[1] - places[0]).max() / EXTENT
+    assert away == pytest.approx(example.distance, rel=0.02)
+
+
+@pytest.mark.parametrize("bounce", [0.25, 0.5])
+def test_distance_of_a_bounce_from_the_slowest_motion(pushed: rw.Scene, bounce: float) -> None:
+    """The part goes ahead of the finger at (1 + e) v1, and at v1 in the slowest motion."""
+    found = compared(pushed, "quasistatic-rigid", restitution=bounce)
+    same = of(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID).nearest.same
+    assert same == pytest.approx([bounce * (ENDS - STARTS) / EXTENT], rel=2e-3)
+    assert of(found, rw.QUASISTATIC_RIGID, rw.KINEMATIC).nearest.same == pytest.approx([0.0], abs=1e-9)
+
+
+def test_definition_1_where_nothing_can_follow(pushed: rw.Scene) -> None:
+    """At mu >= 1 fingers stick: no input of the quasistatic rung moves the part, that of the kinematic rung
+    moves by v1 (t - 1.5)."""
+    found = compared(pushed, "kinematic", mu=2.0)
+    pair = of(found, rw.QUASISTATIC_RIGID, rw.KINEMATIC)
+    assert pair.verdict == "fails" and not found.ok
+    assert pair.nearest.value == pytest.approx((ENDS - STARTS) / EXTENT, rel=1e-4)
+    (example,) = found.counterexamples
+    stuck, moved = example.replay()
+    assert stuck.final["part"]["x3"] == pytest.approx(0.0, abs=1e-6)
+    assert moved.final["part"]["x3"] == pytest.approx(ENDS - STARTS, rel=1e-3)
+
+
+def test_definition_1_where_another_input_comes_nearest() -> None:
+    """A force pulls a mass through a medium: x = u/d t without inertia, u/d (t - tau (1 - exp(-t/tau))) with
+    it. The constant u that stays nearest to a given v is that of a search in one number."""
+    mass, drag = 0.1, 1.0
+    slider = {
+        "role": "robot",
+        "mass": mass,
+        "shape": {"kind": "disc", "radius": 1.0},
+        "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"damping": drag, "drive": {"kind": "force", "force": "pull"}}},
+    }
+    scene = {"name": "pulled", "bodies": {"slider": slider}, "duration": 1.0, "step": 1e-3}
+    scene |= {"parameters": {"pull": {"default": 1.0, "range": [0.0, 10.0]}}}
+    found = rw.compare(scene, "dynamic-rigid", samples=5)
+    near = of(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID).nearest
+    times, tau = np.arange(1, 61) / 60.0, mass / drag
+    lags = times - tau * (1.0 - np.exp(-times / tau))
+
+    def away(u: float, v: float) -> float:
+        return float(np.abs(v * times - u * lags).max()) / drag / found.extent
+
+    pulls = found.samples[:, 0]
+    assert near.same == pytest.approx([away(v, v) for v in pulls], rel=1e-2)
+    best = [
+        minimize_scalar(away, bounds=(0.5, 1.5), args=(v,), options={"xatol": 1e-9}, method="bounded").fun
+        for v in pulls
+    ]
+    searched = near.least < near.same
+    assert searched.sum() >= 3
+    for least, exact in zip(near.least[searched], np.array(best)[searched], strict=True):
+        assert 0.99 * exact <= least <= 1.05 * exact
+    (fit,) = fits(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)
+    assert fit.order == pytest.approx(1.0, abs=0.05)
+
+
+def test_answer_is_data_from_which_runs_can_be_repeated(pushed: rw.Scene) -> None:
+    found = compared(pushed, "kinematic", mu=2.0)
+    told = json.loads(json.dumps(found.summary()))
+    assert told["ok"] is found.ok is False and told["pairs"][0]["verdict"] == "fails"
+    example = told["counterexamples"][0]
+    scene = rw.load(example["scene_file"])
+    ends = []
+    for side in (example["richer"], example["simpler"]):
+        run = rw.simulate(
+            scene, side["model"], parameters=side["parameters"], inputs=side["inputs"] or None,
+            duration=side["duration"], tol=side["tol"], theta=side["theta"],
+        )  # fmt: skip
+        ends.append(run.final["part"]["x3"])
+    assert abs(ends[1] - ends[0]) / told["extent"] == pytest.approx(example["distance"], rel=1e-3)
+
+
+def test_answer_does_not_depend_on_threads_and_is_short(pushed: rw.Scene) -> None:
+    one, two = (
+        rw.compare(pushed, "kinematic", samples=3, seed=4, duration=ENDS, threads=threads)
+        for threads in (1, 2)
+    )
+    assert one.summary() == two.summary()
+    assert len(repr(one)) < 500 and "from" in str(one) and max(map(len, str(one).splitlines())) <= 110
+
+
+def test_cheapest_stage(pushed: rw.Scene) -> None:
+    """All rungs move alike where the part is pushed slowly against drag, and the bounce is small."""
+    found = compared(pushed, "kinematic", support=50.0)
+    assert found.cheapest is not None and found.cheapest.distance <= found.accuracy
+    enough = [cost for cost in found.costs if cost.distance <= found.accuracy]
+    assert found.cheapest.solves == min(cost.solves for cost in enough)
+
+
+def test_exponent_and_its_error() -> None:
+    x = 10.0 ** np.arange(0.0, -4.0, -1.0)
+    assert exponent(x, 3.0 * x**0.5) == pytest.approx((0.5, 0.0), abs=1e-12)
+    assert all(math.isnan(each) for each in exponent(x[:2], x[:2]))
+    y = np.array([0.1, -0.1, -0.1, 0.1])  # no slope over evenly spaced points; residuals of 0.01 each
+    slope, error = exponent(x, x * np.exp(y))
+    assert slope == pytest.approx(1.0) and error == pytest.approx(
+        math.sqrt(0.04 / 2 / (5 * math.log(10) ** 2))
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"model": "geometric"}, "model: the geometric rung"),
+        ({"accuracy": 0.0}, "accuracy: must be a number in 1e-6..1"),
+        ({"samples": -1}, "samples: must be a whole number"),
+        ({"duration": 0.0}, "time: must be a finite number greater than 0"),
+        ({"parameters": {"v3": 1.0}}, "parameters: unknown 'v3'"),
+    ],
+)
+def test_wrong_input_is_one_line(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(rw.InputError, match=words):
+        rw.compare("two_finger", **options)
