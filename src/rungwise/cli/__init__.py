@@ -11,8 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rungwise.cli import check, design, doomed, models, plan, scenes, sets, sim, solve, verify, view
-from rungwise.cli import check, compare, doomed, models, plan, scenes, sets, sim, solve, verify, view
+from rungwise.cli import check, compare, design, doomed, models, plan, scenes, sets, sim, solve, verify, view
 from rungwise.cli.terminal import INTERRUPTED, refuse, show
 
 app = typer.Typer(
@@ -23,8 +22,7 @@ app = typer.Typer(
 )
 for _command in (
     models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
-    design.design, solve.solve, view.view,
-    compare.compare, solve.solve, view.view,
+    design.design, compare.compare, solve.solve, view.view,
 ):  # fmt: skip
     app.command()(_command)
 
