@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.outcome import Outcome
 from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
@@ -143,6 +144,13 @@ def clip(source: Run | str | Path) -> Clip:
     return of_trajectory(scene, summary["parameters"], data)
 
 
+def _told(attributes: Mapping[str, Any]) -> str:
+    """Why the run ended; of a goal without the next rung, which runs side by side show."""
+    if attributes.get("outcome") == Outcome.GOAL:
+        return Outcome.GOAL.meaning
+    return str(attributes.get("reason", ""))
+
+
 def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
     """Clip of a run's recorded frames (see `trajectory.dataset`)."""
     bound = scene.bind(parameters)
@@ -155,7 +163,7 @@ def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Da
         scene=scene.name,
         model=data.attrs["model"],
         outcome=data.attrs.get("outcome", ""),
-        reason=data.attrs.get("reason", ""),
+        reason=_told(data.attrs),
         parameters=dict(parameters),
         bodies=template.bodies,
         roles=tuple(scene.file.bodies[name].role for name in template.bodies),
