@@ -94,7 +94,7 @@ def test_pictures(run: rw.Run, found: rw.FeasibleSet, tmp_path: Path) -> None:
     invalid = rw.simulate(run.scene, run.model, parameters={"travel": 0.3})
     push = rw.load("push")
     for call, words in (
-        (lambda: rw.plot(3), "plot: must be a run, a plan or a set, not 3"),  # type: ignore[arg-type]
+        (lambda: rw.plot(3), "plot: must be a run, a plan, a set or a design, not 3"),  # type: ignore[arg-type]
         (lambda: run.plot(0), "frames: must be a whole number in 1..100, not 0"),
         (invalid.plot, "plot: the run did not begin: "),
         (rw.Plan(push, push.parameters(), reason="none").plot, "plot: there is no plan: none"),

@@ -43,7 +43,7 @@ def remarks(
 def advice(outcome: Outcome, rung: Rung, has_goal: bool) -> str:
     """The advice of an outcome, as it fits the rung and the scene."""
     if outcome is Outcome.GOAL:
-        richer = LADDER[LADDER.index(rung) + 1 :]
+        richer = LADDER[[known.name for known in LADDER].index(rung.name) + 1 :]
         return f"The next rung is {richer[0].name}." if richer else "This is the richest rung."
     if outcome is Outcome.TIMEOUT and has_goal:
         return "Give more time (--time)."
