@@ -118,13 +118,13 @@ def test_what_never_runs_is_never_compiled(run: Run, tmp_path: Path) -> None:
     assert any("seldom" in file.name for file in kept(tmp_path))
 
 
-@pytest.mark.parametrize("harm", [Path.unlink, lambda file: os.truncate(file, file.stat().st_size // 2)])
-def test_each_file_of_the_cache_may_be_lost_or_cut_off(
-    run: Run, tmp_path: Path, harm: Callable[[Path], None]
-) -> None:
+def test_files_of_the_cache_may_be_lost_or_cut_off(run: Run, tmp_path: Path) -> None:
     run(USE)
-    for file in kept(tmp_path):
-        harm(file)
+    for number, file in enumerate(kept(tmp_path)):
+        if number % 2:
+            file.unlink()
+        else:
+            os.truncate(file, file.stat().st_size // 2)
         assert run(USE) == ["6.0", "-8.0"]
 
 

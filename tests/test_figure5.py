@@ -109,7 +109,7 @@ def test_command_prints_and_draws(
     figure5: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr(figure5, "SCANNED", 12)
+    monkeypatch.setattr(figure5, "SCANNED", 8)
     monkeypatch.setattr(figure5, "BISECTIONS", 4)
     assert figure5.main(["--tol", "0.05", "--out", str(tmp_path)]) == 0
     assert (tmp_path / "figure5.png").stat().st_size > 50_000

@@ -61,9 +61,9 @@ PROBLEMS: dict[str, Callable[[np.random.Generator], rw.Problem]] = {
 def test_hopeless_problems_end_within_the_work_that_is_allowed(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A thirtieth of what is allowed otherwise; beyond it go only factors that were begun, and the first few
+    """A hundredth of what is allowed otherwise; beyond it go only factors that were begun, and the first few
     of the interior point method."""
-    allowed, made = LIMIT / 30, list[Work]()
+    allowed, made = LIMIT / 100, list[Work]()
     monkeypatch.setattr(SOLVE, "Work", lambda: made.append(Work(allowed)) or made[-1])
     problem = PROBLEMS[name](np.random.default_rng(1))
     found = rw.solve(problem)

@@ -77,7 +77,7 @@ def is_bound_or_refused(source: Any) -> None:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(COMMON, max_examples=60)
+@settings(COMMON, max_examples=30)
 @given(data=st.data())
 def test_changed_scenes(name: str, data: st.DataObject) -> None:
     scene = copy.deepcopy(SCENES[name])
@@ -87,14 +87,14 @@ def test_changed_scenes(name: str, data: st.DataObject) -> None:
     is_bound_or_refused(scene)
 
 
-@settings(COMMON, max_examples=150)
+@settings(COMMON, max_examples=75)
 @given(values)
 def test_anything(value: Any) -> None:
     is_bound_or_refused(value if not isinstance(value, str) else {value: value})
 
 
 @pytest.mark.parametrize("name", TEXTS)
-@settings(COMMON, max_examples=60)
+@settings(COMMON, max_examples=30)
 @given(data=st.data())
 def test_changed_text(name: str, data: st.DataObject, tmp_path: Path) -> None:
     text = bytearray(TEXTS[name])
@@ -140,7 +140,7 @@ def test_changed_text(name: str, data: st.DataObject, tmp_path: Path) -> None:
     is_bound_or_refused(path)
 
 
-@settings(COMMON, max_examples=150)
+@settings(COMMON, max_examples=75)
 @given(
     st.binary(max_size=40)
     | st.text(alphabet="ab01:-?{}[],&*!|>%'\"#~<=. \n\t\\", max_size=40).map(str.encode)

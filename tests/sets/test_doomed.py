@@ -117,7 +117,7 @@ def test_two_fingers_and_the_rule_of_the_scene() -> None:
     they do so between its ends iff x1 can be between 1 and 1.6 there."""
     found = rw.doomed_set(
         "two_finger", rw.KINEMATIC, ("x1", "x2", "x3"), {"v1": (0.5, 1.0), "v2": (0.5, 1.0)},
-        box={"x3": (-1.6, 1.6)}, cells=(24, 24, 40), parameters={"offset": 0.3}, threads=1,
+        box={"x3": (-1.6, 1.6)}, cells=(18, 18, 30), parameters={"offset": 0.3}, threads=1,
     )  # fmt: skip
     points = states(found)
     x1, x2, x3 = points.T

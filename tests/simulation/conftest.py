@@ -47,11 +47,11 @@ def captured(scene: rw.Scene, model: rw.Rung, r: float, v1: float = 1.0, **optio
 
 
 def threshold(scene: rw.Scene, model: rw.Rung, low: float, high: float, **options: Any) -> float:
-    """The ratio between `low` (missed) and `high` (captured) where capture begins, by bisection to 1e-5."""
+    """The ratio between `low` (missed) and `high` (captured) where capture begins, by bisection to 4e-5."""
     assert not captured(scene, model, low, **_fresh(options)) and captured(
         scene, model, high, **_fresh(options)
     )
-    while high - low > 1e-5:
+    while high - low > 4e-5:
         middle = 0.5 * (low + high)
         if captured(scene, model, middle, **_fresh(options)):
             high = middle

@@ -129,7 +129,11 @@ def test_kinematics_knows_no_forces() -> None:
 def test_what_rests_may_wait_for_a_time(model: rw.Rung, tol: float | None) -> None:
     """A run whose inputs are spent goes on while a condition waits for the time."""
     box = {"role": "object", "shape": {"kind": "disc", "radius": 1}, "motion": {"kind": "free"}}
-    bodies = {"box": box | {"coordinates": {key: {"damping": 1.0} for key in ("x", "y", "angle")}}}
+    hand = box | {"role": "robot", "pose": {"x": 5.0}, "motion": {"kind": "slide", "axis": [1, 0]}}
+    bodies = {
+        "box": box | {"coordinates": {key: {"damping": 1.0} for key in ("x", "y", "angle")}},
+        "hand": hand | {"coordinates": {"s": {"drive": {"kind": "speed", "speed": 0.0}}}},
+    }
     still = {"name": "still", "bodies": bodies, "duration": 1.0, "step": 0.01}
     run = rw.simulate(rw.load(still | {"goal": "t >= 0.5 and abs(box.x) <= 1"}), model, tol=tol)
     assert run.outcome == "goal" and 0.5 <= run.time <= 1.0

@@ -100,7 +100,7 @@ def test_mirrored_starts_give_mirrored_runs(scene: rw.Scene, model: rw.Rung) -> 
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_every_outcome_has_a_reason_and_every_goal_is_a_closure(scene: rw.Scene, model: rw.Rung) -> None:
     rng = np.random.default_rng(17)
-    for _ in range(12):
+    for _ in range(6):
         parameters = {
             "v2": float(np.exp(rng.uniform(-1.0, 1.0))),
             "mu": float(rng.uniform(0.0, 1.2)),

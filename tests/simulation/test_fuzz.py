@@ -59,7 +59,7 @@ def numbers(part: Any) -> list[tuple[Any, Any]]:
 
 
 @pytest.mark.parametrize("name", SCENES)
-@settings(deadline=None, derandomize=True, max_examples=60, suppress_health_check=list(HealthCheck))
+@settings(deadline=None, derandomize=True, max_examples=30, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_changed_numbers(name: str, data: st.DataObject) -> None:
     content = copy.deepcopy(SCENES[name])

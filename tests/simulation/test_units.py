@@ -165,7 +165,7 @@ def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
         assert not differing(here, there), units
 
 
-@pytest.mark.parametrize("first", range(0, 80, 20))
+@pytest.mark.parametrize("first", range(0, 40, 20))
 def test_random_scenes(first: int) -> None:
     for number in range(first, first + 20):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 1])
@@ -204,7 +204,7 @@ def apart(one: dict[str, Any], two: dict[str, Any]) -> float:
 def test_powers_of_ten() -> None:
     """In units near one, which round every number but hide nothing, a run shows what rounding does to it."""
     settled = 0
-    for number in range(0, 200, 16):
+    for number in range(0, 200, 32):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 2])
         model = MOVING[number % len(MOVING)]
         here = recorded(taken(scene, model, None, Units()), Units())
@@ -218,7 +218,7 @@ def test_powers_of_ten() -> None:
             model.name,
             units,
         )
-    assert settled > 9
+    assert settled > 4
 
 
 @pytest.mark.parametrize("model", MOVING, ids=str)

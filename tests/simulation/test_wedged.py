@@ -7,7 +7,7 @@ import pytest
 
 import rungwise as rw
 
-SAMPLES = 60
+SAMPLES = 25
 TOL = 7.071067811865475e-05
 START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
 
@@ -33,7 +33,7 @@ def test_wedged_boxes_end_rollouts() -> None:
         "push", "quasistatic-rigid", inputs=heading, durations=[1.346, 6.0], parameters=START | posts,
         tol=TOL, threads=1,
     )  # fmt: skip
-    compare(found, 20)
+    compare(found, 8)
 
 
 def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long() -> None:
