@@ -67,8 +67,8 @@ def test_sensitivities_of_a_push_are_the_differences_of_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     example = script("examples/sensitivity.py", monkeypatch)
-    monkeypatch.setattr(example, "STEP", 2.0 * example.STEP)
-    monkeypatch.setattr(example, "STEPS", example.STEPS // 2)
+    monkeypatch.setattr(example, "STEP", 3.0 * example.STEP)
+    monkeypatch.setattr(example, "STEPS", example.STEPS // 3)
     assert example.main(["--json"], models=(rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)) == 0
     rigid, compliant = json.loads(capsys.readouterr().out)["rows"]
     assert rigid["derivatives"] == pytest.approx([1.5, 0.0, 0.0], abs=1e-9)
@@ -263,8 +263,8 @@ def test_painleves_rod_has_no_acceleration_beyond_its_closed_form(
 
 def test_painleves_rod_has_one_or_three_steps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     rod = script("examples/painleve.py", monkeypatch)
-    for degrees in (20.0, 45.0, 63.0, 80.0):
-        for mu in (0.3, 1.35, 1.4, 1.7, 2.5):
+    for degrees in (20.0, 63.0):
+        for mu in (0.3, 1.35, 1.7, 2.5):
             pressed, rising = (rod.Rod(math.radians(degrees), mu, rises) for rises in (False, True))
             assert rod.number(pressed.step()) == 1
             assert rod.number(rising.step()) == (3 if rising.stops() else 1)

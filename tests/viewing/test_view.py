@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 import rungwise as rw
 from rungwise.cli import app
+from rungwise.viewing import strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
 
@@ -102,9 +103,13 @@ def test_file_of_a_long_run_stays_below_five_megabytes(touches: int, thinned: bo
     assert time[0] == 0.0 and time[-1] == np.float32(made.time[-1])
 
 
-def test_view_writes_all_three_kinds(tmp_path: Path, runs: list[rw.Run]) -> None:
+def test_view_writes_all_three_kinds(
+    tmp_path: Path, runs: list[rw.Run], monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip("matplotlib")
     from PIL import Image
+
+    monkeypatch.setattr(strip.save_gif, "__defaults__", (10, 5.0))
 
     files = rw.view(
         runs[:2],
@@ -116,7 +121,7 @@ def test_view_writes_all_three_kinds(tmp_path: Path, runs: list[rw.Run]) -> None
     assert [file.suffix for file in files] == [".html", ".png", ".gif"]
     assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["run.gif", "run.html", "run.png"]
     with Image.open(tmp_path / "run.gif") as picture:
-        assert picture.n_frames == 60
+        assert picture.n_frames == 10
     with Image.open(tmp_path / "run.png") as picture:
         pixels = np.asarray(picture.convert("RGB"), int)
     for colour in ((0x00, 0x72, 0xB2), (0xD5, 0x5E, 0x00), (0xD5, 0xE3, 0xF2)):  # both models, the part
