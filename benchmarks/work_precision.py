@@ -5,8 +5,9 @@
 Each scene runs without its conditions, up to 98 % of the time at which the first of its rungs ends
 with them. The error is the greatest difference of a coordinate at the end, angles times the longest lever,
 over the scene's extent. The observed order is that of errors over solves. The last tables are of the slow
-pushes, on which all rungs pass the same modes: solves for a given error, and the cost of each rung beside the
-rung above it in richness, at equal error; solves and time are interpolated between tolerances.
+pushes, on which all rungs pass the same modes: solves for a given error in sizes of the part that is pushed,
+and the cost of each rung beside the rung above it in richness, at equal error; solves and time are
+interpolated between tolerances.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ SHIPPED: dict[str, dict[str, float]] = {
 """Scenes, and their parameters where these are not the defaults."""
 AT = (1e-3, 1e-4, 1e-5, 1e-6)
 SLOW = ("drag", "push")
+SIZE = 0.2
+"""Width of the part in both."""
 PART = 0.98
 
 
@@ -49,6 +52,7 @@ class Row:
     solves: int
     microseconds: float
     error: float
+    extent: float
 
 
 def drag() -> rw.Scene:
@@ -100,7 +104,7 @@ def measure(
         runs = [run(tol) for _ in range(repeats)]
         error = float(np.abs(end(runs[0]) - reference).max()) / extent
         least = 1e6 * min(done.wall_s for done in runs)
-        rows.append(Row(scene.name, model.name, tol, runs[0].steps, runs[0].solves, least, error))
+        rows.append(Row(scene.name, model.name, tol, runs[0].steps, runs[0].solves, least, error, extent))
     return rows
 
 
@@ -114,9 +118,10 @@ def order(rows: Sequence[Row]) -> float:
 
 
 def cost(rows: Sequence[Row], error: float, what: str) -> float:
-    """Solves or time for an error, by interpolation of logarithms; nan outside the errors measured."""
+    """Solves or time for an error in sizes of the part, by interpolation of logarithms; nan outside the
+    errors measured."""
     rows = sorted((row for row in rows if row.error > 0.0), key=lambda row: row.error)
-    known = np.log([row.error for row in rows])
+    known = np.log([row.error * row.extent / SIZE for row in rows])
     values = np.log([float(getattr(row, what)) for row in rows])
     found = np.interp(math.log(error), known, values, left=math.nan, right=math.nan) if rows else math.nan
     return math.exp(found)

@@ -22,7 +22,7 @@ from rungwise.simulation.planar.nearby import fastest_pair, gather, swing, widen
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.place import turns
 
-ONSET = 0.05
+ONSET = 0.2
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
 """A step that should end at a contact ends a little short of it: the impact belongs to the next step."""
@@ -125,7 +125,7 @@ def _take_once(
 def _next(control: RecordArray, error: float, h: float, following: float) -> float:
     """The step to try after one of length h with this error, as the step is or, where it is too coarse,
     again."""
-    factor = min(max(0.9 * math.sqrt(control[0].error / error), 0.1), 4.0) if error > 0.0 else 4.0
+    factor = min(max(0.9 * math.sqrt(control[0].error / error), 0.1), 8.0) if error > 0.0 else 8.0
     if error > control[0].error:
         return min(factor, 0.5) * h
     return max(following, factor * h) if factor > 1.0 else factor * h

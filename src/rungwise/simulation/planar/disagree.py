@@ -12,7 +12,7 @@ from rungwise.simulation.planar.attempt import join
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.seams import mode_before
-from rungwise.system.terms import INERTIA
+from rungwise.system.terms import APART, INERTIA, SUPPORT
 
 AHEAD = 0.1
 """How long an error of velocity acts, as a part of the longest step."""
@@ -40,6 +40,7 @@ def disagreement(
         _keep_joints_closed(workspace, change)
     if later > 0.0:
         _keep_contacts(rung, h, workspace, change)
+        _keep_until_rest(rung, 2.0 * h, later, workspace, change)
     for i in range(state.q.shape[0]):
         lever = swing(records, state, i)
         worst = max(worst, lever * abs(state.q[i] - whole.q[i]))
@@ -99,6 +100,36 @@ def _keep_contacts(rung: RecordArray, h: float, workspace: Workspace, change: Re
         for r in range(clock.drives, clock.limited):
             if math.isinf(terms.limit[r]) and math.isinf(terms.gains[r, 0]):
                 _keep_row(h, math.inf, terms.limited[r], workspace, change)
+
+
+@rare_kernel
+def _keep_until_rest(rung: RecordArray, h: float, later: float, workspace: Workspace, change: Reals) -> None:
+    """Scale the changes of velocity that dry friction ends, so that they act for no longer than it takes to
+    stop what it holds from its present speed, |s| / (F S M^-1 S^T - loads), and for a step of length h."""
+    clock, terms, v = workspace.state.clock[0], workspace.terms, workspace.state.v
+    first = 0
+    while first < clock.drives:
+        last = first + 1
+        while last < clock.drives and terms.surface[last] == terms.surface[first] != APART:
+            last += 1
+        if terms.account[first] == SUPPORT:
+            pace, slowing = 0.0, math.inf
+            for r in range(first, last):
+                rate, ease, load = 0.0, 0.0, 0.0
+                for i in range(v.shape[0]):
+                    rate += terms.limited[r, i] * v[i]
+                    ease += terms.limited[r, i] ** 2 / (rung[0].inertia * terms.inertia[i, i])
+                    load += abs(terms.limited[r, i] * terms.fall[i])
+                pace += rate * rate
+                slowing = min(slowing, terms.limit[r] * ease - load / rung[0].inertia)
+            if slowing * later > math.sqrt(pace):
+                acts = min(1.0, (math.sqrt(pace) / slowing + h) / later)
+                for i in range(v.shape[0]):
+                    for r in range(first, last):
+                        if terms.limited[r, i] != 0.0:
+                            change[i] *= acts
+                            break
+        first = last
 
 
 @kernel
