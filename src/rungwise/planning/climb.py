@@ -26,7 +26,7 @@ from rungwise.planning.geometric import needs_forces
 from rungwise.planning.improve import better, cost_of
 from rungwise.planning.lay import Course
 from rungwise.planning.lift import HELD, Before, Found, Work, begin, known, laid, on_stage
-from rungwise.planning.placed import in_the_way, nowhere, place, put, untouched
+from rungwise.planning.placed import NOTHING, in_the_way, nowhere, place, put, untouched
 from rungwise.planning.plan import Plan, Record, installed
 from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.robust import made_robust
@@ -92,6 +92,9 @@ def plan(
         on_progress: called with a line on what is done now. Ctrl-C ends the search and keeps the plan of
             the last stage that was finished, with a reason; it is raised again where there is none.
 
+    Stages on which nothing was found are left out; the first plan of a later stage is replayed on them, and
+    the diagnosis says why it fails there.
+
     Returns a plan; where none was found, `found` is false and `reason` says what is known. Raises SceneError,
     TaskError and ScheduleOfStagesError for wrong input.
     """
@@ -114,12 +117,17 @@ def plan(
         return replace(found, reason=why)
     if initial is not None:
         found = replace(found, moves=initial.moves, waypoints=initial.waypoints, stage=initial.stage)
-    finished = False
+    finished, failed = False, list[Stage]()
     try:
         for stage in chosen:
             tell(f"{stage}: {'lifting' if len(found.moves) else 'planning'}")
+            told = found.found
             with work.budget.part(1.0 if stage.model == chosen[-1].model else SHARE):
                 found = _take_stage(work, found, stage)
+            if found.found and found.segments:
+                found, failed = _explained(work, found, failed), []
+            elif stage.model.moves and not told and found.records[-1].how == NOTHING:
+                failed.append(stage)
             if not work.budget.left:
                 break
         if found.found and found.stage != chosen[-1]:
@@ -191,6 +199,12 @@ def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
         blocked = in_the_way(work) if before.stage is None else ""
         return replace(found, reason=f"{stage}: {how}. {known(work)}{blocked and '; ' + blocked}")
     return _put(work, found, stage, lifted)
+
+
+def _explained(work: Work, found: Plan, failed: Sequence[Stage]) -> Plan:
+    """The first plan, with what becomes of it on the stages before on which nothing was found."""
+    told = [each for stage in failed for each in _diagnosis(work, found, stage)]
+    return replace(found, diagnosis=(*found.diagnosis, *told))
 
 
 def _left_out(work: Work, stage: Stage) -> str:
