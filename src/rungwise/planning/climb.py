@@ -130,6 +130,8 @@ def plan(
                 failed.append(stage)
             if not work.budget.left:
                 break
+        if not found.found and found.stage is None:
+            found = _blocked(work, found)
         if found.found and found.stage != chosen[-1]:
             found = replace(
                 found, reason=f"{chosen[-1]}: was not reached; the plan holds on {found.stage}. {known(work)}"
@@ -187,7 +189,7 @@ def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
         record = Record(str(stage), placed.how, 0, clock.perf_counter() - began)
         found = replace(before, records=(*before.records, record))
         if not len(placed.way):
-            return replace(found, reason=f"{stage}: {in_the_way(work, placed) or placed.how}")
+            return replace(found, reason=f"{stage}: {placed.how}")
         return put(found, stage, placed)
     lifted, how = on_stage(work, stage, _to_lift(before))
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
@@ -196,8 +198,7 @@ def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
     if before.found and (how != HELD or lifted is None or _drifts(work, before, lifted.course)):
         found = replace(found, diagnosis=(*found.diagnosis, *_diagnosis(work, before, stage)))
     if lifted is None:
-        blocked = in_the_way(work) if before.stage is None else ""
-        return replace(found, reason=f"{stage}: {how}. {known(work)}{blocked and '; ' + blocked}")
+        return replace(found, reason=f"{stage}: {how}. {known(work)}")
     return _put(work, found, stage, lifted)
 
 
@@ -205,6 +206,15 @@ def _explained(work: Work, found: Plan, failed: Sequence[Stage]) -> Plan:
     """The first plan, with what becomes of it on the stages before on which nothing was found."""
     told = [each for stage in failed for each in _diagnosis(work, found, stage)]
     return replace(found, diagnosis=(*found.diagnosis, *told))
+
+
+def _blocked(work: Work, found: Plan) -> Plan:
+    """No plan, with what is in the way of the bodies."""
+    blocked, reason = in_the_way(work), found.reason
+    if not blocked:
+        return found
+    bare = reason.removesuffix(NOTHING)
+    return replace(found, reason=f"{bare}{blocked}" if bare != reason else f"{reason}; {blocked}")
 
 
 def _left_out(work: Work, stage: Stage) -> str:

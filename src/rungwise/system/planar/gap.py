@@ -129,7 +129,8 @@ def _stays(old: int, new: int, a: Record, b: Record, outline: Reals) -> bool:
     """Whether two features are one contact: equal, or the same end of the stretch where two faces meet.
 
     Where the faces end together, rounding decides whose vertex is over the other's edge, and between rounded
-    shapes the two vertices there are closest for a while.
+    shapes the two vertices there are closest for a while. A rounded vertex that goes over the end of an edge,
+    round the corner there, stays one contact.
     """
     if old == ABSENT or new == ABSENT:
         return False
@@ -159,13 +160,16 @@ def _end_together(shape: Record, edge: int, vertex: int, other: Record, facing: 
 
 @kernel
 def _ends_in(edge: int, vertex: int, i: int, j: int, a: Record, b: Record, outline: Reals) -> bool:
-    """Whether vertices i and j are `vertex` and an end of the edge, and the shape of `vertex` has a face
-    there that may come to lie on the edge."""
+    """Whether vertices i and j are `vertex` and an end of the edge, and one of the shapes is rounded, so that
+    the point goes over the end without a jump, or the shape of `vertex` has a face there that may come to lie
+    on the edge."""
     if vertex not in (i, j):
         return False
     corner = i if vertex == j else j
     own, other = (a, b) if a.first <= edge < a.end else (b, a)
     if corner not in (edge, next_vertex(own, edge)):
         return False
+    if a.radius > 0.0 or b.radius > 0.0:
+        return True
     before = vertex - 1 if vertex > other.first else other.end - 1
     return are_parallel(edge, vertex, outline) or are_parallel(edge, before, outline)
