@@ -179,8 +179,8 @@ def _sinks(rung: RecordArray, workspace: Workspace) -> bool:
 
 @kernel
 def _outruns(contacts: int, workspace: Workspace) -> bool:
-    """Whether a compliant contact that pushes went round a corner, and is deformed by more than bodies overlap
-    there and the error that is allowed: the step led straight on past the end of a face."""
+    """Whether a compliant contact that pushes went round a corner, and is deformed by more than bodies
+    overlap there and the error that is allowed: the step led straight on past the end of a face."""
     state, slots, allowed = workspace.state, workspace.scratch.slots, workspace.terms.low[0]
     features, before = state.manifolds.features, workspace.before.features
     for k in range(contacts):
