@@ -164,16 +164,18 @@ def _forces(axes: Axes, scene: rw.Scene) -> None:
     """The force of the rod over the place of the barb: closed form, and a run."""
     p, way = scene.parameters(), np.linspace(-2e-3, 8e-4, 1400)
     for mu, colour in ((0.0, "#0072b2"), (0.2, "#c14e00")):
-        run = pushed(scene, "quasistatic-compliant", mu=mu)
+        run = rw.simulate(scene, "quasistatic-compliant", parameters={"mu": mu}, frames=100)
         place, force = run.trajectory.position.sel(coordinate="clip.x").values, push_of(run)
         axes.plot(MM * way, opposed(way, scene, mu=mu), color=colour, label=f"closed form, mu = {mu:g}")
-        axes.plot(MM * place, force - p["drag"] * p["v"] * (force > 0.0), "o", color=colour, markersize=3)
+        touches = force > 0.0
+        force = force[touches] - p["drag"] * p["v"]
+        axes.plot(MM * place[touches], force, "o", color=colour, markersize=4)
     jam = pushed(scene, "quasistatic-rigid").final["clip"]["x"]
     axes.axvline(MM * jam, color=INK, linestyle=":", label="rigid rungs jam")
     axes.axhline(0.0, color=INK, linewidth=0.8)
     axes.set(xlim=(-2.0, 0.8), xlabel="barb beyond the noses [mm]", ylabel="force on the way in [N]")
     axes.set_title("dots: the rod's force, quasistatic-compliant", fontsize=10)
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(fontsize=8, loc="lower left")
 
 
 def table(found: dict[str, list[Row]]) -> str:
