@@ -151,7 +151,7 @@ def _is_uniform(
 ) -> bool:
     """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
     contact closed (or, where it is compliant and pushes until it opens, opened), no body in contact or with a
-    joint turns, and no contact turns about two corners that pass each other."""
+    joint turns, and no deformed contact is between two corners, where it turns as they pass each other."""
     state, kept = workspace.state, workspace.kept
     features, passes = state.manifolds.features, False
     touches = records.joints.shape[0] > 0
@@ -160,7 +160,7 @@ def _is_uniform(
         before = mode_at_start(slot, workspace)
         if state.modes[slot] != before and (rung[0].compliant or before == OPEN):
             return False
-        if slot < features.shape[0] and state.modes[slot] != OPEN:
+        if slot < features.shape[0] and state.deformation[slot, 0] != 0.0:
             passes |= max(features[slot], kept.features[slot]) >= VERTICES * VERTICES
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
