@@ -198,6 +198,22 @@ def test_guarded_moves_find_a_hole_without_chamfers(
     assert straight < 10 and guarded >= 36
 
 
+def test_a_clip_snaps_at_the_force_of_the_closed_form(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/snap.py", monkeypatch)
+    monkeypatch.setattr(example, "CASES", ((0.14, 1.0, 0.2),))
+    assert example.main(["--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    for row in found["rungs"]:
+        assert row["outcome"] == ("goal" if "force" in row else "jammed")
+        assert math.isclose(row.get("force", 1.0), row.get("foretold", 1.0), rel_tol=2e-3)
+    (row,) = found["loads"]
+    assert all(math.isclose(row[way], row[f"{way}_foretold"], rel_tol=1e-3) for way in ("in", "out"))
+    assert example.main(["--figure", str(tmp_path / "snap.png")]) == 0
+    assert (tmp_path / "snap.png").stat().st_size > 10_000
+
+
 def test_pegs_slide_and_jam_as_the_parallelogram_says(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

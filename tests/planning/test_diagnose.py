@@ -79,3 +79,23 @@ def test_kinematic_rung_differs_in_how_it_chooses_motions() -> None:
     found = rw.diagnose(PUSH, "kinematic", Q, inputs=push(0.02), parameters={"offset": 0.02})
     assert "balance" in found.causes
     assert "another motion was admissible" in str(found)
+
+
+@pytest.mark.parametrize("after", ["kinematic", Q, D])
+def test_what_snaps_because_contacts_yield_jams_without(after: str) -> None:
+    """Also against the kinematic rung, which differs in all else, too."""
+    found = rw.diagnose("snap", "quasistatic-compliant", after)
+    assert found.causes == ("compliance",) and found.body == "clip" and found.outcome == "jammed"
+    assert found.ends[1]["certificate"]["contacts"] == ["clip|lower", "clip|upper", "rod|clip"]
+    assert max(found.details["compliance"]["overlap"]) == pytest.approx(2e-4, rel=0.02)
+
+
+def test_stages_on_which_nothing_is_found_are_diagnosed() -> None:
+    """By the first plan of a later stage."""
+    stages = [(name, 1e-2) for name in ("kinematic", Q, "quasistatic-compliant", C)]
+    plan = rw.plan("snap", schedule=stages, budget=30_000)
+    assert [record.how for record in plan.records] == ["nothing found", "nothing found", "planned", "held"]
+    assert plan.found and [found.after for found in plan.diagnosis] == ["kinematic @ 0.01", f"{Q} @ 0.01"]
+    for found in plan.diagnosis:
+        assert found.before == "quasistatic-compliant @ 0.01" and found.cause == "compliance"
+        assert found.outcome == "jammed"

@@ -26,7 +26,7 @@ from rungwise.planning.geometric import needs_forces
 from rungwise.planning.improve import better, cost_of
 from rungwise.planning.lay import Course
 from rungwise.planning.lift import HELD, Before, Found, Work, begin, known, laid, on_stage
-from rungwise.planning.placed import in_the_way, nowhere, place, put, untouched
+from rungwise.planning.placed import NOTHING, in_the_way, nowhere, place, put, untouched
 from rungwise.planning.plan import Plan, Record, installed
 from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.robust import made_robust
@@ -92,6 +92,9 @@ def plan(
         on_progress: called with a line on what is done now. Ctrl-C ends the search and keeps the plan of
             the last stage that was finished, with a reason; it is raised again where there is none.
 
+    Stages on which nothing was found are left out; the first plan of a later stage is replayed on them, and
+    the diagnosis says why it fails there.
+
     Returns a plan; where none was found, `found` is false and `reason` says what is known. Raises SceneError,
     TaskError and ScheduleOfStagesError for wrong input.
     """
@@ -114,14 +117,21 @@ def plan(
         return replace(found, reason=why)
     if initial is not None:
         found = replace(found, moves=initial.moves, waypoints=initial.waypoints, stage=initial.stage)
-    finished = False
+    finished, failed = False, list[Stage]()
     try:
         for stage in chosen:
             tell(f"{stage}: {'lifting' if len(found.moves) else 'planning'}")
+            told = found.found
             with work.budget.part(1.0 if stage.model == chosen[-1].model else SHARE):
                 found = _take_stage(work, found, stage)
+            if found.found and found.segments:
+                found, failed = _explained(work, found, failed), []
+            elif stage.model.moves and not told and found.records[-1].how == NOTHING:
+                failed.append(stage)
             if not work.budget.left:
                 break
+        if not found.found and found.stage is None:
+            found = _blocked(work, found)
         if found.found and found.stage != chosen[-1]:
             found = replace(
                 found, reason=f"{chosen[-1]}: was not reached; the plan holds on {found.stage}. {known(work)}"
@@ -179,7 +189,7 @@ def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
         record = Record(str(stage), placed.how, 0, clock.perf_counter() - began)
         found = replace(before, records=(*before.records, record))
         if not len(placed.way):
-            return replace(found, reason=f"{stage}: {in_the_way(work, placed) or placed.how}")
+            return replace(found, reason=f"{stage}: {placed.how}")
         return put(found, stage, placed)
     lifted, how = on_stage(work, stage, _to_lift(before))
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
@@ -188,9 +198,23 @@ def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
     if before.found and (how != HELD or lifted is None or _drifts(work, before, lifted.course)):
         found = replace(found, diagnosis=(*found.diagnosis, *_diagnosis(work, before, stage)))
     if lifted is None:
-        blocked = in_the_way(work) if before.stage is None else ""
-        return replace(found, reason=f"{stage}: {how}. {known(work)}{blocked and '; ' + blocked}")
+        return replace(found, reason=f"{stage}: {how}. {known(work)}")
     return _put(work, found, stage, lifted)
+
+
+def _explained(work: Work, found: Plan, failed: Sequence[Stage]) -> Plan:
+    """The first plan, with what becomes of it on the stages before on which nothing was found."""
+    told = [each for stage in failed for each in _diagnosis(work, found, stage)]
+    return replace(found, diagnosis=(*found.diagnosis, *told))
+
+
+def _blocked(work: Work, found: Plan) -> Plan:
+    """No plan, with what is in the way of the bodies."""
+    blocked, reason = in_the_way(work), found.reason
+    if not blocked:
+        return found
+    bare = reason.removesuffix(NOTHING)
+    return replace(found, reason=f"{bare}{blocked}" if bare != reason else f"{reason}; {blocked}")
 
 
 def _left_out(work: Work, stage: Stage) -> str:

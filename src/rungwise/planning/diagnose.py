@@ -23,7 +23,7 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief
 from rungwise.planning.evidence import Motion, Parting, end, evidence
 from rungwise.planning.words import Told, ending, places, sentence
-from rungwise.planning.worlds import World, differing, mixed
+from rungwise.planning.worlds import BALANCE, World, differing, mixed
 from rungwise.scene import Scene, SceneError, load
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
@@ -194,7 +194,8 @@ def _least(
             if part <= CLOSES:
                 found.append((part, taken))
         if found:
-            return min(found)[1], left
+            # The kinematic rung is rigid and knows no friction: to take it changes these, too.
+            return min(found, key=lambda each: (b.model.metric and BALANCE in each[1], *each))[1], left
     return tuple(names), left
 
 

@@ -79,10 +79,10 @@ def place(work: Work, without: str = "") -> Placed:
     return Placed(way, "planned")
 
 
-def in_the_way(work: Work, placed: Placed | None = None) -> str:
+def in_the_way(work: Work) -> str:
     """Which obstacle leaves no way on the geometric rung, in a line; empty where there is a way, the rung is
-    left out, or the time is over. `placed`: what came of the rung, if it is known."""
-    if (placed or place(work)).how != NOTHING:
+    left out, or the time is over."""
+    if place(work).how != NOTHING:
         return ""
     obstacles = [name for name, body in work.task.scene.file.bodies.items() if body.role == "obstacle"]
     alone = [name for name in obstacles if len(place(work, name).way)]

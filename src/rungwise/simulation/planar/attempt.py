@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
@@ -121,7 +122,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if clock.bend > terms.low[0]:
             status = COARSE
             break
-        if rung[0].compliant and h > shortest and _sinks(rung, workspace):
+        if rung[0].compliant and h > shortest and (_sinks(rung, workspace) or _outruns(contacts, workspace)):
             status = COARSE
             break
         overlap = tolerated(rung, workspace)
@@ -172,6 +173,22 @@ def _sinks(rung: RecordArray, workspace: Workspace) -> bool:
             met = workspace.before.deformation[slot, 0] != 0.0
             yielded = max(state.deformation[slot, 0], 0.0)
             if -points[slot, GAP] > yielded + max(allowed if met else meeting, rounding):
+                return True
+    return False
+
+
+@kernel
+def _outruns(contacts: int, workspace: Workspace) -> bool:
+    """Whether a compliant contact that pushes went round a corner, and is deformed by more than bodies
+    overlap there and the error that is allowed: the step led straight on past the end of a face."""
+    state, slots, allowed = workspace.state, workspace.scratch.slots, workspace.terms.low[0]
+    features, before = state.manifolds.features, workspace.before.features
+    for k in range(contacts):
+        slot = slots[k]
+        if workspace.scratch.mode[k] != OPEN and slot < features.shape[0]:
+            goes = before[slot] != features[slot] and before[slot] != features[slot ^ 1]
+            yielded = state.deformation[slot, 0]
+            if goes and yielded > 0.0 and state.manifolds.points[slot, GAP] + yielded > allowed:
                 return True
     return False
 

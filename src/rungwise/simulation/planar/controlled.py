@@ -20,6 +20,7 @@ from rungwise.simulation.planar.memory import keep, restore
 from rungwise.simulation.planar.middle import meets
 from rungwise.simulation.planar.nearby import fastest_pair, gather, swing, widen
 from rungwise.simulation.planar.workspace import Workspace
+from rungwise.system.planar.manifold import VERTICES
 from rungwise.system.planar.place import turns
 
 ONSET = 0.2
@@ -149,15 +150,18 @@ def _is_uniform(
     records: Records, rung: RecordArray, control: RecordArray, workspace: Workspace, h: float
 ) -> bool:
     """Whether two halves of the step just taken would lead to the same place: speeds are as they were, no
-    contact closed (or, where it is compliant and pushes until it opens, opened), and no body in contact or
-    with a joint turns."""
+    contact closed (or, where it is compliant and pushes until it opens, opened), no body in contact or with a
+    joint turns, and no deformed contact is between two corners, where it turns as they pass each other."""
     state, kept = workspace.state, workspace.kept
+    features, passes = state.manifolds.features, False
     touches = records.joints.shape[0] > 0
     for slot in range(state.modes.shape[0]):
         touches |= state.modes[slot] != OPEN
         before = mode_at_start(slot, workspace)
         if state.modes[slot] != before and (rung[0].compliant or before == OPEN):
             return False
+        if slot < features.shape[0] and state.deformation[slot, 0] != 0.0:
+            passes |= max(features[slot], kept.features[slot]) >= VERTICES * VERTICES
     span = h + (AHEAD * control[0].longest if rung[0].inertia > 0.0 else 0.0)
     allowed = UNIFORM * control[0].error
     for i in range(state.v.shape[0]):
@@ -165,7 +169,7 @@ def _is_uniform(
         if lever * span * abs(state.v[i] - kept.v[i]) > allowed:
             return False
         is_angle = turns(records.bodies[records.coordinates[i].body], i)
-        if is_angle and touches and lever * h * abs(state.v[i]) > allowed:
+        if (passes or (is_angle and touches)) and lever * h * abs(state.v[i]) > allowed:
             return False
     return True
 

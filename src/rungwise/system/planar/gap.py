@@ -110,7 +110,9 @@ def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifold
     fresh, features = manifolds.fresh, manifolds.features
     if fresh[0] == features[slot] and fresh[1] == features[slot + 1]:
         return
-    if _stays(features[slot + 1], fresh[0], a, b, outline) or _stays(features[slot], fresh[1], a, b, outline):
+    if _stays(slot + 1, fresh[0], a, b, outline, manifolds) or _stays(
+        slot, fresh[1], a, b, outline, manifolds
+    ):
         features[slot], features[slot + 1] = features[slot + 1], features[slot]
         modes, deformation = manifolds.modes, manifolds.deformation
         modes[slot], modes[slot + 1] = modes[slot + 1], modes[slot]
@@ -119,29 +121,32 @@ def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifold
             deformation[slot, d] = deformation[slot + 1, d]
             deformation[slot + 1, d] = x
     for k in range(2):
-        if not _stays(features[slot + k], fresh[k], a, b, outline):
+        if not _stays(slot + k, fresh[k], a, b, outline, manifolds):
             _forget(slot + k, manifolds)
         features[slot + k] = fresh[k]
 
 
 @kernel
-def _stays(old: int, new: int, a: Record, b: Record, outline: Reals) -> bool:
-    """Whether two features are one contact: equal, or the same end of the stretch where two faces meet.
+def _stays(slot: int, new: int, a: Record, b: Record, outline: Reals, manifolds: Manifolds) -> bool:
+    """Whether the slot's feature and a new one are one contact: equal, the same end of the stretch where two
+    faces meet, or a rounded vertex that goes round the corner at the end of an edge while it is deformed.
 
     Where the faces end together, rounding decides whose vertex is over the other's edge, and between rounded
     shapes the two vertices there are closest for a while.
     """
+    old = manifolds.features[slot]
     if old == ABSENT or new == ABSENT:
         return False
     if old == new:
         return True
+    rolls = manifolds.deformation[slot, 0] != 0.0 and (a.radius > 0.0 or b.radius > 0.0)
     edge, vertex, facing, corner = old // VERTICES, old % VERTICES, new // VERTICES, new % VERTICES
     if edge >= VERTICES and facing >= VERTICES:
         return False
     if edge >= VERTICES:
-        return _ends_in(facing, corner, vertex, edge - VERTICES, a, b, outline)
+        return _ends_in(facing, corner, vertex, edge - VERTICES, a, b, outline, rolls)
     if facing >= VERTICES:
-        return _ends_in(edge, vertex, corner, facing - VERTICES, a, b, outline)
+        return _ends_in(edge, vertex, corner, facing - VERTICES, a, b, outline, rolls)
     if not are_parallel(edge, facing, outline):
         return False
     if a.first <= edge < a.end:
@@ -158,9 +163,11 @@ def _end_together(shape: Record, edge: int, vertex: int, other: Record, facing: 
 
 
 @kernel
-def _ends_in(edge: int, vertex: int, i: int, j: int, a: Record, b: Record, outline: Reals) -> bool:
-    """Whether vertices i and j are `vertex` and an end of the edge, and the shape of `vertex` has a face
-    there that may come to lie on the edge."""
+def _ends_in(
+    edge: int, vertex: int, i: int, j: int, a: Record, b: Record, outline: Reals, rolls: bool
+) -> bool:
+    """Whether vertices i and j are `vertex` and an end of the edge, and `vertex` rolls over that end or its
+    shape has a face there that may come to lie on the edge."""
     if vertex not in (i, j):
         return False
     corner = i if vertex == j else j
@@ -168,4 +175,4 @@ def _ends_in(edge: int, vertex: int, i: int, j: int, a: Record, b: Record, outli
     if corner not in (edge, next_vertex(own, edge)):
         return False
     before = vertex - 1 if vertex > other.first else other.end - 1
-    return are_parallel(edge, vertex, outline) or are_parallel(edge, before, outline)
+    return rolls or are_parallel(edge, vertex, outline) or are_parallel(edge, before, outline)
