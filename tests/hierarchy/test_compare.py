@@ -193,7 +193,7 @@ def test_answer_is_data_from_which_runs_can_be_repeated(pushed: rw.Scene) -> Non
     for side in (example["richer"], example["simpler"]):
         run = rw.simulate(
             scene, side["model"], parameters=side["parameters"], inputs=side["inputs"] or None,
-            duration=side["duration"], tol=side["tol"], theta=side["theta"],
+            duration=side["duration"], tol=side["tol"],
         )  # fmt: skip
         ends.append(run.final["part"]["x3"])
     assert abs(ends[1] - ends[0]) / told["extent"] == pytest.approx(example["distance"], rel=1e-3)

@@ -16,7 +16,7 @@ from rungwise.hierarchy.matching import matched
 from rungwise.hierarchy.motions import MOVING, Bench, measures
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
-from rungwise.hierarchy.settling import Settling, settle
+from rungwise.hierarchy.settling import Settled, settle
 from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.hierarchy.words import table
 from rungwise.kernel import Reals
@@ -80,7 +80,7 @@ class Measured:
                         "path": fit.path.words, "parameter": fit.path.name, "values": list(fit.values),
                         "distances": list(fit.distances), "floors": list(fit.floors), "order": fit.order,
                         "standard_error": fit.error, "verdict": fit.verdict, "why": fit.why,
-                        "until": fit.until, "sample": fit.sample,
+                        "until": fit.until, "sample": fit.sample, "equal_steps": fit.step is not None,
                     }
                     for fit in self.fits
                 ],
@@ -203,7 +203,7 @@ def compare(
     drawn = bench.inputs.draw(samples, rng)
     until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)
     steps.done("parameters matched")
-    runs = dict[str, Settling]()
+    runs = dict[str, Settled]()
     for rung in MOVING:
         runs[rung.name] = settle(bench, rung, drawn, until, accuracy)
         steps.done(rung.name)
@@ -238,7 +238,7 @@ def _part(accuracy: float) -> float:
 
 
 def _measure(
-    bench: Bench, pair: Pair, runs: dict[str, Settling], inputs: Reals, until: Reals, accuracy: float,
+    bench: Bench, pair: Pair, runs: dict[str, Settled], inputs: Reals, until: Reals, accuracy: float,
     rng: np.random.Generator, steps: _Steps,
 ) -> Measured:  # fmt: skip
     name, tol = f"{pair.richer.name} -> {pair.simpler.name}", PART * accuracy
@@ -253,7 +253,7 @@ def _measure(
 
 
 def _counterexamples(
-    bench: Bench, found: Measured, runs: dict[str, Settling], inputs: Reals, until: Reals
+    bench: Bench, found: Measured, runs: dict[str, Settled], inputs: Reals, until: Reals
 ) -> list[Counterexample]:
     """What shows that a definition fails: the worst input of Definition 1 where the paper claims it, and the
     end of each path that does not lead to the simpler model."""
@@ -265,8 +265,8 @@ def _counterexamples(
         shown.append(
             Counterexample(
                 f"{name}, Definition 1: the nearest motion found",
-                side(bench, pair.richer, near.inputs[k], end, tol, {}),
-                side(bench, pair.simpler, inputs[k], end, tol, {}),
+                side(bench, pair.richer, near.inputs[k], end, {}, tol),
+                side(bench, pair.simpler, inputs[k], end, {}, tol),
                 near.value, False, levers(bench), bench.matched.scene,
             )
         )  # fmt: skip
@@ -274,13 +274,13 @@ def _counterexamples(
         if each.verdict in (STAYS, INDEPENDENT):
             path, drive, bounce = each.path, inputs[each.sample], bench.matched.bouncing(each.path.bounce)
             last = max(k for k, distance in enumerate(each.distances) if distance == distance)
-            at, (tol, simple) = each.values[last], each.tols[last]
+            at, tol = each.values[last], each.tols[last]
             factors = path.factors(at) | bounce
             shown.append(
                 Counterexample(
                     f"{name}, Definition 2: {path.words}, at {path.name} = {at:g}",
-                    side(bench, path.rung(pair.richer, at), drive, each.until, tol, factors),
-                    side(bench, pair.simpler, drive, each.until, simple, bounce),
+                    side(bench, path.rung(pair.richer, at), drive, each.until, factors, tol, each.step),
+                    side(bench, pair.simpler, drive, each.until, bounce, tol, each.step),
                     each.distances[last], True, levers(bench), bench.matched.bare,
                 )
             )  # fmt: skip

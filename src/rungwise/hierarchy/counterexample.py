@@ -26,21 +26,23 @@ FORMAT = "rungwise counterexample 1"
 
 @dataclass(frozen=True)
 class Side:
-    """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and accuracy
-    (the error allowed per step)."""
+    """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and the error
+    allowed per step, or the step."""
 
     model: str
     inertia: float
     parameters: dict[str, float]
     inputs: tuple[Segment, ...]
     duration: float
-    tol: float
+    tol: float | None
+    step: float | None = None
 
     def replay(self, scene: Scene) -> Run:
         chosen = rung(self.model)
         return simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
+            step=self.step,
         )  # fmt: skip
 
 
@@ -89,6 +91,15 @@ class Counterexample:
         return target
 
 
+def saved(file: str | Path) -> bool:
+    """Whether a file says of itself that it holds a counterexample."""
+    try:
+        with Path(file).open("rb") as stream:
+            return FORMAT.encode() in stream.read(100)
+    except (OSError, ValueError):
+        return False
+
+
 @keywords
 def load_counterexample(file: str | Path) -> Counterexample:
     """A counterexample that was saved. Raises FileNotFoundError, and InputError for a file that holds
@@ -127,8 +138,9 @@ def levers(bench: Bench) -> dict[str, float]:
 
 
 def side(
-    bench: Bench, model: Rung, inputs: Reals, until: float, tol: float, parameters: dict[str, float]
-) -> Side:
+    bench: Bench, model: Rung, inputs: Reals, until: float, parameters: dict[str, float], tol: float,
+    step: float | None = None,
+) -> Side:  # fmt: skip
     """The run under inputs (k,) until a time, as data."""
     values, segments = bench.matched.values(model) | parameters, tuple[Segment, ...]()
     if bench.inputs.scheduled:
@@ -136,4 +148,6 @@ def side(
         segments = (Segment(bench.inputs.named(given["inputs"][0, 0]), until, ramp=bench.inputs.ramp),)
     else:
         values |= bench.inputs.named(inputs)
-    return Side(model.name, model.inertia, values, segments, until, tol * bench.extent)
+    return Side(
+        model.name, model.inertia, values, segments, until, None if step else tol * bench.extent, step
+    )

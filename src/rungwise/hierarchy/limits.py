@@ -3,28 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from rungwise.hierarchy.matching import DAMPING, STIFFNESS
-from rungwise.hierarchy.motions import Bench, Motions, apart, joined
-from rungwise.hierarchy.settling import Settling
-from rungwise.kernel import Ints, Reals
+from rungwise.hierarchy.motions import Bench, Motions, apart
+from rungwise.hierarchy.paths import Path
+from rungwise.hierarchy.walking import BUDGET, FLOOR, LEVELS, Walk
+from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
-LEVELS = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
-"""Error allowed per step of runs along a path, as a part of the extent: the next where distances need it."""
-BUDGET = 20_000
-"""Most steps of one run along a path."""
 QUICK = 3000
 """Most steps of one run that helps to choose the inputs."""
-FLOOR = 10.0
-"""Distances below so many times the errors of both runs say nothing."""
-ROUNDING = 1e-11
-"""Errors of runs are not taken to be less than this, whatever is seen of them."""
 ALIKE = 1e-5
 """Distances below this are none where they lie within the floor."""
 CONSTANT = 1e-3
@@ -33,8 +23,8 @@ SHORT = 1e-3
 """Motions that end before this part of the longest duration lead nowhere."""
 LEAST = 0.1
 """Models come near each other where the order, less two standard errors, is above this."""
-CONTACT = tuple(10.0 ** np.linspace(0.0, 4.0, 5))
-INERTIA = tuple(10.0 ** np.linspace(-1.0, -5.0, 5))
+FEW = 4
+"""With fewer distances above their floors than this, equal steps are tried."""
 BEFORE = 0.98
 """Part of the time until the first of the runs ends: until then, both pass the same contacts."""
 
@@ -44,59 +34,10 @@ TENDS, STAYS, INDEPENDENT, SAME, UNDECIDED = (
 
 
 @dataclass(frozen=True)
-class Path:
-    """A way through parameters: in words, the small number's name and values, and what runs take at each: the
-    factor of inertia, factors of stiffness and damping, and the restitution of the limit (None: matched)."""
-
-    words: str
-    name: str
-    values: tuple[float, ...]
-    inertia: Callable[[float], float]
-    stiffness: Callable[[float], float]
-    damping: Callable[[float], float]
-    bounce: float | None = None
-
-    def rung(self, model: Rung, at: float) -> Rung:
-        return model.with_inertia(self.inertia(at)) if model.inertia > 0.0 else model
-
-    def factors(self, at: float) -> dict[str, float]:
-        """Factors of stiffness and damping, by the names of the matched scene's parameters."""
-        return {STIFFNESS: self.stiffness(at), DAMPING: self.damping(at)}
-
-
-def _one(_: float) -> float:
-    return 1.0
-
-
-def _zero(_: float) -> float:
-    return 0.0
-
-
-def _inverse(at: float) -> float:
-    return 1.0 / at
-
-
-_SMALL = tuple(1.0 / factor for factor in CONTACT)
-RATIO = Path(
-    "stiffness times 1 to 1e4 at a fixed damping ratio", "1/K", _SMALL, _one, _inverse,
-    lambda at: at**-0.5,
-)  # fmt: skip
-PROPORTIONAL = Path(
-    "stiffness times 1 to 1e4 with damping in proportion", "1/K", _SMALL, _one, _inverse, _inverse, 0.0
-)
-UNDAMPED = Path("stiffness times 1 to 1e4 without damping", "1/K", _SMALL, _one, _inverse, _zero, 1.0)
-LIGHT = Path("inertia times 1e-1 to 1e-5", "epsilon", INERTIA, lambda at: at, _one, _one)
-BOTH = Path(
-    "inertia times 1e-1 to 1e-5 and stiffness times 10 to 1e5, at a fixed damping ratio", "epsilon", INERTIA,
-    lambda at: at, _inverse, _one,
-)  # fmt: skip
-
-
-@dataclass(frozen=True)
 class Fit:
     """What was found along a path: distances at its values, nan where a run said nothing, until a time, under
-    a sample's inputs, at errors per step; the order, as the exponent of the small number, with its standard
-    error; `floors`: below those, distances say nothing."""
+    a sample's inputs, at errors per step or with equal steps; the order, as the exponent of the small number,
+    with its standard error; `floors`: below those, ten times their errors, distances say nothing."""
 
     path: Path
     values: tuple[float, ...]
@@ -106,7 +47,8 @@ class Fit:
     error: float
     until: float
     sample: int
-    tols: tuple[tuple[float, float], ...]
+    tols: tuple[float, ...]
+    step: float | None = None
     short: str = ""
 
     @property
@@ -139,9 +81,9 @@ class Fit:
         told = [f"{lost} of {len(self.values)} runs took more than {BUDGET} steps or did not converge"] * (
             lost > 0
         )
-        told += [
-            f"{hidden} of {len(self.values)} distances are below {FLOOR:g} times the error of the runs"
-        ] * (hidden > 0)
+        told += [f"{hidden} of {len(self.values)} distances are below {FLOOR:g} times their error"] * (
+            hidden > 0
+        )
         if math.isnan(self.order):
             return " and ".join(told)
         return "the distances follow no one power" if self.verdict == UNDECIDED else ""
@@ -153,7 +95,10 @@ class Fit:
             else f": order {self.order:.2f} +- {self.error:.2f} in {self.path.name}"
         )
         ends = f"{self.distances[0]:.1e} to {self.distances[-1]:.1e}" if self.distances else "no runs"
-        return f"{self.path.words}{order}; {self.verdict} ({ends})" + (f": {self.why}" if self.why else "")
+        steps = "" if self.step is None else ", equal steps"
+        return f"{self.path.words}{order}; {self.verdict} ({ends}{steps})" + (
+            f": {self.why}" if self.why else ""
+        )
 
 
 def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
@@ -175,53 +120,25 @@ def fit(
     second half of the run, after the boundary layer."""
     until = BEFORE * until
     sample = _telling(bench, path, richer, simpler, inputs, until)
-    chosen, end = inputs[sample : sample + 1], until[sample : sample + 1]
-    bounce, count = bench.matched.bouncing(path.bounce), len(path.values)
-
-    def run(model: Rung, tol: float, halved: bool, values: dict[str, Any], m: int = 1) -> Motions:
-        return bench.run(
-            model, chosen.repeat(m, axis=0), end.repeat(m), tol, bare=True, budget=BUDGET,
-            parameters=bounce | values, halved=halved,
-        )  # fmt: skip
-
-    def walk(rows: Ints, tol: float, halved: bool) -> Motions:
-        at = [path.values[k] for k in rows]
-        if path.rung(richer, at[0]) == path.rung(richer, at[-1]):  # one model, and its threads
-            factors = [path.factors(each) for each in at]
-            values = {name: np.array([each[name] for each in factors]) for name in factors[0]}
-            return run(path.rung(richer, at[0]), tol, halved, values, len(rows))
-        return joined([run(path.rung(richer, each), tol, halved, path.factors(each)) for each in at])
-
+    end, every = until[sample : sample + 1], np.arange(len(path.values))
     for _ in range(2):  # once more, if a run ends sooner: jams belong to distances, not to orders
-        wanted = Settling(lambda _, tol, halved: run(simpler, tol, halved, {}), 1, LEVELS, BUDGET)
-        runs = Settling(walk, count, LEVELS, BUDGET)
-        sooner = float(first(wanted.motions, runs.motions, end).min())
+        walk = Walk(bench, path, richer, simpler, inputs[sample : sample + 1], end)
+        sooner = float(first(walk.simple(LEVELS[0]), walk.rich(every, LEVELS[0]), end).min())
         if sooner >= end[0] * (1.0 - 1e-9):
             break
         end = np.array([BEFORE * sooner])
     if end[0] < SHORT * bench.duration:
         short = f"a run ends at {end[0]:.2g}"
-        return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), short)
-    found = _settled(wanted, runs)
-    floors = FLOOR * (np.maximum(wanted.error, ROUNDING) + np.maximum(runs.error, ROUNDING))
-    kept = found > floors  # false for runs that say nothing
-    order, error = exponent(np.array(path.values)[kept], found[kept])
+        return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
+    known = walk.distances()
+    if known.seen < FEW and known.tols.size:
+        known = walk.equal(known) or known
+    kept = known.found > known.floors  # false for runs that say nothing
+    order, deviation = exponent(np.array(path.values)[kept], known.found[kept])
     return Fit(
-        path, path.values, tuple(found.tolist()), tuple(floors.tolist()), order, error, float(end[0]), sample,
-        tuple((float(tol), float(wanted.tol[0])) for tol in runs.tol),
+        path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, deviation,
+        float(end[0]), sample, tuple(known.tols.tolist()), known.step,
     )  # fmt: skip
-
-
-def _settled(wanted: Settling, runs: Settling) -> Reals:
-    """The distances, when runs are so exact that they are far above the errors, or cannot be more exact."""
-    while True:
-        found = apart(runs.motions, wanted.motions, late=True)
-        rough = ~(2.0 * FLOOR * runs.error <= found)
-        least = float(np.nanmin(found)) if (found == found).any() else math.nan
-        again = runs.refine(rough)
-        again |= wanted.refine(~(2.0 * FLOOR * wanted.error <= least))
-        if not again:
-            return found
 
 
 def first(a: Motions, b: Motions, until: Reals) -> Reals:

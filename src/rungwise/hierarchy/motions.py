@@ -72,8 +72,9 @@ class Bench:
         model: Rung,
         inputs: Reals,
         until: Reals,
-        tol: float,
+        tol: float | None,
         *,
+        step: float | None = None,
         bare: bool = False,
         budget: int = BUDGET,
         parameters: Mapping[str, ArrayLike] | None = None,
@@ -81,8 +82,8 @@ class Bench:
         halved: bool = False,
     ) -> Motions:
         """Runs (m,) under inputs (m, k) until times (m,), with the error allowed per step as a part
-        of the extent; `bare`: whatever the scene's conditions say; `halved`: steps end in the middle between
-        moments, too."""
+        of the extent, or a step; `bare`: whatever the scene's conditions say; `halved`: steps end in the
+        middle between moments, too."""
         scene = self.matched.bare if bare else self.matched.scene
         parts = 2 * moments if halved else moments
         times = until[:, None] * np.arange(1, parts + 1) / parts
@@ -93,7 +94,8 @@ class Bench:
         found = rollout(
             scene, model, None, given.pop("inputs", None),
             np.repeat(until[:, None] / parts, parts, axis=1),
-            parameters=values, tol=tol * self.extent, budget=budget, threads=self.threads, **given,
+            parameters=values, step=step, tol=None if tol is None else tol * self.extent,
+            budget=budget, threads=self.threads, **given,
         )  # fmt: skip
         places = found.q.copy()
         start = State.of(scene, parameters=self.matched.values(model)).q

@@ -15,6 +15,11 @@ if TYPE_CHECKING:
 
 WIDE = 110
 """Columns of the text."""
+BOUNDS = (
+    "Def. 1: the largest, over the inputs that were run, of the smallest distance found. Inputs that were not"
+    " drawn may be worse (a bound from below), inputs that were not tried better (a bound from above). Orders"
+    " are those of the second half, after the boundary layer, until just before the first of the two ends."
+)
 RUNG = 21
 """Columns of the longest name of a rung."""
 
@@ -33,9 +38,7 @@ def table(found: Comparison) -> Iterator[str]:
     yield f"{'from':{RUNG}} {'to':{RUNG}} {'paper':6} {heads}  verdict"
     for each in found.pairs:
         yield from _pair(each)
-    yield "Def. 1: the largest, over the inputs that were run, of the smallest distance found. Inputs not"
-    yield "drawn may be worse: a bound from below; inputs not tried better: a bound from above. Orders: in the"
-    yield "second half of the run, after the boundary layer, until just before the first of the two models ends."
+    yield from wrap(BOUNDS, WIDE)
     yield from _runs(found)
     yield from _stages(found)
     for example in found.counterexamples:
