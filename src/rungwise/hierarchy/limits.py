@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rungwise.hierarchy.motions import Bench, Motions, apart
+from rungwise.hierarchy.motions import BUDGET, Bench, Motions, apart
 from rungwise.hierarchy.paths import Path
-from rungwise.hierarchy.walking import BUDGET, FLOOR, LEVELS, Walk
+from rungwise.hierarchy.walking import FLOOR, LEVELS, Walk
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
@@ -131,7 +131,7 @@ def fit(
         short = f"a run ends at {end[0]:.2g}"
         return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
-    if known.seen < FEW and known.tols.size:
+    if known.seen < FEW and known.hidden:
         known = walk.equal(known) or known
     kept = known.found > known.floors  # false for runs that say nothing
     order, deviation = exponent(np.array(path.values)[kept], known.found[kept])

@@ -24,7 +24,7 @@ from rungwise.simulation.state import State
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET = 20_000
+BUDGET = 8000
 """Most steps of one run; one that takes more says nothing."""
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.hierarchy.motions import MOMENTS, Bench, Motions, joined
+from rungwise.hierarchy.motions import BUDGET, MOMENTS, Bench, Motions, joined
 from rungwise.hierarchy.paths import Path
 from rungwise.hierarchy.settling import LONGER
 from rungwise.kernel import Ints, Reals
@@ -19,11 +19,9 @@ LEVELS = (1e-5, 1e-6, 1e-7, 1e-8, 1e-9)
 """Error allowed per step of runs along a path, as a part of the extent: the next where distances need it."""
 EQUAL = (4, 8, 16, 32)
 """Steps from moment to moment of runs with equal steps."""
-BUDGET = 8000
-"""Most steps of one run along a path."""
 FLOOR = 10.0
 """Distances below so many times their errors say nothing."""
-ROUNDING = 1e-12
+ROUNDING = 1e-10
 """Errors are not taken to be less than this, whatever is seen of them."""
 LATE = MOMENTS // 2
 """The first moment that counts: distances are those in the second half, after the boundary layer."""
@@ -48,6 +46,11 @@ class Distances(NamedTuple):
     def seen(self) -> int:
         """How many are above their floors."""
         return int((self.found > self.floors).sum())
+
+    @property
+    def hidden(self) -> bool:
+        """Whether there are differences that are not above their floors."""
+        return bool(((self.found > ROUNDING) & (self.found <= self.floors)).any())
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ class Walk:
             runs = self.rich(rows, tol, level % 2 == 1)
             known = _better(known, count, rows, runs, wanted, tol)
             rows = rows[runs.known & (runs.steps * LONGER <= BUDGET)]
-            rows = rows[~(2.0 * known.floors[rows] <= known.found[rows])]
+            rows = rows[(known.found[rows] > ROUNDING) & (2.0 * known.floors[rows] > known.found[rows])]
             if not len(rows) or wanted.steps[0] * LONGER > BUDGET:
                 break
         return _nothing(count) if known is None else known
