@@ -15,6 +15,8 @@ from rungwise.models.ladder import Rung
 
 QUICK = 3000
 """Most steps of one run that helps to choose the inputs."""
+NONE = 1e-8
+"""Distances below this are none: solvers, not models, make them."""
 ALIKE = 1e-5
 """Distances below this are none where they lie within the floor."""
 CONSTANT = 1e-3
@@ -55,6 +57,8 @@ class Fit:
     def verdict(self) -> str:
         pairs = [(d, floor) for d, floor in zip(self.distances, self.floors, strict=True) if d == d]
         seen = [d for d, floor in pairs if d > floor]
+        if pairs and max(pairs)[0] <= NONE and len(pairs) == len(self.distances):
+            return SAME
         if self.short or not pairs or (not seen and max(pairs)[0] > ALIKE):
             return UNDECIDED
         if not seen:
@@ -128,7 +132,7 @@ def fit(
             break
         end = np.array([BEFORE * sooner])
     if end[0] < SHORT * bench.duration:
-        short = f"a run ends at {end[0]:.2g}"
+        short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
         return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
     if known.seen < FEW and known.hidden:

@@ -101,7 +101,8 @@ class Walk:
             runs = self.rich(rows, tol, level % 2 == 1)
             known = _better(known, count, rows, runs, wanted, tol)
             rows = rows[runs.known & (runs.steps * LONGER <= BUDGET)]
-            rows = rows[(known.found[rows] > ROUNDING) & (2.0 * known.floors[rows] > known.found[rows])]
+            told = np.isfinite(known.error[rows]) & (known.found[rows] <= ROUNDING)
+            rows = rows[~told & ~(2.0 * known.floors[rows] <= known.found[rows])]
             if not len(rows) or wanted.steps[0] * LONGER > BUDGET:
                 break
         return _nothing(count) if known is None else known
