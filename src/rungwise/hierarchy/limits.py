@@ -25,8 +25,8 @@ SHORT = 1e-3
 """Motions that end before this part of the longest duration lead nowhere."""
 LEAST = 0.1
 """Models come near each other where the order, less two standard errors, is above this."""
-FEW = 4
-"""With fewer distances above their floors than this, equal steps are tried."""
+SCATTER = 0.05
+"""Standard error of an order from which on equal steps are tried."""
 BEFORE = 0.98
 """Part of the time until the first of the runs ends: until then, both pass the same contacts."""
 
@@ -98,22 +98,12 @@ class Fit:
             if math.isnan(self.order)
             else f": order {self.order:.2f} +- {self.error:.2f} in {self.path.name}"
         )
-        ends = f"{self.distances[0]:.1e} to {self.distances[-1]:.1e}" if self.distances else "no runs"
+        known = [d for d in self.distances if d == d]
+        ends = f"{known[0]:.1e} to {known[-1]:.1e}" if known else "no runs"
         steps = "" if self.step is None else ", equal steps"
         return f"{self.path.words}{order}; {self.verdict} ({ends}{steps})" + (
             f": {self.why}" if self.why else ""
         )
-
-
-def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
-    """The exponent p of distances ~ values^p by regression, and its standard error; nan for fewer than three
-    points."""
-    if len(values) < 3:
-        return math.nan, math.nan
-    x, y = np.log(values), np.log(distances)
-    slope, offset = np.polyfit(x, y, 1)
-    left = y - slope * x - offset
-    return float(slope), float(math.sqrt(left @ left / (len(x) - 2) / ((x - x.mean()) ** 2).sum()))
 
 
 def fit(
@@ -135,12 +125,13 @@ def fit(
         short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
         return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
-    if known.seen < FEW and known.hidden:
-        known = walk.equal(known) or known
-    kept = known.found > known.floors  # false for runs that say nothing
-    order, deviation = exponent(np.array(path.values)[kept], known.found[kept])
+    order, error = known.order(path.values)
+    if known.hidden or error > SCATTER:
+        other = walk.equal(known)
+        if other is not None and not other.order(path.values)[1] >= error:
+            known, (order, error) = other, other.order(path.values)
     return Fit(
-        path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, deviation,
+        path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
         float(end[0]), sample, tuple(known.tols.tolist()), known.step,
     )  # fmt: skip
 

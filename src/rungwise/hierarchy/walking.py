@@ -27,6 +27,17 @@ LATE = MOMENTS // 2
 """The first moment that counts: distances are those in the second half, after the boundary layer."""
 
 
+def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
+    """The exponent p of distances ~ values^p by regression, and its standard error; nan for fewer than three
+    points."""
+    if len(values) < 3:
+        return math.nan, math.nan
+    x, y = np.log(values), np.log(distances)
+    slope, offset = np.polyfit(x, y, 1)
+    left = y - slope * x - offset
+    return float(slope), float(math.sqrt(left @ left / (len(x) - 2) / ((x - x.mean()) ** 2).sum()))
+
+
 class Distances(NamedTuple):
     """At the values of a path (k,): the difference of places (k, s, n) in the second half, nan where a run
     said nothing; its greatest, and by how much that is wrong; the error per step, or the one step of all.
@@ -46,6 +57,11 @@ class Distances(NamedTuple):
     def seen(self) -> int:
         """How many are above their floors."""
         return int((self.found > self.floors).sum())
+
+    def order(self, values: tuple[float, ...]) -> tuple[float, float]:
+        """The exponent of the values with which distances above their floors go, and its standard error."""
+        kept = self.found > self.floors  # false for runs that say nothing
+        return exponent(np.array(values)[kept], self.found[kept])
 
     @property
     def hidden(self) -> bool:
@@ -108,7 +124,7 @@ class Walk:
         return _nothing(count) if known is None else known
 
     def equal(self, sure: Distances) -> Distances | None:
-        """With equal steps of both models, where that tells more than what is sure, and agrees with it; None
+        """With equal steps of both models, where that tells as much as what is sure, and agrees with it; None
         otherwise. Errors of both runs are alike then, but what happens within a step stays unseen."""
         count, known, step = len(self.path.values), None, 0.0
         rows = np.arange(count)
@@ -122,8 +138,8 @@ class Walk:
         parted = (
             np.abs(known.apart - sure.apart).max(axis=(1, 2)) if sure.apart.size else np.array([math.nan])
         )
-        agree = bool((parted <= 2.0 * (known.error + sure.error)).all())
-        return known._replace(step=step) if agree and known.seen > sure.seen else None
+        agree = bool((parted <= known.floors + sure.floors).all())
+        return known._replace(step=step) if agree and known.seen >= sure.seen else None
 
 
 def _nothing(count: int, shape: Iterable[int] = (0, 0)) -> Distances:
