@@ -18,7 +18,7 @@ from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .errors import InputError
 from .hierarchy.compare import Comparison, compare
-from .hierarchy.counterexample import Counterexample
+from .hierarchy.counterexample import Counterexample, load_counterexample
 from .keywords import KeywordError
 from .models.ladder import (
     DYNAMIC_COMPLIANT,
@@ -138,6 +138,7 @@ __all__ = [
     "geometry",
     "instances",
     "load",
+    "load_counterexample",
     "load_doomed_set",
     "load_plan",
     "load_run",

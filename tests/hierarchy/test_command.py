@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -17,16 +18,24 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return int(ended.value.code or 0)
 
 
-FEW = ("--samples", "1", "--model", "kinematic")
+FEW = ("--samples", "0", "--model", "kinematic")
 
 
-def test_text_and_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_text_json_and_counterexamples(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     assert run(monkeypatch, "two_finger", *FEW) == 0
     assert "quasistatic-rigid     kinematic             Def. 1" in capsys.readouterr().out
-    assert run(monkeypatch, "gripper", *FEW, "--json") == 1
+    assert run(monkeypatch, "gripper", *FEW, "--json", "--out", str(tmp_path)) == 1
     found = json.loads(capsys.readouterr().out)
     assert not found["ok"] and found["pairs"][0]["verdict"] == "fails"
     assert found["counterexamples"][0]["simpler"]["model"] == "kinematic"
+    file = str(tmp_path / "counterexample-1.json")
+    assert run(monkeypatch, file) == 0
+    assert "kinematic at epsilon 0: " in capsys.readouterr().out
+    assert run(monkeypatch, file, "--json") == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["ok"] and again["saved"] == found["counterexamples"][0]["distance"]
 
 
 @pytest.mark.parametrize(

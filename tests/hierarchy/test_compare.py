@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path as File
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,12 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import rungwise as rw
-from rungwise.hierarchy.limits import INDEPENDENT, TENDS, Fit, exponent
+from rungwise.hierarchy.drives import inputs_of
+from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
 from rungwise.hierarchy.matching import damping_ratio, matched, restitution
+from rungwise.hierarchy.motions import Bench, measures
+from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
+from rungwise.hierarchy.walking import exponent
 
 STARTS, ENDS = 1.5, 1.58
 """When finger 1 meets the part at v1 = 1, and a time before finger 2 does."""
@@ -31,6 +36,12 @@ def pushed() -> rw.Scene:
 def compared(scene: rw.Scene, model: str | None = None, **parameters: float) -> rw.Comparison:
     given = {"v2": 0.6, "mu": 0.0, **parameters}
     return rw.compare(scene, model, parameters=given, samples=0, duration=ENDS)
+
+
+def benched(scene: rw.Scene, **parameters: float) -> Bench:
+    values = scene.parameters({"v2": 0.6, "mu": 0.0, **parameters})
+    extent, levers = measures(scene, values, ENDS)
+    return Bench(matched(scene, values, ENDS), inputs_of(scene, values), ENDS, extent, levers, None)
 
 
 def fits(found: rw.Comparison, richer: rw.Rung, simpler: rw.Rung) -> tuple[Fit, ...]:
@@ -97,16 +108,26 @@ def test_order_in_inertia_is_one_on_supports_with_damping() -> None:
     assert fit.order == pytest.approx(1.0, abs=0.05) and fit.error < 0.05
 
 
-def test_orders_in_stiffness(pushed: rw.Scene) -> None:
-    """K^-1/2 at a fixed damping ratio (0.3) and undamped, 1/K with damping in proportion."""
-    found = compared(pushed, "dynamic-compliant", damping=0.3 * 2.0 * math.sqrt(2e6))
-    ratio, _, undamped = fits(found, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID)
-    assert ratio.order == pytest.approx(0.5, abs=0.02) and ratio.verdict == TENDS
-    assert undamped.order == pytest.approx(0.5, abs=0.02) and undamped.verdict == TENDS
-    assert max(ratio.error, undamped.error) < 0.02
-    damped = compared(pushed, "dynamic-compliant", damping=1e4)
-    _, proportional, _ = fits(damped, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID)
-    assert proportional.order == pytest.approx(1.0, abs=0.05) and proportional.verdict == TENDS
+@pytest.mark.parametrize(
+    ("path", "ratio", "order"), [(RATIO, 0.3, 0.5), (UNDAMPED, 0.3, 0.5), (PROPORTIONAL, 3.5, 1.0)]
+)
+def test_orders_in_stiffness(pushed: rw.Scene, path: Path, ratio: float, order: float) -> None:
+    """K^-1/2 at a fixed damping ratio and undamped, 1/K with damping in proportion."""
+    bench = benched(pushed, damping=ratio * 2.0 * math.sqrt(2e6))
+    own = bench.inputs.own[None]
+    found = fit(bench, path, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID, own, np.array([ENDS]))
+    assert found.verdict == TENDS and not found.why
+    assert found.order == pytest.approx(order, abs=0.05 * order) and found.error < 0.05 * order
+
+
+def test_distance_of_an_undamped_impact(pushed: rw.Scene) -> None:
+    """A spring of stiffness K across a face at 45 degrees keeps the part of mass 1 for pi sqrt(2 / K), in
+    which it falls behind by v1 times that."""
+    found = compared(pushed, "dynamic-compliant", damping=0.0, restitution=1.0)
+    (same,) = of(found, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID).nearest.same
+    error = sum(float(found.errors[name][0]) for name in ("dynamic-compliant", "dynamic-rigid"))
+    exact = math.pi * math.sqrt(2.0 / 1e6) / EXTENT
+    assert error < 0.05 * exact and same == pytest.approx(exact, abs=error)
 
 
 def test_frictionless_palm_is_reported_as_the_exception() -> None:
@@ -183,20 +204,60 @@ def test_definition_1_where_another_input_comes_nearest() -> None:
     assert fit.order == pytest.approx(1.0, abs=0.05)
 
 
-def test_answer_is_data_from_which_runs_can_be_repeated(pushed: rw.Scene) -> None:
+def test_counterexamples_are_files_that_can_be_repeated(pushed: rw.Scene, tmp_path: File) -> None:
     found = compared(pushed, "kinematic", mu=2.0)
-    told = json.loads(json.dumps(found.summary()))
+    whole, file = found.save(tmp_path / "new")
+    told = json.loads(whole.read_text())
     assert told["ok"] is found.ok is False and told["pairs"][0]["verdict"] == "fails"
-    example = told["counterexamples"][0]
-    scene = rw.load(example["scene_file"])
-    ends = []
-    for side in (example["richer"], example["simpler"]):
-        run = rw.simulate(
-            scene, side["model"], parameters=side["parameters"], inputs=side["inputs"] or None,
-            duration=side["duration"], tol=side["tol"], theta=side["theta"],
-        )  # fmt: skip
-        ends.append(run.final["part"]["x3"])
-    assert abs(ends[1] - ends[0]) / told["extent"] == pytest.approx(example["distance"], rel=1e-3)
+    example = rw.load_counterexample(file)
+    own = found.counterexamples[0]
+    assert (example.richer, example.simpler, example.levers) == (own.richer, own.simpler, own.levers)
+    assert told["counterexamples"][0]["words"] == example.words == own.words
+    assert example.apart(*example.replay()) == pytest.approx(example.distance, rel=1e-3)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"format": "rungwise counterexample 1", "words": 3}'])
+def test_files_that_hold_no_counterexample(tmp_path: File, text: str) -> None:
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(rw.InputError, match=r"counterexample: 'x.json' holds none"):
+        rw.load_counterexample(tmp_path / "x.json")
+
+
+def test_scenes_that_have_little() -> None:
+    """No inputs, task, contacts, or object; a rung without an answer."""
+    slider = {
+        "role": "robot", "mass": 1.0, "shape": {"kind": "disc", "radius": 1.0},
+        "motion": {"kind": "slide", "axis": [1, 0]},
+        "coordinates": {"s": {"drive": {"kind": "speed", "speed": 1.0}}},
+    }  # fmt: skip
+    alone = {"name": "alone", "bodies": {"slider": slider}, "duration": 1.0, "step": 1e-2}
+    found = rw.compare(alone, samples=3)
+    assert len(found.samples) == 1 and found.ok and not found.counterexamples
+    assert all(each.verdict in ("holds", SAME) for each in found.pairs)
+    ball = slider | {"role": "object", "motion": {"kind": "free"}, "coordinates": {}}
+    falling = alone | {"bodies": {"ball": ball}, "gravity": [0.0, -9.81]}
+    found = rw.compare(falling, "dynamic-rigid", samples=0)
+    assert set(found.ends["quasistatic-rigid"]) == {"unsupported"}
+    pair = of(found, rw.DYNAMIC_RIGID, rw.QUASISTATIC_RIGID)
+    assert pair.second == UNDECIDED and "a run ends at 0" in pair.fits[0].why and not found.ok
+    assert "unsupported" in str(found)
+
+
+def test_fits_say_why_they_have_no_order() -> None:
+    def walked(distances: list[float], floors: list[float]) -> Fit:
+        kept = np.array(distances) > np.array(floors)
+        order, error = exponent(np.array(LIGHT.values)[kept], np.array(distances)[kept])
+        return Fit(LIGHT, LIGHT.values, tuple(distances), tuple(floors), order, error, 1.0, 0, ())
+
+    sudden = walked([1e-3, 1e-9, 1e-9, 1e-9, 1e-9], [1e-8] * 5)
+    assert sudden.verdict == TENDS and "4 of 5 distances are below 10 times their error" in sudden.why
+    rough = walked([1e-3, 1e-3, 1e-3, 1e-3, 1e-3], [1e-2] * 5)
+    assert rough.verdict == UNDECIDED and "5 of 5 distances" in str(rough)
+    lost = walked([1e-3, math.nan, math.nan, math.nan, math.nan], [1e-5] * 5)
+    assert lost.verdict == UNDECIDED and "4 of 5 runs took more than" in lost.why
+    bent = walked([1e-3, 1e-5, 1e-3, 1e-5, 1e-4], [1e-8] * 5)
+    assert bent.verdict == UNDECIDED and bent.why == "the distances follow no one power"
+    assert walked([1e-9] * 5, [1e-8] * 5).verdict == SAME
 
 
 def test_answer_does_not_depend_on_threads_and_is_short(pushed: rw.Scene) -> None:

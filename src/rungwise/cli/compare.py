@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from rungwise.cli import progress
-from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, given_values, load_scene, number
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, show, show_json
+from rungwise.cli.arguments import (
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    given_values,
+    load_scene,
+    number,
+    writable,
+)
+from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+
+SAME = 0.05
+"""A counterexample is confirmed where its runs are within this part as far apart as they were."""
 
 
 def compare(
@@ -35,13 +47,22 @@ def compare(
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
     ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> int:  # fmt: skip
-    """How far the models are apart on a scene: the paper's Table 1, with numbers."""
+    """How far the models are apart on a scene: the paper's Table 1, with numbers. SCENE may be a saved
+    counterexample: its two runs are repeated."""
     from rungwise.hierarchy.compare import compare as measure
+    from rungwise.hierarchy.counterexample import saved
 
+    if saved(scene):
+        return _replay(Path(scene), as_json)
     try:
         with plain_errors():
+            if out is not None:
+                writable(out)
             loaded = load_scene(scene)
             given = given_values(loaded, values)
             with progress.counting("compare", quiet=as_json or not sys.stderr.isatty()) as on_progress:
@@ -52,5 +73,30 @@ def compare(
     except KeyboardInterrupt:
         print("rungwise: stopped; nothing is kept", file=sys.stderr)
         return INTERRUPTED
+    if out is not None:
+        try:
+            found.save(out)
+        except OSError as error:
+            refuse(f"out: {out} cannot be written ({error.strerror or error})")
     show_json(found.summary()) if as_json else show(str(found))
     return 0 if found.ok else 1
+
+
+def _replay(file: Path, as_json: bool) -> int:
+    """Repeat both runs of a counterexample; the answer is positive where they are as far apart as before."""
+    from rungwise.hierarchy.counterexample import load_counterexample
+
+    with plain_errors():
+        example = load_counterexample(file)
+        runs = example.replay()
+    away = example.apart(*runs)
+    same = abs(away - example.distance) <= SAME * example.distance
+    if as_json:
+        told = {"words": example.words, "distance": away, "saved": example.distance, "ok": same}
+        show_json(told | {"runs": [run.summary() for run in runs]})
+    else:
+        show(f"{example.scene.name}: {example.words}")
+        for run in runs:
+            show(f"  {run.model.name} at epsilon {run.model.inertia:g}: {run.outcome} at {run.time:.6g}")
+        show(f"  {away:.3g} apart; {example.distance:.3g} when it was saved")
+    return 0 if same else 1

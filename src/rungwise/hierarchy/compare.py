@@ -9,24 +9,25 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.hierarchy.counterexample import Counterexample, side
+from rungwise.hierarchy.counterexample import Counterexample, levers, side
 from rungwise.hierarchy.drives import Inputs, inputs_of
-from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, fit
+from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, first, fit
 from rungwise.hierarchy.matching import matched
-from rungwise.hierarchy.motions import MOVING, Bench, Motions, measures
+from rungwise.hierarchy.motions import MOVING, Bench, measures
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
+from rungwise.hierarchy.settling import Settled, settle
 from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.hierarchy.words import table
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
-from rungwise.models.ladder import Rung
-from rungwise.plain import cut
+from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
+from rungwise.plain import cut, json_text
 from rungwise.scene import Scene, load
 from rungwise.simulation.options import ModelError, check_options, count, moving_rung
 
 PART = 1e-2
-"""Error allowed per step of a run that is compared, as a part of the accuracy asked for."""
+"""Error allowed per step of runs that choose and search, as a part of the accuracy asked for."""
 
 Progress = Callable[[str, int, int], None]
 HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
@@ -45,7 +46,7 @@ class Measured:
     @property
     def first(self) -> str:
         """Definition 1, within the accuracy."""
-        if not (self.nearest.least == self.nearest.least).any():
+        if not self.nearest.told:
             return UNDECIDED
         return HOLDS if self.nearest.value <= self.accuracy else FAILS
 
@@ -77,9 +78,9 @@ class Measured:
                 "paths": [
                     {
                         "path": fit.path.words, "parameter": fit.path.name, "values": list(fit.values),
-                        "distances": list(fit.distances), "floor": fit.floor, "order": fit.order,
-                        "standard_error": fit.error, "verdict": fit.verdict, "until": fit.until,
-                        "sample": fit.sample,
+                        "distances": list(fit.distances), "floors": list(fit.floors), "order": fit.order,
+                        "standard_error": fit.error, "verdict": fit.verdict, "why": fit.why,
+                        "until": fit.until, "sample": fit.sample, "equal_steps": fit.step is not None,
                     }
                     for fit in self.fits
                 ],
@@ -94,7 +95,8 @@ class Comparison:
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
     angles times the longest lever. `inputs` and `samples` (m, k): what was run, the scene's own
-    inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `pairs`;
+    inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `ends`:
+    how each rung's runs ended (m,), and `errors` of its motions (m,), infinite where none is known; `pairs`;
     `costs` of all stages, and `cheapest`, the one of fewest solves within `accuracy` of the richest.
     """
 
@@ -106,6 +108,8 @@ class Comparison:
     samples: Reals
     until: Reals
     notes: tuple[str, ...]
+    ends: dict[str, list[str]]
+    errors: dict[str, Reals]
     pairs: tuple[Measured, ...]
     costs: tuple[Cost, ...]
     cheapest: Cost | None
@@ -125,12 +129,23 @@ class Comparison:
     def __str__(self) -> str:
         return "\n".join(table(self))
 
+    def save(self, folder: str | File) -> list[File]:
+        """Write the answer into a folder, and each counterexample into a file that `load_counterexample` and
+        `rungwise compare` take; returns the files. Raises OSError."""
+        target = File(folder)
+        target.mkdir(parents=True, exist_ok=True)
+        whole = target / "comparison.json"
+        whole.write_text(json_text(self.summary(), indent=1) + "\n", "utf-8")
+        parts = enumerate(self.counterexamples, 1)
+        return [whole, *(each.save(target / f"counterexample-{k}.json") for k, each in parts)]
+
     def summary(self) -> dict[str, Any]:
         """Plain values, as `rungwise compare --json` prints them."""
         return {
             "scene": self.scene.name, "parameters": self.parameters, "accuracy": self.accuracy,
             "extent": self.extent, "matched": list(self.notes),
             "inputs": [self.inputs.named(row) for row in self.samples], "until": self.until.tolist(),
+            "ends": self.ends, "errors": {name: each.tolist() for name, each in self.errors.items()},
             "pairs": [each.summary() for each in self.pairs],
             "stages": [_cost(each) for each in self.costs],
             "cheapest": None if self.cheapest is None else _cost(self.cheapest),
@@ -181,23 +196,25 @@ def compare(
     pairs = [p for p in PAIRS if not chosen or chosen[0] in (p.richer.name, p.simpler.name)]
     values = loaded.parameters(parameters)
     longest = float(loaded.bind(values).records.world[0]["duration"]) if fixed is None else fixed
-    steps = _Steps(on_progress, 2 + sum(1 + len(pair.paths) for pair in pairs))
-    extent, levers = measures(loaded, values, longest)
+    steps = _Steps(on_progress, 2 + len(MOVING) + sum(1 + len(pair.paths) for pair in pairs))
+    extent, lengths = measures(loaded, values, longest)
     match = matched(loaded, values, longest)
-    bench = Bench(match, inputs_of(loaded, values), longest, extent, levers, threads)
-    drawn, tol = bench.inputs.draw(samples, rng), PART * accuracy
-    first = until = np.full(len(drawn), longest)
-    if fixed is None:
-        first, until = bench.ends(drawn, tol)
-    runs = {rung.name: bench.run(rung, drawn, until, tol) for rung in MOVING}
-    steps.done("motions")
-    measured = [_measure(bench, pair, runs, drawn, (first, until), accuracy, rng, steps) for pair in pairs]
-    stages = costs(bench, drawn, until)
+    bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads)
+    drawn = bench.inputs.draw(samples, rng)
+    until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)
+    steps.done("parameters matched")
+    runs = dict[str, Settled]()
+    for rung in MOVING:
+        runs[rung.name] = settle(bench, rung, drawn, until, accuracy)
+        steps.done(rung.name)
+    measured = [_measure(bench, pair, runs, drawn, until, accuracy, rng, steps) for pair in pairs]
+    stages = costs(bench, drawn, until, runs[DYNAMIC_COMPLIANT.name].motions)
     steps.done("stages")
-    shown = [each for part in measured for each in _counterexamples(bench, part, drawn, until)]
+    shown = [each for part in measured for each in _counterexamples(bench, part, runs, drawn, until)]
     return Comparison(
         scene=loaded, parameters=values, accuracy=accuracy, extent=extent, inputs=bench.inputs, samples=drawn,
-        until=until, notes=match.notes, pairs=tuple(measured), costs=tuple(stages),
+        until=until, notes=match.notes, ends={name: each.motions.ends for name, each in runs.items()},
+        errors={name: each.error for name, each in runs.items()}, pairs=tuple(measured), costs=tuple(stages),
         cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown),
     )  # fmt: skip
 
@@ -221,49 +238,50 @@ def _part(accuracy: float) -> float:
 
 
 def _measure(
-    bench: Bench, pair: Pair, runs: dict[str, Motions], inputs: Reals, times: tuple[Reals, Reals],
-    accuracy: float, rng: np.random.Generator, steps: _Steps,
+    bench: Bench, pair: Pair, runs: dict[str, Settled], inputs: Reals, until: Reals, accuracy: float,
+    rng: np.random.Generator, steps: _Steps,
 ) -> Measured:  # fmt: skip
     name, tol = f"{pair.richer.name} -> {pair.simpler.name}", PART * accuracy
-    first, until = times
-    near = nearest(
-        bench, pair.richer, runs[pair.simpler.name], runs[pair.richer.name], inputs, until, tol, accuracy, rng
-    )
+    richer, simpler = runs[pair.richer.name].motions, runs[pair.simpler.name].motions
+    near = nearest(bench, pair.richer, simpler, richer, inputs, until, tol, accuracy, rng)
     steps.done(name)
-    fits = []
+    fits, both = [], first(richer, simpler, until)
     for path in pair.paths:
-        fits.append(fit(bench, path, pair.richer, pair.simpler, inputs, first))
+        fits.append(fit(bench, path, pair.richer, pair.simpler, inputs, both))
         steps.done(f"{name}: {path.name}")
     return Measured(pair, near, tuple(fits), accuracy)
 
 
-def _counterexamples(bench: Bench, found: Measured, inputs: Reals, until: Reals) -> list[Counterexample]:
+def _counterexamples(
+    bench: Bench, found: Measured, runs: dict[str, Settled], inputs: Reals, until: Reals
+) -> list[Counterexample]:
     """What shows that a definition fails: the worst input of Definition 1 where the paper claims it, and the
     end of each path that does not lead to the simpler model."""
     pair, near = found.pair, found.nearest
     name, shown = f"{pair.richer.name} -> {pair.simpler.name}", list[Counterexample]()
     if pair.definition == 1 and found.first == FAILS:
         k = near.worst
-        tol, end = PART * found.accuracy, float(until[k])
+        end, tol = float(until[k]), float(runs[pair.simpler.name].tol[k])
         shown.append(
             Counterexample(
                 f"{name}, Definition 1: the nearest motion found",
-                side(bench, pair.richer, near.inputs[k], end, tol, {}),
-                side(bench, pair.simpler, inputs[k], end, tol, {}),
-                near.value, bench.matched.scene,
+                side(bench, pair.richer, near.inputs[k], end, {}, tol),
+                side(bench, pair.simpler, inputs[k], end, {}, tol),
+                near.value, False, levers(bench), bench.matched.scene,
             )
         )  # fmt: skip
     for each in found.fits:
         if each.verdict in (STAYS, INDEPENDENT):
-            path, at, drive = each.path, each.values[-1], inputs[each.sample]
-            bounce = bench.matched.bouncing(path.bounce)
+            path, drive, bounce = each.path, inputs[each.sample], bench.matched.bouncing(each.path.bounce)
+            last = max(k for k, distance in enumerate(each.distances) if distance == distance)
+            at, tol = each.values[last], each.tols[last]
             factors = path.factors(at) | bounce
             shown.append(
                 Counterexample(
                     f"{name}, Definition 2: {path.words}, at {path.name} = {at:g}",
-                    side(bench, path.rung(pair.richer, at), drive, each.until, each.tol, factors),
-                    side(bench, pair.simpler, drive, each.until, each.tol, bounce),
-                    each.distances[-1], bench.matched.bare,
+                    side(bench, path.rung(pair.richer, at), drive, each.until, factors, tol, each.step),
+                    side(bench, pair.simpler, drive, each.until, bounce, tol, each.step),
+                    each.distances[last], True, levers(bench), bench.matched.bare,
                 )
             )  # fmt: skip
     return shown

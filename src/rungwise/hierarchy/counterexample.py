@@ -2,51 +2,64 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rungwise.hierarchy.motions import THETA, Bench
+from rungwise.errors import InputError
+from rungwise.hierarchy.motions import MOMENTS, Bench
 from rungwise.kernel import Reals
+from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
-from rungwise.plain import brief
-from rungwise.scene import Scene
+from rungwise.plain import brief, json_text
+from rungwise.scene import Scene, load
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
 
+FORMAT = "rungwise counterexample 1"
+
 
 @dataclass(frozen=True)
 class Side:
-    """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and accuracy
-    (the error allowed per step)."""
+    """A run: the rung's name and its inertia, parameters of the matched scene, schedule, end, and the error
+    allowed per step, or the step."""
 
     model: str
     inertia: float
     parameters: dict[str, float]
     inputs: tuple[Segment, ...]
     duration: float
-    tol: float
-    theta: float = THETA
+    tol: float | None
+    step: float | None = None
 
     def replay(self, scene: Scene) -> Run:
         chosen = rung(self.model)
         return simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
-            theta=self.theta,
+            step=self.step,
         )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Counterexample:
-    """The richer run and the simpler one, how far they are apart (over the extent), and what fails."""
+    """The richer run and the simpler one, how far they are apart, and what fails.
+
+    levers: what the difference of each coordinate is multiplied with, to be a part of the extent; `late`: the
+    distance is that in the second half of the runs.
+    """
 
     words: str
     richer: Side
     simpler: Side
     distance: float
+    late: bool
+    levers: dict[str, float]
     scene: Scene = field(repr=False)
 
     __repr__ = brief
@@ -55,18 +68,79 @@ class Counterexample:
         """Both runs, anew."""
         return self.richer.replay(self.scene), self.simpler.replay(self.scene)
 
+    def apart(self, richer: Run, simpler: Run) -> float:
+        """How far two runs are apart, as the distance was measured."""
+        times = self.richer.duration * np.arange(1, MOMENTS + 1)[MOMENTS // 2 if self.late else 0 :] / MOMENTS
+        return max(
+            float(np.abs(_along(richer, name, times) - _along(simpler, name, times)).max()) * lever
+            for name, lever in self.levers.items()
+        )
+
     def summary(self) -> dict[str, Any]:
         """Plain values, with the scene as `load` takes it."""
         return {
-            "words": self.words, "distance": self.distance, "richer": asdict(self.richer),
-            "simpler": asdict(self.simpler),
+            "format": FORMAT, "words": self.words, "distance": self.distance, "late": self.late,
+            "levers": self.levers, "richer": asdict(self.richer), "simpler": asdict(self.simpler),
             "scene_file": self.scene.file.model_dump(mode="json", exclude_unset=True),
         }  # fmt: skip
 
+    def save(self, file: str | Path) -> Path:
+        """Write it with its scene into a file (JSON), which `load_counterexample` reads. Raises OSError."""
+        target = Path(file)
+        target.write_text(json_text(self.summary(), indent=1) + "\n", "utf-8")
+        return target
+
+
+def saved(file: str | Path) -> bool:
+    """Whether a file says of itself that it holds a counterexample."""
+    try:
+        with Path(file).open("rb") as stream:
+            return FORMAT.encode() in stream.read(100)
+    except (OSError, ValueError):
+        return False
+
+
+@keywords
+def load_counterexample(file: str | Path) -> Counterexample:
+    """A counterexample that was saved. Raises FileNotFoundError, and InputError for a file that holds
+    none."""
+    text = Path(file).read_bytes()
+    try:
+        data = json.loads(text)
+        if data["format"] != FORMAT:
+            raise ValueError
+        return Counterexample(
+            str(data["words"]), _side(data["richer"]), _side(data["simpler"]), float(data["distance"]),
+            bool(data["late"]), {str(k): float(x) for k, x in data["levers"].items()},
+            load(data["scene_file"]),
+        )  # fmt: skip
+    except InputError as error:
+        raise InputError(f"counterexample: {Path(file).name[:60]!r}: {error}") from None
+    except (ValueError, KeyError, TypeError, AttributeError):
+        raise InputError(f"counterexample: {Path(file).name[:60]!r} holds none that was saved") from None
+
+
+def _side(data: Mapping[str, Any]) -> Side:
+    segments = tuple(Segment(**each) for each in data["inputs"])
+    return Side(**{**data, "inputs": segments})
+
+
+def _along(run: Run, name: str, times: Reals) -> Reals:
+    places = run.trajectory.position.sel(coordinate=name)
+    return np.asarray(np.interp(times, run.trajectory.time, places), float)
+
+
+def levers(bench: Bench) -> dict[str, float]:
+    """What differences of coordinates are multiplied with, by the coordinates' names."""
+    names = bench.matched.scene.template.coordinates
+    found = zip(names, (bench.levers / bench.extent).tolist(), strict=True)
+    return {name: lever for name, lever in found if lever > 0.0}
+
 
 def side(
-    bench: Bench, model: Rung, inputs: Reals, until: float, tol: float, parameters: dict[str, float]
-) -> Side:
+    bench: Bench, model: Rung, inputs: Reals, until: float, parameters: dict[str, float], tol: float,
+    step: float | None = None,
+) -> Side:  # fmt: skip
     """The run under inputs (k,) until a time, as data."""
     values, segments = bench.matched.values(model) | parameters, tuple[Segment, ...]()
     if bench.inputs.scheduled:
@@ -74,4 +148,6 @@ def side(
         segments = (Segment(bench.inputs.named(given["inputs"][0, 0]), until, ramp=bench.inputs.ramp),)
     else:
         values |= bench.inputs.named(inputs)
-    return Side(model.name, model.inertia, values, segments, until, tol * bench.extent)
+    return Side(
+        model.name, model.inertia, values, segments, until, None if step else tol * bench.extent, step
+    )

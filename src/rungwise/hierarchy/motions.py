@@ -24,10 +24,8 @@ from rungwise.simulation.state import State
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET = 3000
+BUDGET = 8000
 """Most steps of one run; one that takes more says nothing."""
-THETA = 0.5
-"""The theta rule of compliant contacts with momentum: of second order."""
 
 
 class Motions(NamedTuple):
@@ -44,9 +42,16 @@ class Motions(NamedTuple):
     def ends(self) -> list[str]:
         return [str(text) for text in texts(self.outcome)]
 
+    def rows(self, rows: Ints) -> Motions:
+        """Those of these rows."""
+        return Motions(
+            self.places[rows], self.outcome[rows], self.time[rows], self.steps[rows], self.solves[rows]
+        )
+
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Which runs say something (m,): not those that did not begin, or took too many steps."""
+        """Which runs say something (m,): not those that did not begin, did not converge, or took too many
+        steps."""
         return ~np.isin(self.outcome, (Code.INVALID, Code.NOT_CONVERGED))
 
 
@@ -67,45 +72,50 @@ class Bench:
         model: Rung,
         inputs: Reals,
         until: Reals,
-        tol: float,
+        tol: float | None,
         *,
+        step: float | None = None,
         bare: bool = False,
         budget: int = BUDGET,
         parameters: Mapping[str, ArrayLike] | None = None,
         moments: int = MOMENTS,
+        halved: bool = False,
     ) -> Motions:
         """Runs (m,) under inputs (m, k) until times (m,), with the error allowed per step as a part
-        of the extent; `bare`: whatever the scene's conditions say."""
+        of the extent, or a step; `bare`: whatever the scene's conditions say; `halved`: steps end in the
+        middle between moments, too."""
         scene = self.matched.bare if bare else self.matched.scene
-        times = until[:, None] * np.arange(1, moments + 1) / moments
+        parts = 2 * moments if halved else moments
+        times = until[:, None] * np.arange(1, parts + 1) / parts
         given = self.inputs.options(inputs, times, self.duration)
         values: dict[str, Any] = (
             self.matched.values(model) | given.pop("parameters", {}) | dict(parameters or {})
         )
         found = rollout(
             scene, model, None, given.pop("inputs", None),
-            np.repeat(until[:, None] / moments, moments, axis=1),
-            parameters=values, tol=tol * self.extent, theta=THETA, budget=budget, threads=self.threads,
-            **given,
+            np.repeat(until[:, None] / parts, parts, axis=1),
+            parameters=values, step=step, tol=None if tol is None else tol * self.extent,
+            budget=budget, threads=self.threads, **given,
         )  # fmt: skip
         places = found.q.copy()
         start = State.of(scene, parameters=self.matched.values(model)).q
-        for k in range(moments):
+        for k in range(parts):
             before = places[:, k - 1] if k else np.broadcast_to(start, places[:, 0].shape)
             places[:, k] = np.where(np.isnan(places[:, k]), before, places[:, k])
-        places *= self.levers / self.extent
+        places = places[:, parts // moments - 1 :: parts // moments] * (self.levers / self.extent)
         return Motions(places, found.outcome, found.time, found.steps, found.solves)
 
-    def ends(self, inputs: Reals, tol: float) -> tuple[Reals, Reals]:
-        """When the first and the last of the rungs have come to an end (m,)."""
+    def last(self, inputs: Reals, tol: float) -> Reals:
+        """When the last of the rungs has come to an end (m,)."""
         whole = np.full(len(inputs), self.duration)
-        times = [
-            self.run(model, inputs, whole, tol, moments=1).time for model in MOVING
-        ]  # fmt: skip
-        return (
-            np.maximum(np.min(times, axis=0), 1e-6 * self.duration),
-            np.maximum(np.max(times, axis=0), 1e-6 * self.duration),
-        )
+        times = [self.run(model, inputs, whole, tol, moments=1).time for model in MOVING]
+        latest: Reals = np.array(times).max(axis=0)
+        return np.maximum(latest, 1e-6 * self.duration)
+
+
+def joined(parts: list[Motions]) -> Motions:
+    """Runs one after another, as one."""
+    return Motions(*(np.concatenate(each) for each in zip(*parts, strict=True)))
 
 
 def apart(a: Motions, b: Motions, *, late: bool = False) -> Reals:

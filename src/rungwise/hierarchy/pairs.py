@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rungwise.hierarchy.limits import BOTH, LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
+from rungwise.hierarchy.paths import BOTH, LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
 from rungwise.models.ladder import (
     DYNAMIC_COMPLIANT,
     DYNAMIC_RIGID,

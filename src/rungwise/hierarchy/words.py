@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from textwrap import wrap
 from typing import TYPE_CHECKING
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
 
 WIDE = 110
 """Columns of the text."""
+BOUNDS = (
+    "Def. 1: the largest, over the inputs that were run, of the smallest distance found. Inputs that were not"
+    " drawn may be worse (a bound from below), inputs that were not tried better (a bound from above). Orders"
+    " are those of the second half, after the boundary layer, until just before the first of the two ends."
+)
 RUNG = 21
 """Columns of the longest name of a rung."""
 
@@ -32,8 +38,8 @@ def table(found: Comparison) -> Iterator[str]:
     yield f"{'from':{RUNG}} {'to':{RUNG}} {'paper':6} {heads}  verdict"
     for each in found.pairs:
         yield from _pair(each)
-    yield "Def. 1: the largest, over inputs, of the smallest distance found; inputs not drawn may be worse"
-    yield "and inputs not tried better. Orders: in the second half of the run, until the first run ends."
+    yield from wrap(BOUNDS, WIDE)
+    yield from _runs(found)
     yield from _stages(found)
     for example in found.counterexamples:
         text = f"counterexample: {example.words}: {example.distance:.2e} apart"
@@ -43,22 +49,37 @@ def table(found: Comparison) -> Iterator[str]:
 def _pair(each: Measured) -> Iterator[str]:
     pair, same = each.pair, each.nearest.same
     told = same[~np.isnan(same)]
-    numbers = (same[0], np.median(told) if len(told) else np.nan, told.max(initial=0.0), each.nearest.value)
+    middle, greatest = (np.median(told), told.max()) if len(told) else (np.nan, np.nan)
+    numbers = (same[0], middle, greatest, each.nearest.value)
     paper = f"Def. {pair.definition}" if pair.definition else "-"
     yield (
         f"{pair.richer.name:{RUNG}} {pair.simpler.name:{RUNG}} {paper:6} "
-        + " ".join(f"{x:8.1e}" for x in numbers)
+        + " ".join(f"{x:8.1e}" if x == x else f"{'-':>8}" for x in numbers)
         + f"  {each.verdict}"
     )
     if len(told) < len(same):
-        yield f"    {len(same) - len(told)} of {len(same)} runs took too many steps, and are left out"
+        lost = f"{len(same) - len(told)} of {len(same)} inputs are left out"
+        yield f"    {lost}: a run did not converge or took too many steps"
     for fit in each.fits:
         yield from wrap(str(fit), WIDE, initial_indent="    ", subsequent_indent="      ")
 
 
+def _runs(found: Comparison) -> Iterator[str]:
+    """How the rungs' runs ended, and how exact they are."""
+    for name, ends in found.ends.items():
+        counts = Counter(ends)
+        told = ", ".join(f"{count} {end}" for end, count in counts.most_common())
+        errors = found.errors[name]
+        known = errors[np.isfinite(errors)]
+        error = f"{known.max():.0e}" if len(known) else "unknown"
+        yield from wrap(f"{name}: {told}; error up to {error}", WIDE, subsequent_indent="  ")
+
+
 def _stages(found: Comparison) -> Iterator[str]:
     richest = [cost for cost in found.costs if cost.stage.model.name == "dynamic-compliant"]
-    if found.cheapest is None:
+    if not found.costs:
+        yield "no stage is judged: no run on the richest rung converged"
+    elif found.cheapest is None:
         yield f"no stage is within {found.accuracy:g} of the richest rung"
     else:
         yield f"cheapest stage within {found.accuracy:g} of the richest rung: {_cost(found.cheapest)}"

@@ -242,7 +242,7 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 @kernel
 def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
     """Whether the inertia that the limit eps -> 0+ leaves in the balance of each coordinate is negligible
-    beside the load and the resistance of springs and dampers there."""
+    beside the load and the resistance there, of springs, dampers, and drives and friction with a limit."""
     clock = state.clock[0]
     force, acceleration = greatest_load(terms, clock.free, state.free)
     balanced = True
@@ -253,6 +253,8 @@ def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scr
         for b in state.free[: clock.free]:
             left += clock.eps / step * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
             resisted += abs((step * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
+        for r in range(clock.drives):
+            resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
         balanced &= force == 0.0 or abs(left) <= unbalanced * (load + resisted)
     return balanced
 
