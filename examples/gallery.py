@@ -110,6 +110,7 @@ GALLERY: dict[str, Panels] = {
     "four_finger": ladder("four_finger", QUASI, FIRM, v2=0.4, mu=0.2, x=0.1, y=0.12, angle=0.08),
     "squeeze": ladder("squeeze", STILL, QUASI, mu=0.3, angle=0.85),
     "peg_in_hole": ladder("peg_in_hole", STILL, QUASI, x=1e-3, angle=-0.017),
+    "part_feeder": ladder("part_feeder", FIRM, SOFT, arrival=-1.0),
     "grasp": ladder("grasp", QUASI, SOFT, inputs=CLOSE),
     "two_link": ladder("two_link", QUASI, FIRM),
     "blocks": ladder("blocks", FIRM, SOFT, slope=0.4, mu=0.3, mu_stack=0.1),
