@@ -1,6 +1,6 @@
 """Where the pin of the part feeder turns every cup the same way up, and how it does.
 
-    python examples/part_feeder.py [--model dynamic-compliant] [--samples 40] [--grid 13] [--png FILE] [--json]
+    python examples/part_feeder.py [--model M] [--samples 40] [--grid 13] [--png FILE] [--json]
 
 The pin's place is varied about the one that ships; every place is tried with the same cups, half of them
 closed end first, drawn as the scene's task says. The picture has one cup of each kind on its way, and the
@@ -96,7 +96,11 @@ def main(arguments: list[str] | None = None) -> int:
     if given.png is not None:
         picture(given.png, given.model, x, y, found)
     if given.json:
-        print(json.dumps({"model": given.model, "pin_x": x.tolist(), "pin_y": y.tolist(), "rates": found.tolist()}))
+        print(
+            json.dumps(
+                {"model": given.model, "pin_x": x.tolist(), "pin_y": y.tolist(), "rates": found.tolist()}
+            )
+        )
         return 0
     print(f"{given.model}: cups in 100 that leave closed end down, {given.samples} for each place")
     print("  y \\ x, mm " + "".join(f"{1e3 * value:6.1f}" for value in x))

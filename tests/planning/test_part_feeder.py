@@ -1,4 +1,4 @@
-"""The part feeder: cups leave closed end down whichever way they came, where its pin stands and not elsewhere."""
+"""The part feeder: cups leave closed end down whichever way they came, because of the pin."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_fresh_cups_leave_closed_end_down(model: str) -> None:
 
 
 def test_a_pin_that_is_out_of_reach_turns_no_cup() -> None:
-    """Both tip over the lip, clockwise and by less than a quarter turn: what came open end first leaves so."""
+    """Both tip over the lip, clockwise, by less than a quarter turn: open end first they leave so."""
     far = {"pin_x": 0.9, "exit": 0.9, "drop": 0.09}
     both = rw.rollout("part_feeder", "dynamic-compliant", parameters=far | {"arrival": [1.0, -1.0]}, tol=TOL)
     assert list(both.outcomes) == ["goal", "doomed"]
