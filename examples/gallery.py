@@ -111,6 +111,7 @@ GALLERY: dict[str, Panels] = {
     "squeeze": ladder("squeeze", STILL, QUASI, mu=0.3, angle=0.85),
     "peg_in_hole": ladder("peg_in_hole", STILL, QUASI, x=1e-3, angle=-0.017),
     "snap": ladder("snap", QUASI, SOFT),
+    "part_feeder": ladder("part_feeder", FIRM, SOFT, arrival=-1.0),
     "grasp": ladder("grasp", QUASI, SOFT, inputs=CLOSE),
     "two_link": ladder("two_link", QUASI, FIRM),
     "blocks": ladder("blocks", FIRM, SOFT, slope=0.4, mu=0.3, mu_stack=0.1),

@@ -28,6 +28,9 @@ def design(
         str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
     ],
     model: Annotated[str, typer.Option("--model", help="Rung on which to succeed.")] = "dynamic-compliant",
+    from_: Annotated[
+        str | None, typer.Option("--from", help="Rung of which on designs are searched, rung after rung.")
+    ] = None,
     robust: Annotated[
         bool, typer.Option("--robust", help="Under what the scene's task calls uncertain.")
     ] = False,
@@ -63,7 +66,7 @@ def design(
                     writable_file(file)
             with progress.bar("design", budget, as_json or not sys.stderr.isatty()) as told:
                 found = choose(
-                    loaded, names, model=model, box=box, parameters=parameters, robust=robust,
+                    loaded, names, model=model, from_=from_, box=box, parameters=parameters, robust=robust,
                     samples=samples, tol=tol, budget=budget, seed=seed, threads=threads, on_progress=told,
                 )  # fmt: skip
             if found.found and out is not None:

@@ -12,8 +12,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
-from rungwise.outcome import OUTCOMES
 from rungwise.plain import cut
+from rungwise.planning.earlier import Earlier, earlier_rungs, nothing, searched_earlier
 from rungwise.planning.task import TaskError, fields_of
 from rungwise.planning.tune import GRID, Tuner, centre
 from rungwise.planning.verify import bound_below
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 BUDGET = 200_000
 DESIGNS, DRAWS = 40, 50
 """Designs of a round of the search, and samples with which each is tried."""
+NEAR = 0.1
+"""Deviation of the first round of a search from another rung's design, in sides of the box."""
 KEPT = 0.98
 """A design may drift as long as its rate stays at this part of its best one."""
 
@@ -40,7 +42,8 @@ class Design:
     values: of the parameters designed, by name; box: the intervals searched; how: "in the middle of the set"
     or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
     drift: by name the interval in which success is kept while the others stay; successes of `samples` fresh
-    runs; runs: how many were made; outcomes: how they ended.
+    runs; runs: how many were made; outcomes: how they ended; earlier: what earlier rungs made of it, if they
+    were asked.
     """
 
     scene: Scene
@@ -56,6 +59,7 @@ class Design:
     successes: int
     runs: int
     outcomes: dict[str, int]
+    earlier: tuple[Earlier, ...] = ()
 
     @property
     def found(self) -> bool:
@@ -84,12 +88,7 @@ class Design:
     @property
     def reason(self) -> str:
         """What blocks, where no design succeeds."""
-        if self.found:
-            return ""
-        most = sorted(self.outcomes.items(), key=lambda item: -item[1])
-        ended = ", ".join(f"{name} {count}" for name, count in most)
-        meaning = next(each.meaning for each in OUTCOMES.values() if each.name == most[0][0])
-        return f"no design of {self.runs} runs succeeds: {ended}; most often {meaning}"
+        return "" if self.found else nothing(self.runs, self.outcomes)
 
     def summary(self) -> dict[str, Any]:
         """All of it as plain values."""
@@ -101,6 +100,10 @@ class Design:
             "decides": self.decides, "samples": self.samples, "successes": self.successes,
             "lower": self.lower if self.found else 0.0, "runs": self.runs, "outcomes": self.outcomes,
             "reason": self.reason,
+            "earlier": [
+                {"model": e.model.name, "rate": e.rate, "runs": e.runs, "outcomes": e.outcomes}
+                for e in self.earlier
+            ],
         }  # fmt: skip
 
     def __repr__(self) -> str:
@@ -110,7 +113,7 @@ class Design:
     def __str__(self) -> str:
         head = f"{self.scene.name} on {self.model.name}"
         if not self.found:
-            return f"{head}: {self.reason}"
+            return "\n  ".join([f"{head}: {self.reason}", *map(str, self.earlier)])
         lines = [
             f"{head}: {self._confirmed}",
             f"  {'parameter':14s} {'best':>11s} {'may drift':>25s} {'within':>25s}",
@@ -120,7 +123,7 @@ class Design:
             lines.append(f"  {name:14s} {value:11.6g} {drift:>25s} {box:>25s}")
         decides = f"; {self.decides} decides" if self.decides else "; none decides within its interval"
         lines.append(f"  found {self.how}, in {self.runs} runs{decides}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  {each}" for each in self.earlier)])
 
     @property
     def _confirmed(self) -> str:
@@ -151,6 +154,7 @@ def design(
     over: Sequence[str],
     *,
     model: Rung | str = DYNAMIC_COMPLIANT,
+    from_: Rung | str | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
     parameters: Mapping[str, float] | None = None,
     robust: bool = False,
@@ -171,6 +175,8 @@ def design(
 
     Args:
         scene, model, parameters: as for `simulate`.
+        from_: rung of which on designs are searched, rung after rung up to the model; each search starts at
+            the design of the one before, and the set is left out.
         over: names of the parameters to choose.
         box: interval (low, high) by name, as for `feasible_set`.
         robust: draw what the scene's task calls uncertain.
@@ -197,16 +203,20 @@ def design(
     count = len(fields_of(loaded).uncertain) if robust else 0
     per_design = DRAWS if robust else 1
     allowed = ACCURACY * smallest(loaded, values) if accuracy is None else accuracy
-    tuner = Tuner(
-        loaded, rung, names, intervals, values, _quantiles(rng, per_design, count), allowed, threads,
-        on_progress,
-    )  # fmt: skip
-    best, how, margin = _found(tuner, tol, budget, robust, rng)
+    quantiles, rungs = _quantiles(rng, per_design, count), earlier_rungs(from_, rung)
+
+    def tuner_of(rung: Rung) -> Tuner:
+        return Tuner(loaded, rung, names, intervals, values, quantiles, allowed, threads, on_progress)
+
+    start, earlier = searched_earlier(rungs, tuner_of, DESIGNS, budget, rng)
+    tuner = tuner_of(rung)
+    best, how, margin = _found(tuner, tol, budget, robust, rng, start)
     rate = 0.0 if best is None else float(tuner.tried(best[None])[0][0])
     empty = Design(
         scene=loaded, model=rung, over=names, parameters=values, values={}, how=how, margin=np.nan,
         box={name: (float(a), float(b)) for name, (a, b) in zip(names, intervals, strict=True)},
         drift={}, samples=samples, successes=0, runs=tuner.count, outcomes=dict(tuner.outcomes),
+        earlier=earlier,
     )  # fmt: skip
     if best is None or rate == 0.0:
         return empty
@@ -224,9 +234,11 @@ def design(
 
 
 def _found(
-    tuner: Tuner, tol: float, budget: int, robust: bool, rng: np.random.Generator
+    tuner: Tuner, tol: float, budget: int, robust: bool, rng: np.random.Generator, start: Reals | None
 ) -> tuple[Reals | None, str, float]:
     """The best design, how it was found, and its distance from the set's boundary."""
+    if start is not None:
+        return tuner.searched(start, DESIGNS, budget, rng, NEAR), "by a search", np.nan
     best, margin = None, np.nan
     if len(tuner.names) in GRID:
         box = {name: (float(a), float(b)) for name, (a, b) in zip(tuner.names, tuner.box, strict=True)}

@@ -88,12 +88,19 @@ class Tuner:
                 columns[name] = _value(self.scene, name, numbers, base, quantiles[:, k])
         return np.column_stack([columns[name] for name in self._over])
 
-    def searched(self, start: Reals | None, size: int, budget: int, rng: np.random.Generator) -> Reals:
+    def searched(
+        self,
+        start: Reals | None,
+        size: int,
+        budget: int,
+        rng: np.random.Generator,
+        spread: float = SPREAD,
+    ) -> Reals:
         """The best design that the cross-entropy method finds, from about a start or from the whole box."""
         low, side = self.box[:, 0], np.ptp(self.box, axis=1)
         d, n = len(self.names), len(self.quantiles)
         mean = np.full(d, 0.5) if start is None else (start - low) / side
-        deviation = np.full(d, SPREAD)
+        deviation = np.full(d, spread)
         best, score = mean, (-1.0, -np.inf)
         for number in range(ROUNDS):
             if number > 0 and (self.count + size * n > budget or deviation.max() < CLOSE):
