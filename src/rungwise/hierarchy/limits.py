@@ -13,8 +13,6 @@ from rungwise.hierarchy.walking import FLOOR, LEVELS, Walk
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
-QUICK = 3000
-"""Most steps of one run that helps to choose the inputs."""
 NONE = 1e-8
 """Distances below this are none: solvers, not models, make them."""
 ALIKE = 1e-5
@@ -113,7 +111,7 @@ def fit(
     beginning, until just before times (m,), or before the first of them ends. Distances are those in the
     second half of the run, after the boundary layer."""
     until = BEFORE * until
-    sample = _telling(bench, path, richer, simpler, inputs, until)
+    sample, lost = _telling(bench, path, richer, simpler, inputs, until)
     end, every = until[sample : sample + 1], np.arange(len(path.values))
     for _ in range(2):  # once more, if a run ends sooner: jams belong to distances, not to orders
         walk = Walk(bench, path, richer, simpler, inputs[sample : sample + 1], end)
@@ -121,8 +119,11 @@ def fit(
         if sooner >= end[0] * (1.0 - 1e-9):
             break
         end = np.array([BEFORE * sooner])
+    many = f"{lost} of {len(inputs)} inputs take too many steps, and the others make no difference"
+    short = many if lost else ""
     if end[0] < SHORT * bench.duration:
         short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
+    if short:
         return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
     order, error = known.order(path.values)
@@ -142,16 +143,22 @@ def first(a: Motions, b: Motions, until: Reals) -> Reals:
     return np.minimum(until, np.minimum(*times))
 
 
-def _telling(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals) -> int:
+def _telling(
+    bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals
+) -> tuple[int, int]:
     """The sample in which motions differ most at the beginning of the path, of those that go on to the end,
-    and not much shorter than others; of all, if they differ in no such one."""
+    and not much shorter than others; of all, if they differ in no such one. Also how many samples took too
+    many steps, if motions differ in no other."""
     at, bounce = path.values[0], bench.matched.bouncing(path.bounce)
 
     def run(model: Rung, values: dict[str, float]) -> Motions:
-        return bench.run(model, inputs, until, LEVELS[0], bare=True, parameters=values | bounce, budget=QUICK)
+        return bench.run(model, inputs, until, LEVELS[0], bare=True, parameters=values | bounce)
 
     a, b = run(path.rung(richer, at), path.factors(at)), run(simpler, {})
-    away = np.nan_to_num(apart(a, b, late=True))
+    away = apart(a, b, late=True)
+    unknown = int(np.isnan(away).sum())
+    away = np.nan_to_num(away)
     whole = (a.time >= until * (1.0 - 1e-9)) & (b.time >= until * (1.0 - 1e-9))
     whole &= until >= 0.1 * until.max()
-    return int(np.argmax(away * whole if (away * whole).max() > 10.0 * LEVELS[0] else away))
+    sample = int(np.argmax(away * whole if (away * whole).max() > 10.0 * LEVELS[0] else away))
+    return sample, unknown if away.max() <= NONE else 0
