@@ -67,7 +67,7 @@ class Fit:
         if math.isnan(self.order):
             last = pairs[-1][0] + pairs[-1][1]
             return TENDS if self.distances[-1] == pairs[-1][0] and last < LEAST * seen[0] else UNDECIDED
-        if self.order - 2.0 * self.error > LEAST:
+        if _tends(self.order, self.error):
             return TENDS
         return STAYS if self.order + 2.0 * self.error < LEAST else UNDECIDED
 
@@ -104,6 +104,10 @@ class Fit:
         )
 
 
+def _tends(order: float, error: float) -> bool:
+    return order - 2.0 * error > LEAST
+
+
 def fit(
     bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals
 ) -> Fit:  # fmt: skip
@@ -129,8 +133,11 @@ def fit(
     order, error = known.order(path.values)
     if known.hidden or error > SCATTER:
         other = walk.equal(known)
-        if other is not None and not other.order(path.values)[1] >= error:
-            known, (order, error) = other, other.order(path.values)
+        if other is not None:
+            new = other.order(path.values)
+            falls = other.found[-1] + other.floors[-1] < LEAST * other.found[0]
+            if (_tends(*new) or falls) and not new[1] >= error:
+                known, (order, error) = other, new
     return Fit(
         path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
         float(end[0]), sample, tuple(known.tols.tolist()), known.step,
