@@ -18,6 +18,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return int(ended.value.code or 0)
 
 
+STUCK = ("--set", "mu=2", "--set", "v2=0.6")
 FEW = ("--samples", "0", "--model", "kinematic")
 
 
@@ -26,7 +27,7 @@ def test_text_json_and_counterexamples(
 ) -> None:
     assert run(monkeypatch, "two_finger", *FEW) == 0
     assert "quasistatic-rigid     kinematic             Def. 1" in capsys.readouterr().out
-    assert run(monkeypatch, "gripper", *FEW, "--json", "--out", str(tmp_path)) == 1
+    assert run(monkeypatch, "two_finger", *STUCK, *FEW, "--json", "--out", str(tmp_path)) == 1
     found = json.loads(capsys.readouterr().out)
     assert not found["ok"] and found["pairs"][0]["verdict"] == "fails"
     assert found["counterexamples"][0]["simpler"]["model"] == "kinematic"

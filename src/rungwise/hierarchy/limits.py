@@ -13,8 +13,6 @@ from rungwise.hierarchy.walking import FLOOR, LEVELS, Walk
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
-QUICK = 3000
-"""Most steps of one run that helps to choose the inputs."""
 NONE = 1e-8
 """Distances below this are none: solvers, not models, make them."""
 ALIKE = 1e-5
@@ -69,7 +67,7 @@ class Fit:
         if math.isnan(self.order):
             last = pairs[-1][0] + pairs[-1][1]
             return TENDS if self.distances[-1] == pairs[-1][0] and last < LEAST * seen[0] else UNDECIDED
-        if self.order - 2.0 * self.error > LEAST:
+        if _tends(self.order, self.error):
             return TENDS
         return STAYS if self.order + 2.0 * self.error < LEAST else UNDECIDED
 
@@ -106,6 +104,10 @@ class Fit:
         )
 
 
+def _tends(order: float, error: float) -> bool:
+    return order - 2.0 * error > LEAST
+
+
 def fit(
     bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals
 ) -> Fit:  # fmt: skip
@@ -113,7 +115,7 @@ def fit(
     beginning, until just before times (m,), or before the first of them ends. Distances are those in the
     second half of the run, after the boundary layer."""
     until = BEFORE * until
-    sample = _telling(bench, path, richer, simpler, inputs, until)
+    sample, lost = _telling(bench, path, richer, simpler, inputs, until)
     end, every = until[sample : sample + 1], np.arange(len(path.values))
     for _ in range(2):  # once more, if a run ends sooner: jams belong to distances, not to orders
         walk = Walk(bench, path, richer, simpler, inputs[sample : sample + 1], end)
@@ -121,15 +123,21 @@ def fit(
         if sooner >= end[0] * (1.0 - 1e-9):
             break
         end = np.array([BEFORE * sooner])
+    many = f"{lost} of {len(inputs)} inputs take too many steps, and the others make no difference"
+    short = many if lost else ""
     if end[0] < SHORT * bench.duration:
         short = f"a run ends at {end[0]:.2g}, before there is anything to compare"
+    if short:
         return Fit(path, path.values, (), (), math.nan, math.nan, float(end[0]), sample, (), None, short)
     known = walk.distances()
     order, error = known.order(path.values)
     if known.hidden or error > SCATTER:
         other = walk.equal(known)
-        if other is not None and not other.order(path.values)[1] >= error:
-            known, (order, error) = other, other.order(path.values)
+        if other is not None:
+            new = other.order(path.values)
+            falls = other.found[-1] + other.floors[-1] < LEAST * other.found[0]
+            if (_tends(*new) or falls) and not new[1] >= error:
+                known, (order, error) = other, new
     return Fit(
         path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
         float(end[0]), sample, tuple(known.tols.tolist()), known.step,
@@ -142,16 +150,22 @@ def first(a: Motions, b: Motions, until: Reals) -> Reals:
     return np.minimum(until, np.minimum(*times))
 
 
-def _telling(bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals) -> int:
+def _telling(
+    bench: Bench, path: Path, richer: Rung, simpler: Rung, inputs: Reals, until: Reals
+) -> tuple[int, int]:
     """The sample in which motions differ most at the beginning of the path, of those that go on to the end,
-    and not much shorter than others; of all, if they differ in no such one."""
+    and not much shorter than others; of all, if they differ in no such one. Also how many samples took too
+    many steps, if motions differ in no other."""
     at, bounce = path.values[0], bench.matched.bouncing(path.bounce)
 
     def run(model: Rung, values: dict[str, float]) -> Motions:
-        return bench.run(model, inputs, until, LEVELS[0], bare=True, parameters=values | bounce, budget=QUICK)
+        return bench.run(model, inputs, until, LEVELS[0], bare=True, parameters=values | bounce)
 
     a, b = run(path.rung(richer, at), path.factors(at)), run(simpler, {})
-    away = np.nan_to_num(apart(a, b, late=True))
+    away = apart(a, b, late=True)
+    unknown = int(np.isnan(away).sum())
+    away = np.nan_to_num(away)
     whole = (a.time >= until * (1.0 - 1e-9)) & (b.time >= until * (1.0 - 1e-9))
     whole &= until >= 0.1 * until.max()
-    return int(np.argmax(away * whole if (away * whole).max() > 10.0 * LEVELS[0] else away))
+    sample = int(np.argmax(away * whole if (away * whole).max() > 10.0 * LEVELS[0] else away))
+    return sample, unknown if away.max() <= NONE else 0

@@ -138,7 +138,9 @@ class Walk:
         parted = (
             np.abs(known.apart - sure.apart).max(axis=(1, 2)) if sure.apart.size else np.array([math.nan])
         )
-        agree = bool((parted <= known.floors + sure.floors).all())
+        agree = (
+            bool((np.isfinite(sure.error) & (parted <= known.floors + sure.floors)).all()) and sure.seen > 0
+        )
         return known._replace(step=step) if agree and known.seen >= sure.seen else None
 
 
