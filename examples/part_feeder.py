@@ -91,7 +91,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
     at = rw.load(SCENE).parameters()
-    x, y = (at[name] + np.linspace(-AROUND, AROUND, given.grid) for name in ("pin_x", "pin_y"))
+    around = np.linspace(-AROUND, AROUND, given.grid) if given.grid > 1 else np.zeros(1)
+    x, y = (at[name] + around for name in ("pin_x", "pin_y"))
     found = rates(given.model, x, y, given.samples)
     if given.png is not None:
         picture(given.png, given.model, x, y, found)
