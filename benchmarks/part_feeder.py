@@ -1,6 +1,6 @@
 """How a pin is found that turns all cups the same way up: directly, or after geometry and a cheaper rung.
 
-    python benchmarks/part_feeder.py [--fresh 1000] [--budget 2000] [--seed 0] [--json]
+    python benchmarks/part_feeder.py [--fresh 200] [--budget 1300] [--seed 0] [--json]
 
 Direct search looks for the pin's place in a box, on dynamic-compliant. The other two begin as the authors of
 the device do, with geometry: the pin's tip must enter the cavity of a cup that comes open end first, beyond
@@ -104,8 +104,8 @@ def searched(scene: rw.Scene, box: Box, rungs: tuple[rw.Rung, ...], given: Any) 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--fresh", type=int, default=1000, help="cups on which designs are tried")
-    parser.add_argument("--budget", type=int, default=2000, help="most runs of a search on a rung")
+    parser.add_argument("--fresh", type=int, default=200, help="cups on which designs are tried")
+    parser.add_argument("--budget", type=int, default=1300, help="most runs of a search on a rung")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)

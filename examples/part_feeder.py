@@ -106,7 +106,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(f"{given.model}: cups in 100 that leave closed end down, {given.samples} for each place")
     print("  y \\ x, mm " + "".join(f"{1e3 * value:6.1f}" for value in x))
     for height, row in zip(y[::-1], found[::-1], strict=True):
-        print(f"  {1e3 * height:9.1f} " + "".join(f"{100 * rate:6.0f}" for rate in row))
+        print(f"  {1e3 * height:9.1f} " + "".join(f"{100 * rate:6.1f}" for rate in row))
     return 0
 
 
