@@ -32,6 +32,8 @@ GRID = {1: 2000, 2: 400, 3: 100, 4: 40}
 """Points of the grid along each axis on which the middle of a set is looked for."""
 SCAN, HALVINGS = 21, 8
 """Points of a scan from a design to each side of the box, and halvings that locate where success ends."""
+STEPS = 100_000
+"""Most steps of one try; one that takes more counts as `not_converged`."""
 WORST = 0.1
 """The part of worst samples whose margin decides between designs of the same rate."""
 
@@ -59,8 +61,9 @@ class Tuner:
         self._uncertain = list(fields_of(self.scene).uncertain) if self.quantiles.shape[1] else []
         self._over = list(dict.fromkeys([*self.names, *self._uncertain]))
         self._batch = Batch(
-            self.scene, self.model, self._over, parameters=self.parameters, tol=self.tol, threads=self.threads
-        )
+            self.scene, self.model, self._over, parameters=self.parameters, tol=self.tol, budget=STEPS,
+            threads=self.threads,
+        )  # fmt: skip
 
     def tried(self, designs: Reals, quantiles: Reals | None = None) -> tuple[Reals, Reals]:
         """Rates of success (m,) of designs (m, d), and margins (m,): the least of a tenth of the samples."""

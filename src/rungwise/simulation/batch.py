@@ -56,6 +56,7 @@ class Batch:
         over: names of the parameters that points give, in order.
         parameters: values of other parameters; the rest keep their defaults.
         step, tol, duration, theta, motion: as for `Simulation`.
+        budget: most steps of one run, a million if not given; a run that takes more has not converged.
         threads: how many; as many as there are cores if not given. The results do not depend on it.
     """
 
@@ -72,13 +73,14 @@ class Batch:
         duration: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
+        budget: int | None = None,
         threads: int | None = None,
     ) -> None:
         self.scene, self.model = load(scene), moving_rung(model)
         self.over = names_of(self.scene, over)
         self._crew = Crew(
             self.scene, self.model, self.over, parameters, step=step, tol=tol, duration=duration, theta=theta,
-            motion=motion, threads=threads,
+            motion=motion, budget=budget, threads=threads,
         )  # fmt: skip
         self.parameters, self.threads = self._crew.parameters, self._crew.threads
 

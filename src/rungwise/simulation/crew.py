@@ -83,7 +83,7 @@ class Crew:
         self._options["tol"] = 0.0 if tol is None else tol
         self._options["longest"] = LONGEST
         self._options["jam"] = jam
-        self._options["budget"] = BUDGET if budget is None else budget
+        self._options["budget"] = BUDGET if budget is None else count("budget", budget, 1)
         self.threads = threads_of(threads)
         self._places: SimpleQueue[Place] = SimpleQueue()
         for _ in range(self.threads):

@@ -30,7 +30,7 @@ from rungwise.simulation.arguments import (
 )
 from rungwise.simulation.crew import CHUNK, Crew
 from rungwise.simulation.inputs import Segment, condition
-from rungwise.simulation.options import count, moving_rung
+from rungwise.simulation.options import moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.questions import States
@@ -209,8 +209,6 @@ def rollout(
     for k, text in enumerate(texts):
         condition(scene, text, f"until.{k}")
     options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
-    if budget is not None:
-        budget = count("budget", budget, 1)
     crew = Crew(
         scene, rung, over, None, until=texts, ramps=ramps, budget=budget, threads=threads,
         **options,  # type: ignore[arg-type]
