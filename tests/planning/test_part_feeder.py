@@ -20,10 +20,10 @@ def cups(samples: int, seed: int) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("model", ["dynamic-rigid", "dynamic-compliant"])
 def test_fresh_cups_leave_closed_end_down(model: str) -> None:
-    drawn = cups(80, 7)
+    drawn = cups(50, 7)
     found = rw.rollout("part_feeder", model, parameters=drawn, tol=TOL, keep=False)
-    assert 25 < np.sum(drawn["arrival"] > 0.0) < 55
-    assert np.sum(found.outcomes == "goal") >= (80 if model == "dynamic-compliant" else 76)
+    assert 15 < np.sum(drawn["arrival"] > 0.0) < 35
+    assert np.sum(found.outcomes == "goal") >= (50 if model == "dynamic-compliant" else 47)
 
 
 def test_a_pin_that_is_out_of_reach_turns_no_cup() -> None:
@@ -37,10 +37,10 @@ def test_a_pin_that_is_out_of_reach_turns_no_cup() -> None:
 
 def test_no_cup_gains_energy() -> None:
     """v² / 2 and the energy of rotation are at most what gravity gave, whatever the restitution."""
-    drawn = cups(40, 3)
+    drawn = cups(20, 3)
     found = rw.rollout("part_feeder", "dynamic-compliant", parameters=drawn, tol=TOL)
     scene = rw.load("part_feeder")
-    for k in range(40):
+    for k in range(20):
         one = {name: float(values[k]) for name, values in drawn.items()}
         cup = scene.bind(scene.parameters(one)).records.bodies[0]
         height = rw.simulate(scene, "dynamic-compliant", parameters=one, duration=1e-9).final["cup"]["y"]
@@ -57,12 +57,12 @@ def test_a_cup_that_falls_is_nothing_for_quasistatic_rungs(model: str) -> None:
 
 def test_a_climb_skips_rungs_on_which_cups_cannot_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says why, and the search goes on from the design of dynamic-rigid."""
-    for name, value in (("DESIGNS", 5), ("DRAWS", 10)):
+    for name, value in (("DESIGNS", 4), ("DRAWS", 8)):
         monkeypatch.setattr(design, name, value)
     monkeypatch.setattr(tune, "SCAN", 3)
     monkeypatch.setattr(tune, "HALVINGS", 0)
     found = rw.design(
-        "part_feeder", ("pin_x", "pin_y"), from_="quasistatic-rigid", robust=True, samples=60, budget=1,
+        "part_feeder", ("pin_x", "pin_y"), from_="quasistatic-rigid", robust=True, samples=30, budget=1,
         box={"pin_x": (0.036, 0.041), "pin_y": (-0.016, -0.006)}, accuracy=TOL,
     )  # fmt: skip
     names = [each.model.name for each in found.earlier]
@@ -70,4 +70,4 @@ def test_a_climb_skips_rungs_on_which_cups_cannot_fall(monkeypatch: pytest.Monke
     assert [each.rate > 0.0 for each in found.earlier] == [False, False, True]
     assert all(set(each.outcomes) == {"unsupported"} for each in found.earlier[:2])
     assert "quasistatic-rigid: skipped" in str(found) and "unsupported" in str(found)
-    assert found.successes >= 54
+    assert found.successes >= 26

@@ -249,3 +249,11 @@ def test_a_number_is_the_duration_of_all_segments() -> None:
         for durations in (0.3, [0.3, 0.3, 0.3])
     )
     assert one.memory.tobytes() == other.memory.tobytes()
+
+
+def test_a_run_that_takes_more_steps_than_allowed_has_not_converged() -> None:
+    for budget, outcome in ((3, "not_converged"), (None, "goal")):
+        found = rw.Batch("two_finger", "kinematic", ("v2",), budget=budget).run(np.array([[1.0]]))
+        assert list(found.outcomes) == [outcome]
+    with pytest.raises(ValueError, match="budget: must be"):
+        rw.Batch("two_finger", "kinematic", ("v2",), budget=0)
