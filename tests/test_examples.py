@@ -103,6 +103,18 @@ def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "two_finger_free: 1 runs" in capsys.readouterr().out
 
 
+def test_places_of_the_pin_of_the_part_feeder(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/part_feeder.py", monkeypatch)
+    assert example.main(["--samples", "4", "--grid", "1", "--png", str(tmp_path / "map.png")]) == 0
+    assert "100.0" in capsys.readouterr().out and (tmp_path / "map.png").stat().st_size > 20_000
+    benchmark = script("benchmarks/part_feeder.py", monkeypatch)
+    assert benchmark.main(["--fresh", "10", "--budget", "120", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert all(row["successes"] >= 8 for row in found["rows"].values())
+
+
 def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     benchmark = script("benchmarks/sets.py", monkeypatch)
     assert benchmark.main(["--json"], runs=40, peer_runs=0, tols=(1 / 16, 1 / 32)) == 0
