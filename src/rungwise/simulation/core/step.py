@@ -253,8 +253,9 @@ def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scr
         for b in state.free[: clock.free]:
             left += clock.eps / step * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
             resisted += abs((step * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
-        for r in range(clock.drives):
-            resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
+        for r in range(clock.limited):
+            if math.isfinite(terms.limit[r]):
+                resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
         balanced &= force == 0.0 or abs(left) <= unbalanced * (load + resisted)
     return balanced
 
