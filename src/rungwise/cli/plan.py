@@ -40,7 +40,7 @@ def plan(
             " Default: the task's own.",
         ),
     ] = None,
-    budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_500_000,
+    budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
     limit: Annotated[
         float | None,
         typer.Option(

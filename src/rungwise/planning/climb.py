@@ -63,7 +63,7 @@ def plan(
     schedule: Schedule | None = None,
     parameters: Mapping[str, float] | None = None,
     task_seed: int | None = None,
-    budget: int | None = 1_500_000,
+    budget: int | None = 1_250_000,
     limit: float | None = None,
     improve: int = 0,
     robust: float | None = None,
