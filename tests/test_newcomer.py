@@ -156,7 +156,7 @@ def test_commands_of_the_pages_are_commands(page: Path) -> None:
             assert all(f'"{word}"' in said for word in words[1:] if word.startswith("--")), line
         elif program == "make" and len(words) == 1:
             assert words[0] in targets, line
-        elif program == "rungwise" and words[0] in COMMANDS:
+        elif program == "rungwise" and words and words[0] in COMMANDS:
             parse(words)
 
 
