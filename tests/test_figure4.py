@@ -31,7 +31,7 @@ def lower_end(figure4: ModuleType, panel: object) -> float:
 
 
 def test_quasistatic_panel_is_the_slowest_motion(figure4: ModuleType) -> None:
-    assert lower_end(figure4, figure4.A) == pytest.approx(0.5, abs=4e-4)
+    assert lower_end(figure4, figure4.A) == pytest.approx(0.5, abs=2e-4)
 
 
 @pytest.mark.parametrize("speed", [0.1, 10.0])
