@@ -39,7 +39,9 @@ from .planning.predict import Stage
 from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
 from .planning.task import TaskError, instances
 from .planning.verify import Verification, verify
-from .scene import InvalidScene, Scene, SceneBuilder, SceneError, load, parts, schema, shipped
+from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema, shipped
+from .scene.read import load
+from .scene.space import SpaceScene
 from .sets.between import Between, between
 from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
 from .sets.feasible import FeasibleSet, feasible_set, load_set
@@ -55,6 +57,8 @@ from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
 from .simulation.rollout import Rollouts, rollout
 from .simulation.run import Simulation, simulate
+from .simulation.spatial.result import SpaceRun
+from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
@@ -112,6 +116,9 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "SpaceRun",
+    "SpaceScene",
+    "SpaceSimulation",
     "SqueezeFunction",
     "SqueezePlan",
     "Stage",

@@ -14,8 +14,11 @@ from rungwise.cli.terminal import refuse
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
     from rungwise.scene import Scene
+    from rungwise.scene.space import SpaceScene
 
-SceneArgument = Annotated[str, typer.Argument(help="Name of a scene that ships, or path of a YAML file.")]
+SceneArgument = Annotated[
+    str, typer.Argument(help="Name of a scene that ships, or path of a YAML, MJCF or URDF file.")
+]
 SetOption = Annotated[
     list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
 ]
@@ -30,17 +33,25 @@ def number(text: str) -> float:
 
 
 def load_scene(source: str) -> Scene:
+    """A planar scene."""
     from rungwise.scene import load
 
     return load(source)
 
 
-def parameters_of(scene: Scene, values: list[str] | None) -> dict[str, float]:
+def load_any_scene(source: str) -> Scene | SpaceScene:
+    """A scene of either kind."""
+    from rungwise.scene.read import load
+
+    return load(source)
+
+
+def parameters_of(scene: Scene | SpaceScene, values: list[str] | None) -> dict[str, float]:
     """All parameters of the scene, with the values given by --set."""
     return scene.parameters(given_values(scene, values))
 
 
-def given_values(scene: Scene, values: list[str] | None) -> dict[str, float]:
+def given_values(scene: Scene | SpaceScene, values: list[str] | None) -> dict[str, float]:
     """The values given by --set."""
     from rungwise.scene import SceneError
 

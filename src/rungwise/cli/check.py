@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_scene, parameters_of
+from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_any_scene, parameters_of
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 
@@ -10,17 +10,22 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
     from rungwise.models.ladder import KINEMATIC
     from rungwise.report.describe import describe, describe_text
-    from rungwise.simulation.run import Simulation
+    from rungwise.report.space import describe_space, describe_space_text
+    from rungwise.scene import Scene
+    from rungwise.simulation.run import simulation_of
 
     with plain_errors():
-        loaded = load_scene(scene)
+        loaded = load_any_scene(scene)
         parameters = parameters_of(loaded, values)
-        report = describe(loaded, parameters)
-        start = Simulation(loaded, KINEMATIC, parameters=parameters, frames=3).result()
+        if isinstance(loaded, Scene):
+            report, text = describe(loaded, parameters), describe_text
+        else:
+            report, text = describe_space(loaded, parameters), describe_space_text
+        start = simulation_of(loaded, KINEMATIC, parameters=parameters, frames=3).result()
     if start.outcome.name == "invalid":
         refuse(start.reason)
     if as_json:
         show_json(report | {"notes": list(start.notes)})
     else:
-        show("\n".join([describe_text(report), *start.notes]))
+        show("\n".join([text(report), *start.notes]))
     return 0

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rungwise.simulation.run import Simulation
+    from rungwise.simulation.spatial.run import SpaceSimulation
 
 
-def watch(simulation: Simulation, quiet: bool) -> bool:
+def watch(simulation: Simulation | SpaceSimulation, quiet: bool) -> bool:
     """Run to the end with a progress bar; returns whether Ctrl-C ended it."""
     silent: tuple[Callable[[], None], Callable[[], None]] = (lambda: None, lambda: None)
     report, close = silent if quiet else _bar(simulation)
@@ -24,7 +25,7 @@ def watch(simulation: Simulation, quiet: bool) -> bool:
     return False
 
 
-def _bar(simulation: Simulation) -> tuple[Callable[[], None], Callable[[], None]]:
+def _bar(simulation: Simulation | SpaceSimulation) -> tuple[Callable[[], None], Callable[[], None]]:
     from rich.console import Console
     from rich.progress import Progress
 

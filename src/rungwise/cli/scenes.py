@@ -17,11 +17,13 @@ def scenes(
     """The scenes that ship."""
     from rungwise.scene import load, shipped
     from rungwise.scene import schema as scene_schema
+    from rungwise.scene.space.scene import file_of, shipped_in_space
 
     if schema:
         show_json(scene_schema(), indent=None if as_json else 1)
         return 0
     known = {name: load(name).file.about for name in shipped()}
+    known |= {name: file_of(name).about for name in shipped_in_space()}
     if as_json:
         show_json({"scenes": known})
         return 0

@@ -13,7 +13,7 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
-    load_scene,
+    load_any_scene,
     number,
     parameters_of,
     writable,
@@ -22,6 +22,7 @@ from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_
 
 if TYPE_CHECKING:
     from rungwise.simulation.result import Run
+    from rungwise.simulation.spatial.result import SpaceRun
 
 
 def sim(
@@ -78,12 +79,12 @@ def sim(
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
     from rungwise.simulation.options import ModelError
-    from rungwise.simulation.run import Simulation
+    from rungwise.simulation.run import simulation_of
 
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")
     with plain_errors():
-        loaded = load_scene(scene)
+        loaded = load_any_scene(scene)
         try:
             chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
         except ValueError as error:
@@ -91,7 +92,7 @@ def sim(
         parameters = parameters_of(loaded, values)
         if out is not None:
             writable(out)
-        simulation = Simulation(
+        simulation = simulation_of(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
         )  # fmt: skip
@@ -111,7 +112,7 @@ def sim(
     return INTERRUPTED if interrupted else run.outcome.exit_code
 
 
-def _sentence(run: Run) -> str:
+def _sentence(run: Run | SpaceRun) -> str:
     final = ", ".join(f"{b}.{c} = {x:.6g}" for b, many in run.final.items() for c, x in many.items())
     lines = [
         f"{run.scene.name} on {run.model.name}: {run.outcome}",

@@ -39,11 +39,12 @@ class Side:
 
     def replay(self, scene: Scene) -> Run:
         chosen = rung(self.model)
-        return simulate(
+        run: Run = simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
             step=self.step,
         )  # fmt: skip
+        return run
 
 
 @dataclass(frozen=True)

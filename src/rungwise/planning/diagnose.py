@@ -200,7 +200,7 @@ def _least(
 
 
 def _run(world: World, inputs: Sequence[Segment]) -> Run:
-    run = simulate(
+    run: Run = simulate(
         world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol
     )
     if run.workspace is None:

@@ -144,11 +144,12 @@ class Plan:
             raise PlanError(f"plan: there is none. {self.reason}")
         if not self.stage.model.moves:
             raise PlanError(f"plan: {PLACES_ONLY}")
-        return simulate(
+        run: Run = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
             frames=frames, stride=stride, save_hard=save_hard,
         )  # fmt: skip
+        return run
 
     def __repr__(self) -> str:
         if not self.found:

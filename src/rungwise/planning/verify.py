@@ -91,9 +91,10 @@ class Verification:
         """The run of a sample once more; with re-planning, of what was executed."""
         trials = Trials(self.plan, moving_rung(self.model), self.tol, self.mode, self.seed)
         inputs = trials.executed(self._points[sample.number])
-        return simulate(
+        run: Run = simulate(
             self.plan.scene, self.model, parameters=sample.parameters, tol=self.tol, inputs=inputs
         )
+        return run
 
     def __str__(self) -> str:
         lines = [

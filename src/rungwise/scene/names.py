@@ -13,16 +13,22 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `read` collects, for each function of `OF_CONTACTS`, the contacts for which some condition calls it.
+    `velocities` are what `speed` takes, the coordinates if not given. `read` collects, for each function of
+    `OF_CONTACTS`, the contacts for which some condition calls it.
     """
 
     def __init__(
-        self, parameters: tuple[str, ...], coordinates: tuple[str, ...], contacts: tuple[tuple[str, str], ...]
+        self,
+        parameters: tuple[str, ...],
+        coordinates: tuple[str, ...],
+        contacts: tuple[tuple[str, str], ...],
+        velocities: tuple[str, ...] | None = None,
     ) -> None:
         for name in parameters:
             if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
+        self.velocities = coordinates if velocities is None else velocities
         self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
 
     def number(self, text: str, path: str, timed: bool = False) -> Code:
@@ -55,17 +61,20 @@ class Names:
         """The slot of a name, or of a function of names, that conditions read; None if there is none."""
         time = len(self.parameters)
         n, contacts = len(self.coordinates), len(self.contacts)
-        if function in ("", "speed") and len(dotted) == 1:
+        moving = n + len(self.velocities)
+        if function == "speed" and len(dotted) == 1 and dotted[0] in self.velocities:
+            return time + 1 + n + self.velocities.index(dotted[0])
+        if not function and len(dotted) == 1:
             if dotted[0] in self.coordinates:
-                return time + 1 + self.coordinates.index(dotted[0]) + (n if function else 0)
-            if not function and dotted[0] in (*self.parameters, "t"):
+                return time + 1 + self.coordinates.index(dotted[0])
+            if dotted[0] in (*self.parameters, "t"):
                 return (*self.parameters, "t").index(dotted[0])
-            if not function and dotted[0] == "tolerance":
-                return time + 1 + 2 * n + len(OF_CONTACTS) * contacts
+            if dotted[0] == "tolerance":
+                return time + 1 + moving + len(OF_CONTACTS) * contacts
         if function in OF_CONTACTS and len(dotted) == 2:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:
                     index = self.contacts.index(pair)
                     self.read[function].add(index)
-                    return time + 1 + 2 * n + index + OF_CONTACTS.index(function) * contacts
+                    return time + 1 + moving + index + OF_CONTACTS.index(function) * contacts
         return None

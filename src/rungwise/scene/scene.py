@@ -71,15 +71,7 @@ class Scene:
 
         Raises SceneError for an unknown name, a value that is no finite number, or one out of range.
         """
-        known = self.file.parameters
-        values = {name: parameter.default for name, parameter in known.items()}
-        if not isinstance(given, Mapping | None):
-            raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(given)}")
-        for name, value in (given or {}).items():
-            if name not in known:
-                raise SceneError(f"parameters: unknown {shown(name)}{choices(name, known)}")
-            values[name] = _parameter(f"parameters.{name}", value, known[name])
-        return values
+        return parameter_values(self.file.parameters, given)
 
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""
@@ -136,16 +128,25 @@ class Scene:
         return f"bodies.{template.bodies[index]}"
 
 
+def parameter_values(known: Mapping[str, Parameter], given: Mapping[str, float] | None) -> dict[str, float]:
+    """All parameters, defaults replaced by those `given`. Raises SceneError."""
+    values = {name: parameter.default for name, parameter in known.items()}
+    if not isinstance(given, Mapping | None):
+        raise SceneError(f"parameters: must be a mapping of names to numbers, not {shown(given)}")
+    for name, value in (given or {}).items():
+        if name not in known:
+            raise SceneError(f"parameters: unknown {shown(name)}{choices(name, known)}")
+        values[name] = _parameter(f"parameters.{name}", value, known[name])
+    return values
+
+
 @keywords
 def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
-    """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping; a
-    scene that has been read is returned as it is. Drawings are looked for beside the YAML file, for a mapping
-    in the working folder.
-
-    Raises SceneError: one line that names the field and its valid values.
-    """
+    """Read a planar scene (see `read.load`). Raises SceneError: one line that names the field and its valid
+    values."""
     if isinstance(source, Scene):
         return source
+    _refuse_space(source)
     if not isinstance(source, str | Path | Mapping):
         raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
     data = dict(source) if isinstance(source, Mapping) else _read(source)
@@ -157,6 +158,13 @@ def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     except RecursionError:
         raise SceneError("scene: nested too deeply") from None
     return Scene(file, build(file))
+
+
+def _refuse_space(source: object) -> None:
+    from rungwise.scene.space import is_space
+
+    if is_space(source):
+        raise SceneError("scene: is in space, and what is asked is known of planar scenes only")
 
 
 def shipped() -> tuple[str, ...]:

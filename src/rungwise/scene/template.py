@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from rungwise.block import Block
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.expression import Programs
+
+if TYPE_CHECKING:
+    from rungwise.scene.names import Names
 
 STRICT, MAY_BE_INFINITE = 1, 2
 
@@ -95,6 +99,12 @@ class Template:
     coordinates: tuple[str, ...]
     contacts: tuple[tuple[str, str], ...]
     joints: tuple[str, ...]
+
+    def names(self) -> Names:
+        """The names that expressions may use."""
+        from rungwise.scene.names import Names
+
+        return Names(self.parameters, self.coordinates, self.contacts)
 
     @property
     def value_count(self) -> int:

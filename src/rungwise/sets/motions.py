@@ -93,7 +93,7 @@ def decisive(scene: Scene, model: Rung, solutions: str, **options: Any) -> Run:
     else the slowest."""
     first: Run | None = None
     for motion in motions(scene, model, solutions):
-        run = simulate(scene, model, motion=motion, **options)
+        run: Run = simulate(scene, model, motion=motion, **options)
         first = first or run
         if (run.outcome.code == Code.GOAL) != (solutions == GUARANTEED):
             return run

@@ -145,7 +145,8 @@ class Rollouts:
     def run(self, sample: int) -> Run:
         """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
         for a sample with wrong values."""
-        return simulate(self.scene, self.model, **self._options(sample))
+        run: Run = simulate(self.scene, self.model, **self._options(sample))
+        return run
 
     def reason(self, sample: int) -> str:
         """Why the run of this sample ended as it did, in one line."""

@@ -20,6 +20,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
 from rungwise.scene import InvalidScene, Scene, load
+from rungwise.scene.space import SpaceScene, is_space, load_space
 from rungwise.simulation.core.support import without_law
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
 from rungwise.simulation.leaps import leap_ahead, leap_taken
@@ -35,6 +36,7 @@ from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
     from rungwise.simulation.hard import HardSteps
+    from rungwise.simulation.spatial.run import SpaceSimulation
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
@@ -402,9 +404,20 @@ class Simulation:
         return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 
+def simulation_of(
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
+) -> Simulation | SpaceSimulation:
+    """A run of a scene of either kind that is taken in turns."""
+    if not is_space(scene):
+        return Simulation(scene, model, **options)  # type: ignore[arg-type]
+    from rungwise.simulation.spatial.run import SpaceSimulation
+
+    return SpaceSimulation(load_space(scene), model, **options)  # type: ignore[arg-type]
+
+
 @keywords
 def simulate(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     *,
     parameters: Mapping[str, float] | None = None,
@@ -418,13 +431,14 @@ def simulate(
     frames: int = 2000,
     stride: int | None = None,
     save_hard: str | Path | None = None,
-    on_progress: Callable[[Simulation], None] | None = None,
-) -> Run:
-    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`.
+    on_progress: Callable[[Any], None] | None = None,
+) -> Any:
+    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
+    scene in space a `SpaceRun`.
 
     `on_progress` is called about ten times a second. Ctrl-C raises KeyboardInterrupt within the same time.
     """
-    simulation = Simulation(
+    simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
         motion=motion, state=state, inputs=inputs, frames=frames, stride=stride, save_hard=save_hard,
     )  # fmt: skip

@@ -21,6 +21,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import cut
 from rungwise.scene import Scene, load
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
@@ -190,7 +191,7 @@ def _row(values: NDArray[Any]) -> Reals:
     return values
 
 
-def digest(scene: Scene) -> str:
+def digest(scene: Scene | SpaceScene) -> str:
     """What tells scenes apart: a hash of the file's content."""
     return hashlib.sha256(scene.file.model_dump_json(exclude_unset=True).encode()).hexdigest()
 

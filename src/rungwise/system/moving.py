@@ -1,25 +1,27 @@
-"""The contract between a system that moves and the core, which takes its steps."""
+"""The contract between a system that moves and the core of the simulation, which takes its steps."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from rungwise.kernel import Reals
-from rungwise.models.ladder import Rung
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
 from rungwise.system.terms import Terms
 
 
 @dataclass(frozen=True)
 class Moment:
-    """Where a step of length h begins: coordinates q (n_q,), velocities v (n_v,), and the rung."""
+    """Where a step of length h begins: coordinates q (n_q,), velocities v (n_v,), and eps, the part of
+    inertia that the rung keeps; `metric`: whether the rung asks for motions of unit masses instead."""
 
     time: float
     q: Reals
     v: Reals
     h: float
-    rung: Rung
+    inertia: float
+    metric: bool
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,14 @@ class System(Protocol):
     def speeds(self, time: float) -> Reals:
         """Prescribed velocities (n_v,); nan for velocities that are free."""
 
-    def fill(self, moment: Moment, terms: Terms, reach: float) -> Sequence[int]:
-        """Fill `terms` with M, metric, loads, gains, and with all contacts whose gap is at most `reach` and
-        can be changed by something free, but not `heft`, `fall` and deformations; returns the slot of each
-        contact. A slot belongs to one feature (a vertex and a face, two spheres) for the whole run."""
+    def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
+        """Fill `terms` with M, metric (where eps is 0), loads, `fall` (see `fall_freely`), gains, and with
+        all contacts whose gap is at most `reach` and can be changed by something free, but not `heft` and
+        deformations; returns the slot of each contact, and whether the last accepted step did not have it. A
+        slot belongs to one feature (a vertex and a face, two spheres) as long as steps see it."""
+
+    def accept(self) -> None:
+        """The contacts of the last `fill` are those of a step that is taken."""
 
     def integrate(self, q: Reals, v: Reals, h: float) -> Reals:
         """The coordinates (n_q,) that v reaches from q within h."""
@@ -62,3 +68,10 @@ class System(Protocol):
 
     def energy(self, q: Reals, v: Reals) -> float:
         """Kinetic energy, and the potential energy of loads that have one."""
+
+
+def fall_freely(terms: Terms, speeds: Reals) -> None:
+    """Fill in `fall` from M and the load, by a dense solution, where `speeds` (n_v,) are nan."""
+    free = np.flatnonzero(np.isnan(speeds))
+    terms.fall[:] = 0.0
+    terms.fall[free] = np.linalg.solve(terms.inertia[np.ix_(free, free)], terms.load[free])

@@ -14,10 +14,11 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.simulation.core.system import Moment, Size
+from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.terms import Terms
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 CORNERS = 8
 
 
@@ -77,7 +78,7 @@ class BodiesInSpace:
             [free if body.driven is None else body.driven(time) for body in self.bodies]
         ).astype(float)
 
-    def fill(self, moment: Moment, terms: Terms, reach: float) -> list[int]:
+    def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         terms.inertia[:], terms.metric[:], terms.damping[:] = 0.0, 0.0, 0.0
         for b, body in enumerate(self.bodies):
             at = slice(6 * b, 6 * b + 3)
@@ -87,9 +88,10 @@ class BodiesInSpace:
             terms.inertia[at, at], terms.inertia[turn, turn] = body.mass * np.eye(3), spin
             terms.metric[at, at], terms.metric[turn, turn] = np.eye(3), spin / body.mass
             terms.load[at] = body.mass * self.gravity
-            terms.load[turn] = -moment.rung.inertia * np.cross(omega, spin @ omega)
+            terms.load[turn] = -moment.inertia * np.cross(omega, spin @ omega)
             terms.damping[at, at] = self.drag * np.eye(3)
             terms.damping[turn, turn] = self.drag * np.eye(3)
+        fall_freely(terms, self.speeds(moment.time))
         slots = []
         for slot, gap, normal, arms in self._contacts(moment.q):
             if gap > reach:
@@ -105,7 +107,10 @@ class BodiesInSpace:
             terms.contact_stiffness[k] = self.stiffness * np.eye(3)
             terms.contact_damping[k] = self.damping * np.eye(3)
             slots.append(slot)
-        return slots
+        return np.array(slots, np.int64), np.zeros(len(slots), np.int64)
+
+    def accept(self) -> None:
+        """Corners and pairs are the same throughout: nothing is to be kept."""
 
     def integrate(self, q: Array, v: Array, h: float) -> Array:
         after = q.copy()

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.simulation.core.system import Moment, Size
+from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.terms import Terms
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 @dataclass
@@ -42,7 +43,7 @@ class TwoLinkArm:
     def speeds(self, time: float) -> Array:
         return np.array(self.driven(time), float)
 
-    def fill(self, moment: Moment, terms: Terms, reach: float) -> list[int]:
+    def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         (_, b), (da, db) = moment.q, moment.v
         (l1, l2), (_, m2) = self.lengths, self.masses
         h = 0.5 * m2 * l1 * l2 * np.sin(b)
@@ -50,17 +51,21 @@ class TwoLinkArm:
         terms.metric[:] = terms.inertia / sum(self.masses)
         terms.damping[:] = self.damping * np.eye(2)
         coriolis = np.array([h * (2.0 * da * db + db * db), -h * da * da])
-        terms.load[:] = self.torques + self.weight(moment.q) + moment.rung.inertia * coriolis
+        terms.load[:] = self.torques + self.weight(moment.q) + moment.inertia * coriolis
+        fall_freely(terms, self.speeds(moment.time))
         gap = self.least_gap(moment.q)
         if gap > reach:
-            return []
+            return np.zeros(0, np.int64), np.zeros(0, np.int64)
         terms.gap[0] = gap
         J = self.jacobian(moment.q)
         terms.rows[0], terms.rows[1] = -J[0], J[1]
         terms.friction[0], terms.restitution[0] = self.friction, self.restitution
         terms.contact_stiffness[0] = self.stiffness * np.eye(2)
         terms.contact_damping[0] = self.contact_damping * np.eye(2)
-        return [0]
+        return np.zeros(1, np.int64), np.zeros(1, np.int64)
+
+    def accept(self) -> None:
+        """The wall is the only contact: nothing is to be kept."""
 
     def integrate(self, q: Array, v: Array, h: float) -> Array:
         return q + h * v

@@ -26,11 +26,12 @@ from rungwise.simulation.core.step import (
     UNSUPPORTED,
     accept_forces,
     account,
-    end_velocity,
+    end_velocities,
+    forget,
     solve_step,
 )
 from rungwise.simulation.core.support import without_law
-from rungwise.simulation.core.system import Moment, System
+from rungwise.system.moving import Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 LINEARISATIONS = 12
@@ -72,6 +73,8 @@ class March:
     terms: Terms = field(init=False)
     problem: ContactProblem = field(init=False)
     _contacts: int = field(init=False, default=0)
+    _speeds: bytes = field(init=False, default=b"")
+    _trial: Reals = field(init=False)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -108,30 +111,31 @@ class March:
             if status == SUPPORTED:
                 self._accept(h, v)
                 return
-            moved = h * max(self.system.fastest(self.q, v), self.system.fastest(self.q, self.state.speed))
+            moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
                 self._explain(status)
                 return
             h *= 0.5
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
-        """The status of a step of length h, and its velocities (n_v,)."""
+        """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self._drive()
         self.state.clock["tried"] = h
-        before = self.system.least_gap(self.q)
-        trial, v = self.q, self.state.v
+        least = -math.inf
+        if not self.rung.compliant:
+            allowed = (EXACT if self.rung.metric else OVERLAP) * self.system.size.length
+            least = min(self.system.least_gap(self.q) - float(self.terms.rounding[0]), -allowed)
+        self._trial, v = self.q, self.state.v
         for _ in range(LINEARISATIONS):
-            self._fill(trial, v, h)
+            self._fill(self._trial, v, h)
             status = solve_step(
                 self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem
             )
             if status != SUPPORTED:
                 return status, self.state.v
             v = self.scratch.v_new.copy()
-            trial = self.system.integrate(self.q, v, h)
-            allowed = EXACT if self.rung.metric else OVERLAP
-            least = min(before - float(self.terms.rounding[0]), -allowed * self.system.size.length)
-            if self.rung.compliant or self.system.least_gap(trial) >= least:
+            self._trial = self.system.integrate(self.q, v, h)
+            if self.rung.compliant or self.system.least_gap(self._trial) >= least:
                 return SUPPORTED, v
             if not self.rung.metric:
                 break
@@ -140,6 +144,9 @@ class March:
     def _drive(self) -> None:
         """Set which coordinates are free, and how fast the others move."""
         speeds, clock = self.system.speeds(self.time), self.state.clock
+        if speeds.tobytes() == self._speeds:
+            return
+        self._speeds = speeds.tobytes()
         free = np.flatnonzero(np.isnan(speeds))
         self.state.speed[:] = np.nan_to_num(speeds)
         self.state.prescribed[:] = ~np.isnan(speeds)
@@ -149,24 +156,24 @@ class March:
     def _fill(self, trial: Reals, v: Reals, h: float) -> None:
         """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
         there."""
-        terms, state = self.terms, self.state
-        speed = max(self.system.fastest(self.q, v), self.system.fastest(self.q, state.speed))
-        fall = self.system.fastest(self.q, h * terms.fall) if self.rung.inertia > 0.0 else 0.0
-        reach = SEEN * h * (speed + fall) + STUCK * self.system.size.length
-        moment = Moment(self.time, trial, state.v, h, self.rung)
-        slots = np.asarray(self.system.fill(moment, terms, reach), np.int64)
-        d = self.system.size.directions
-        self._contacts = len(slots)
-        self.scratch.slots[: len(slots)] = slots
-        terms.deformation[: len(slots) * d] = state.deformation[slots].ravel()
+        terms, state, rung = self.terms, self.state, self.rung
+        pace = np.maximum(np.abs(v), np.abs(state.speed))
+        if rung.inertia > 0.0:
+            pace += h * np.abs(terms.fall)
+        reach = SEEN * h * self.system.fastest(self.q, pace) + STUCK * self.system.size.length
+        moment = Moment(self.time, trial, state.v, h, rung.inertia, rung.metric)
+        slots, fresh = self.system.fill(moment, terms, reach)
+        count, d = len(slots), self.system.size.directions
+        self._contacts = count
+        self.scratch.slots[:count] = slots
+        forget(slots, fresh, state)
+        if rung.compliant:
+            terms.deformation[: count * d] = state.deformation[slots].ravel()
         if trial is not self.q:
-            terms.gap[: len(slots)] -= h * terms.rows[: len(slots) * d : d] @ v
-        terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
-        terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
-        free = state.free[: int(state.clock[0]["free"])]
-        terms.fall[:] = 0.0
-        if self.rung.loads and len(free):
-            terms.fall[free] = np.linalg.solve(terms.inertia[np.ix_(free, free)], terms.load[free])
+            terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
+        if rung.inertia == 0.0:
+            terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
+            terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
         state.passive[:] = terms.load
 
     def _accept(self, h: float, v: Reals) -> None:
@@ -174,18 +181,20 @@ class March:
         state, scratch = self.state, self.scratch
         accept_forces(record, h, self.terms, contacts, state, scratch, self.problem)
         account(record, h, self.terms, contacts, state, scratch, state.v)
+        self.system.accept()
         clock = state.clock[0]
         self.residual = max(self.residual, float(clock["residual"]))
-        self.q = self.system.integrate(self.q, v, h)
-        for i in range(len(v)):
-            state.v[i] = end_velocity(float(clock["theta"]), state.v[i], v[i], bool(state.prescribed[i]))
+        self.q = self._trial
+        end_velocities(float(clock["theta"]), state, v)
         slots = scratch.slots[:contacts]
         state.impulse[slots] += h * state.force[slots]
         self.time += h
-        state.clock["time"] = self.time
-        state.clock["steps"] += 1
-        if np.abs(state.deformation[:, 0]).max(initial=0.0) > SINKING * self.system.size.length:
-            self.outcome = Code.MODEL_INVALID
+        clock["time"] = self.time
+        clock["steps"] += 1
+        if self.rung.compliant:
+            sunk = np.abs(state.deformation[slots, 0]).max(initial=0.0)
+            if sunk > SINKING * self.system.size.length:
+                self.outcome = Code.MODEL_INVALID
 
     def _explain(self, status: int) -> None:
         """Set the outcome: a jam or a missing support if proved, else not converged."""

@@ -88,7 +88,7 @@ def scratch_arrays(
     n: int, contacts: int, limited: int, notes: int = 0, d: int = 2
 ) -> dict[str, NDArray[Any]]:
     """Fields of `Scratch` for at most so many contacts and limited rows, and so many numbers of notes."""
-    size = matrix_size(n, contacts, limited, d)
+    size = matrix_size(n, contacts, limited) if d == 2 else 0  # only `solve_planar` works in it
     return {
         "x": np.zeros(n),
         "v_new": np.zeros(n),

@@ -231,6 +231,23 @@ def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> 
 
 
 @kernel
+def end_velocities(theta: float, state: State, v_new: Reals) -> None:
+    """Hand on the velocities (n_v,) at the end of a step that has `v_new` at theta."""
+    for i in range(v_new.shape[0]):
+        state.v[i] = end_velocity(theta, state.v[i], v_new[i], state.prescribed[i] == 1)
+
+
+@kernel
+def forget(slots: Ints, fresh: Ints, state: State) -> None:
+    """Slots whose features are new have neither force nor deformation."""
+    for k in range(slots.shape[0]):
+        if fresh[k]:
+            state.modes[slots[k]] = OPEN
+            for i in range(state.force.shape[1]):
+                state.force[slots[k], i] = state.deformation[slots[k], i] = 0.0
+
+
+@kernel
 def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProblem) -> bool:
     """Whether contact forces vanish in the limit eps -> 0+, where the forces found belong to eps = 1."""
     loaded = rung[0].inertia > 0.0 or not rung[0].loads or rung[0].compliant or eps < 1.0

@@ -1,0 +1,123 @@
+"""Contents of a scene in space, for `rungwise check`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.scene.space import SpaceBound, SpaceScene
+
+if TYPE_CHECKING:
+    import mujoco
+
+JOINTS = ("free", "ball", "slide", "hinge")
+SHAPES = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
+
+
+def describe_space(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, Any]:
+    """Bodies with mass and coordinates, actuators, laws of contact, parameters, conditions. Plain values."""
+    bound = scene.bind(parameters)
+    model, file, names = bound.model, scene.file, scene.labels
+    return {
+        "scene": scene.name,
+        "about": file.about,
+        "bodies": {name: _body(scene, bound, b) for b, name in enumerate(names.bodies)},
+        "actuators": {name: _actuator(model, a, bound) for a, name in enumerate(names.actuators)},
+        "contacts": [_law(row) for row in bound.laws],
+        "parameters": {
+            name: {"value": parameters[name]} | p.model_dump(mode="json")
+            for name, p in file.parameters.items()
+        },
+        "goal": file.goal,
+        "unsafe": file.unsafe,
+        "doomed": file.doomed,
+        "tolerance": bound.tolerance,
+        "duration": bound.duration,
+        "step": bound.step,
+    }
+
+
+def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
+    model = bound.model
+    geoms = range(int(model.body_geomadr[b]), int(model.body_geomadr[b]) + int(model.body_geomnum[b]))
+    touching = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
+    first = int(model.body_jntadr[b])
+    coordinates = {}
+    for j in range(first, first + int(model.body_jntnum[b])):
+        at, to = int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        kind = JOINTS[int(model.jnt_type[j])]
+        limits = [float(x) for x in model.jnt_range[j]] if model.jnt_limited[j] else [-np.inf, np.inf]
+        coordinates[scene.template.coordinates[at]] = {
+            "joint": kind,
+            "start": float(bound.place[at]),
+            "lower": limits[0],
+            "upper": limits[1],
+            "damping": float(model.dof_damping[to]),
+            "dry_friction": float(model.dof_frictionloss[to]),
+            "speed": None if np.isnan(bound.pace[to]) else float(bound.pace[to]),
+        }
+    return {
+        "mass": float(model.body_mass[b]),
+        "inertia": [float(x) for x in model.body_inertia[b]],
+        "shapes": [SHAPES[int(model.geom_type[g])] for g in touching],
+        "friction": sorted({float(model.geom_friction[g, 0]) for g in touching}),
+        "coordinates": coordinates,
+    }
+
+
+def _actuator(model: mujoco.MjModel, a: int, bound: SpaceBound) -> dict[str, Any]:
+    stiff, damp = (float(-x) for x in model.actuator_biasprm[a, 1:3])
+    limited = bool(model.actuator_forcelimited[a])
+    return {
+        "kind": "servo" if stiff > 0.0 else "speed" if damp > 0.0 else "force",
+        "stiffness": stiff,
+        "damping": damp,
+        "control": float(bound.control[a]),
+        "force": [float(x) for x in model.actuator_forcerange[a]] if limited else [-np.inf, np.inf],
+    }
+
+
+def _law(row: Any) -> dict[str, Any]:
+    names = ("stiffness", "tangential_stiffness", "damping", "tangential_damping", "restitution", "friction")
+    values = dict(zip(names, (float(x) for x in row), strict=True))
+    return values | {"friction": None if np.isnan(row[5]) else values["friction"]}
+
+
+def describe_space_text(report: Mapping[str, Any]) -> str:
+    """The description as lines of text."""
+    lines = [f"{report['scene']}: {report['about']}", "bodies"]
+    for name, body in report["bodies"].items():
+        friction = ", ".join(f"{x:.4g}" for x in body["friction"])
+        lines.append(
+            f"  {name:20s} {'+'.join(body['shapes']) or 'no shape':20s} mass {body['mass']:.6g}"
+            + (f"  friction {friction}" if friction else "")
+        )
+        for label, c in body["coordinates"].items():
+            driven = "" if c["speed"] is None else f", driven at the speed {c['speed']:.6g}"
+            travel = "" if np.isinf(c["lower"]) else f", travels {c['lower']:.6g} to {c['upper']:.6g}"
+            lines.append(f"    {label}: {c['joint']}, starts at {c['start']:.6g}{travel}{driven}")
+    if report["actuators"]:
+        lines.append("actuators")
+    for name, a in report["actuators"].items():
+        force = "" if np.isinf(a["force"][0]) else f", force {a['force'][0]:.6g} to {a['force'][1]:.6g}"
+        gains = f" K_p {a['stiffness']:.6g} K_d {a['damping']:.6g}" if a["kind"] != "force" else ""
+        lines.append(f"  {name:20s} {a['kind']}{gains}{force}, control {a['control']:.6g}")
+    lines.append("contacts (the last line is for pairs that no entry names)")
+    for law in [*report["contacts"][1:], report["contacts"][0]]:
+        friction = "the model's friction" if law["friction"] is None else f"friction {law['friction']:.6g}"
+        lines.append(
+            f"  {friction}, restitution {law['restitution']:.6g}, stiffness {law['stiffness']:.6g},"
+            f" damping {law['damping']:.6g}"
+        )
+    lines.append("parameters")
+    for name, p in report["parameters"].items():
+        unit = "" if p["unit"] == "1" else f" {p['unit']}"
+        within = "" if p["range"] is None else f", {p['range'][0]:g} to {p['range'][1]:g}"
+        lines.append(f"  {name:20s} {p['value']:.6g}{unit}{within}  {p['about']}")
+    lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
+    lines.append(
+        f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
+    )
+    return "\n".join(lines)

@@ -1,0 +1,94 @@
+"""The fields of a scene in space: a model file, and what it lacks (pydantic models).
+
+Every `Number` is a number or an expression of the scene's parameters; numbers marked *timed* may also use the
+time ``t``. Units are the model's own: metres, kilograms, seconds and radians for most.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from rungwise.scene.fields import Parameter
+from rungwise.scene.strict import Strict
+from rungwise.scene.task import Task
+from rungwise.scene.values import Name, Number, Pattern, Text
+
+Numbers = Number | tuple[Number, ...]
+Settings = dict[Text, dict[Text, Numbers]]
+"""Elements by name, with values of their fields."""
+
+
+class Changes(Strict):
+    """Fields of the model that numbers of the scene replace, in the names and units of the model file."""
+
+    geoms: Settings = {}
+    bodies: Settings = {}
+    joints: Settings = {}
+    actuators: Settings = {}
+    tendons: Settings = {}
+    option: dict[Text, Numbers] = {}
+
+
+class Model(Strict):
+    """An MJCF or URDF file, looked for beside the scene and among the models that ship; or in a package, as
+    ``package:path``."""
+
+    file: Text
+    set: Changes = Changes()
+
+
+class Contact(Strict):
+    """How geoms touch. Names are those of geoms or of their bodies and may use ``*``; the first entry that
+    names a pair holds. Stiffness and damping are those of compliant contact (N/m, N s/m), restitution of
+    rigid contact; friction replaces the model's where it is given."""
+
+    between: tuple[Pattern, Pattern] = ("*", "*")
+    stiffness: Number | None = None
+    damping: Number | None = None
+    tangential_stiffness: Number | None = None
+    tangential_damping: Number | None = None
+    restitution: Number = 0.0
+    friction: Number | None = None
+
+
+class Start(Strict):
+    """Where the run begins: a keyframe of the model or its own pose, and places and velocities by label."""
+
+    keyframe: Text | None = None
+    places: dict[Text, Number] = {}
+    velocities: dict[Text, Number] = {}
+
+
+class SpaceFile(Strict):
+    """A scene in space as written.
+
+    `controls` are what actuators are told (*timed*, in the units of the model file), `speeds` velocities that
+    are prescribed (*timed*), by label; `inputs` are parameters that a schedule may change during a run.
+    """
+
+    name: Name
+    about: Text = ""
+    parameters: dict[Name, Parameter] = {}
+    inputs: tuple[Name, ...] = ()
+    model: Model
+    contacts: Annotated[tuple[Contact, ...], Field(max_length=200)] = ()
+    controls: dict[Text, Number] = {}
+    speeds: dict[Text, Number] = {}
+    start: Start = Start()
+    goal: Text | None = None
+    unsafe: Text | None = None
+    doomed: Text | None = None
+    tolerance: Number = 1e-6
+    duration: Number = 1.0
+    step: Number | None = None
+    task: Task | None = None
+
+    @model_validator(mode="after")
+    def _inputs_are_parameters(self) -> SpaceFile:
+        for name in self.inputs:
+            if name not in self.parameters:
+                raise PydanticCustomError("unknown_field", "inputs: {name} is no parameter", {"name": name})
+        return self

@@ -1,0 +1,72 @@
+"""Names by which expressions, states and trajectories speak of a model: letters, digits and _ alone.
+
+Coordinates are ``body.joint`` for hinges and slides, ``body.x, .y, .z, .qw, .qx, .qy, .qz`` for a free body,
+and ``body.joint_qw`` and so on for a ball. Velocities have the same labels, but ``body.rx, .ry, .rz`` (about
+the body's axes) for what turns in space.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import mujoco
+
+PLACES, TURNS, RATES = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True)
+class Labels:
+    """bodies (b,), geoms (g,), actuators (a,), coordinates (n_q,), velocities (n_v,)."""
+
+    bodies: tuple[str, ...]
+    geoms: tuple[str, ...]
+    actuators: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+
+
+def labels(model: mujoco.MjModel) -> Labels:
+    """The labels of a model."""
+    bodies = _unique([model.body(b).name for b in range(model.nbody)], "body")
+    coordinates: list[str] = []
+    velocities: list[str] = []
+    taken: set[str] = set()
+    for j in range(model.njnt):
+        body, kind, name = bodies[model.jnt_bodyid[j]], int(model.jnt_type[j]), model.jnt(j).name
+        if kind == 0:
+            coordinates += [f"{body}.{each}" for each in PLACES + TURNS]
+            velocities += [f"{body}.{each}" for each in PLACES + RATES]
+            continue
+        own = f"{body}.{label(name) if name else ('turn', 'along', 'angle')[kind - 1]}"
+        while own in taken:
+            own += "_"
+        taken.add(own)
+        coordinates += [f"{own}_{each}" for each in TURNS] if kind == 1 else [own]
+        velocities += [f"{own}_{each}" for each in RATES] if kind == 1 else [own]
+    return Labels(
+        bodies,
+        _unique([model.geom(g).name for g in range(model.ngeom)], "geom"),
+        _unique([model.actuator(a).name for a in range(model.nu)], "actuator"),
+        tuple(coordinates),
+        tuple(velocities),
+    )
+
+
+def label(name: str) -> str:
+    """A name of letters, digits and _."""
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return plain if plain[:1].isalpha() else f"n{plain}"
+
+
+def _unique(names: Sequence[str], kind: str) -> tuple[str, ...]:
+    found: list[str] = []
+    for number, name in enumerate(names):
+        own = label(name) if name else f"{kind}{number}"
+        while own in found:
+            own += "_"
+        found.append(own)
+    return tuple(found)

@@ -1,0 +1,101 @@
+"""Laws of contact between geoms, from the entries of a scene, and what stands for numbers that none gives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.scene.scene import InvalidScene
+from rungwise.scene.space.fields import Contact
+from rungwise.scene.space.labels import Labels
+from rungwise.scene.template import SceneError
+
+if TYPE_CHECKING:
+    import mujoco
+
+SINKS = 1e-3
+"""Under the weight of all that moves a contact of the stiffness that is taken by default yields by this part
+of the smallest geom."""
+RATIO = 0.5
+"""Damping ratio of the damping that is taken by default, for a body of the mean mass."""
+EARTH = 9.81
+"""Gravity (m/s^2) that stiffness is measured by where the model has none."""
+
+
+def contact_laws(
+    model: mujoco.MjModel,
+    names: Labels,
+    entries: Sequence[Contact],
+    number: Callable[[float | str, str], float],
+) -> tuple[Ints, Reals]:
+    """law (g, g) and rows (l, 6): normal and tangential stiffness and damping, restitution, and friction, nan
+    for the model's. Raises SceneError for names that nothing has, InvalidScene for impossible numbers."""
+    stiffness, damping = default_law(model)
+    rows: list[tuple[float, ...]] = [(stiffness, stiffness, damping, damping, 0.0, math.nan)]
+    law = np.zeros((model.ngeom, model.ngeom), np.int64)
+    for k, entry in enumerate(entries):
+        sides = [
+            _matching(model, names, pattern, f"contacts.{k}.between.{i}")
+            for i, pattern in enumerate(entry.between)
+        ]
+        rows.append(_row(entry, f"contacts.{k}", stiffness, number))
+        for a, b in (sides, sides[::-1]):
+            both = np.ix_(a, b)
+            law[both] = np.where(law[both] == 0, k + 1, law[both])
+    return law, np.array(rows)
+
+
+def default_law(model: mujoco.MjModel) -> tuple[float, float]:
+    """Stiffness and damping of contacts for which the scene gives none."""
+    moving = model.body_dofnum[model.body_rootid] > 0
+    mass = float(model.body_mass[moving].sum()) or 1.0
+    sizes = model.geom_rbound[(model.geom_rbound > 0.0) & moving[model.geom_bodyid]]
+    gravity = float(np.linalg.norm(model.opt.gravity)) or EARTH
+    stiffness = mass * gravity / (SINKS * float(sizes.min(initial=np.inf))) if len(sizes) else 1.0
+    count = max(int((model.body_mass[moving] > 0.0).sum()), 1)
+    return stiffness, 2.0 * RATIO * math.sqrt(stiffness * mass / count)
+
+
+def _row(
+    entry: Contact, path: str, stiffness: float, number: Callable[[float | str, str], float]
+) -> tuple[float, ...]:
+    def value(name: str, otherwise: float) -> float:
+        given = getattr(entry, name)
+        return otherwise if given is None else number(given, f"{path}.{name}")
+
+    normal = value("stiffness", stiffness)
+    damping = value("damping", 0.0 if entry.stiffness is not None else 2.0 * RATIO * math.sqrt(normal))
+    across, drag = value("tangential_stiffness", normal), value("tangential_damping", damping)
+    restitution, friction = value("restitution", 0.0), value("friction", math.nan)
+    for name, x, least in (
+        ("stiffness", normal, 0.0), ("tangential_stiffness", across, 0.0), ("damping", damping, -1.0),
+        ("tangential_damping", drag, -1.0), ("restitution", restitution, -1.0),
+    ):  # fmt: skip
+        if not least < x < math.inf or x < 0.0 or (name == "restitution" and x > 1.0):
+            raise InvalidScene(f"{path}.{name}: {x:g} is outside its range")
+    if friction < 0.0:
+        raise InvalidScene(f"{path}.friction: {friction:g} must be >= 0")
+    return normal, across, damping, drag, restitution, friction
+
+
+def _matching(model: mujoco.MjModel, names: Labels, pattern: str, path: str) -> Ints:
+    """Numbers of the geoms whose name, or whose body's name, the pattern matches."""
+    found = [
+        g
+        for g in range(model.ngeom)
+        if any(
+            fnmatchcase(name, pattern)
+            for name in (
+                names.geoms[g], model.geom(g).name,
+                names.bodies[model.geom_bodyid[g]], model.body(model.geom_bodyid[g]).name,
+            )
+        )
+    ]  # fmt: skip
+    if not found:
+        raise SceneError(f"{path}: {pattern[:60]!r} matches no geom and no body")
+    return np.array(found, np.int64)

@@ -1,0 +1,78 @@
+"""What a model file may say that the six models have no counterpart for: refused in one line, or left out
+with a remark. docs/space.md has the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.scene.template import SceneError
+
+if TYPE_CHECKING:
+    import mujoco
+
+BODY = 5
+"""Number of MuJoCo's transmission that adheres."""
+AFFINE = 1
+"""Number of MuJoCo's affine bias."""
+
+
+def refuse(model: mujoco.MjModel) -> None:
+    """Raise SceneError for the first feature that changes motion and has no counterpart."""
+    for feature, where in _found(model):
+        if where:
+            raise SceneError(f"model: {feature} has no counterpart in these models ({', '.join(where[:5])})")
+
+
+def left_out(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Remarks on features that are left out."""
+    remarks = []
+    if model.nmocap:
+        remarks.append("model: bodies of motion capture stand still")
+    if model.neq and (model.eq_active0 == 0).any():
+        remarks.append("model: equalities that are inactive at the start stay so")
+    return tuple(remarks)
+
+
+def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
+    actuators = _named(m.nu, lambda i: m.actuator(i).name)
+    joints = _named(m.njnt, lambda i: m.jnt(i).name)
+    tendons = _named(m.ntendon, lambda i: m.tendon(i).name)
+    pairs = [f"pair {i}" for i in range(m.npair)]
+    fluid = [name for name in ("density", "viscosity") if getattr(m.opt, name)]
+    return [
+        ("a deformable body (flex)", [f"flex {i}" for i in range(m.nflex)]),
+        ("a plugin", [f"plugin {i}" for i in range(m.nplugin)]),
+        ("an actuator with a state of its own", _of(actuators, m.actuator_dyntype != 0)),
+        ("an actuator whose gain changes", _of(actuators, m.actuator_gaintype != 0)),
+        ("an actuator whose bias is not affine", _of(actuators, m.actuator_biastype > AFFINE)),
+        ("an actuator that adheres", _of(actuators, m.actuator_trntype == BODY)),
+        ("an actuator that pushes away from its aim", _of(actuators, _pushes_away(m))),
+        ("a joint's stiffness that changes", _of(joints, _changing(m, "jnt_stiffnesspoly"))),
+        ("a tendon's stiffness that changes", _of(tendons, _changing(m, "tendon_stiffnesspoly"))),
+        ("a tendon's damping that changes", _of(tendons, _changing(m, "tendon_dampingpoly"))),
+        ("a joint's damping that changes", ["joints"] if _changing(m, "dof_dampingpoly").any() else []),
+        ("anisotropic friction", _of(pairs, m.pair_friction[:, 0] != m.pair_friction[:, 1])),
+        ("a fluid", fluid),
+    ]
+
+
+def _changing(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
+    """Whether each element has terms of higher order, which earlier versions of MuJoCo do not know."""
+    found = getattr(model, name, None)
+    return np.zeros(0, bool) if found is None else np.asarray(found.reshape(len(found), -1).any(axis=1))
+
+
+def _pushes_away(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    return np.asarray((model.actuator_biasprm[:, 1:3] > 0.0).any(axis=1))
+
+
+def _named(count: int, name: Callable[[int], str]) -> list[str]:
+    return [name(i) or f"number {i}" for i in range(count)]
+
+
+def _of(names: list[str], which: NDArray[np.bool_]) -> list[str]:
+    return [name for name, is_one in zip(names, which, strict=False) if is_one]

@@ -1,0 +1,1 @@
+"""Runs of scenes in space: a Python loop around the core's kernels and MuJoCo's."""

@@ -1,0 +1,50 @@
+"""Where runs in space begin: at the scene's start or at a state, without overlap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene.space import SpaceScene
+from rungwise.scene.space.scene import normalise
+from rungwise.scene.values import finite
+from rungwise.simulation.core.march import OVERLAP, March
+from rungwise.simulation.state import State, StateError
+from rungwise.system.spatial.space import Space
+
+
+def check_space_state(state: State, scene: SpaceScene) -> None:
+    """Raise StateError unless q, v and time are finite and belong to the scene."""
+    template = scene.template
+    if state.names != template.coordinates:
+        raise StateError(f"state: has other coordinates than the scene {scene.name}")
+    for name, values, known in (("q", state.q, template.coordinates), ("v", state.v, template.velocities)):
+        if values.shape != (len(known),):
+            raise StateError(f"state.{name}: must have the shape ({len(known)},), not {values.shape}")
+        for each, value in zip(known, values, strict=True):
+            finite(f"state.{name}.{each}", value, StateError)
+    finite("state.time", state.time, StateError)
+
+
+def begin_at(state: State, scene: SpaceScene, march: March, space: Space) -> Reals:
+    """Put a run at a state; returns the memory (w,) of the state's run, empty if it has none. Raises
+    StateError."""
+    check_space_state(state, scene)
+    march.q = state.q.copy()
+    normalise(space.model, march.q)
+    march.state.v[:] = state.v
+    march.time = state.time
+    march.state.clock["time"] = state.time
+    return np.zeros(0) if state.memory is None else state.memory.values
+
+
+def overlapping(scene: SpaceScene, space: Space, march: March) -> str:
+    """Which bodies overlap at the start, more than compliant contacts in the state's own run did; else ""."""
+    sunk = march.state.deformation[:, 0].max(initial=0.0)
+    allowed = OVERLAP * space.size.length + 2.0 * sunk
+    for gap, a, b in space.overlaps(march.q):
+        if gap < -allowed:
+            bodies, geoms, of = scene.labels.bodies, scene.labels.geoms, space.solids.body
+            pair = f"{bodies[of[a]]} ({geoms[a]}) and {bodies[of[b]]} ({geoms[b]})"
+            return f"start: {pair} overlap by {-gap:.3g}"
+    return ""

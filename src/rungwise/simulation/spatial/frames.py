@@ -1,0 +1,86 @@
+"""Frames of a run in space: states, and the contacts in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.simulation.core.march import March
+from rungwise.system.spatial.space import Space
+
+
+class Touch(NamedTuple):
+    """Contacts of a frame: point (c, 3), normal (c, 3), force (c, 3) on the second body in the world,
+    friction (c,), mode (c,), geoms (c, 2), gap (c,)."""
+
+    point: Reals
+    normal: Reals
+    force: Reals
+    friction: Reals
+    mode: Ints
+    geoms: Ints
+    gap: Reals
+
+
+class Frame(NamedTuple):
+    """A state of the run: time, q, v, memory, contacts, residual, energy and the work of all steps."""
+
+    time: float
+    q: Reals
+    v: Reals
+    memory: Reals
+    touch: Touch
+    residual: float
+    energy: float
+    work: Reals
+
+
+WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
+
+
+@dataclass
+class Recorder:
+    """Keeps at most `most` frames, every `stride` steps; the stride doubles when they are full."""
+
+    most: int
+    stride: int
+    frames: list[Frame] = field(default_factory=list)
+    _since: int = 0
+
+    def take(self, march: March, space: Space, memory: Reals, last: bool = False) -> None:
+        """Keep the state, if it is its turn or the last."""
+        self._since += 1
+        if not last and self.frames and self._since < self.stride:
+            return
+        if self.frames and self.frames[-1].time == march.time:
+            self.frames.pop()
+        if len(self.frames) >= self.most:
+            del self.frames[1::2]
+            self.stride *= 2
+        self._since = 0
+        self.frames.append(frame(march, space, memory))
+
+
+def frame(march: March, space: Space, memory: Reals) -> Frame:
+    """The state of a run now."""
+    clock = march.state.clock[0]
+    return Frame(
+        march.time, march.q.copy(), march.v.copy(), memory, touching(march, space),
+        float(clock["residual"]), space.energy(march.q, march.v),
+        np.array([float(clock[name]) for name in WORK]),
+    )  # fmt: skip
+
+
+def touching(march: March, space: Space) -> Touch:
+    """Contacts of the last step, where they were at its start."""
+    kept, state = space.kept, march.state
+    slots = np.flatnonzero(kept.geoms[:, 0] >= 0)
+    world, force = kept.world[slots], state.force[slots]
+    normal, along = world[:, 3:6], world[:, 6:9]
+    pushed = force[:, :1] * normal + force[:, 1:2] * along + force[:, 2:3] * np.cross(normal, along)
+    return Touch(
+        world[:, :3], normal, pushed, world[:, 10], state.modes[slots], kept.geoms[slots], world[:, 9]
+    )

@@ -1,0 +1,251 @@
+"""Running a scene in space on a rung: the core's steps with the scene's inputs, conditions and frames."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rungwise.contact.judge import Certificate
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import OUTCOMES, Code
+from rungwise.plain import cut
+from rungwise.scene import InvalidScene
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.core.march import ROUNDING, March
+from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
+from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung
+from rungwise.simulation.remarks import advice
+from rungwise.simulation.spatial.begin import begin_at, overlapping
+from rungwise.simulation.spatial.frames import Recorder
+from rungwise.simulation.spatial.memory import recall, remembered
+from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.spatial.schedule import Clock
+from rungwise.simulation.spatial.values import Values
+from rungwise.simulation.state import State, StateError, digest
+from rungwise.system.spatial.space import Laws, Space
+
+TURN_S = 0.1
+"""Longest time of steps before the caller sees progress."""
+
+
+GAINED = 1e-12
+"""Work of contacts in a step, over all of it, that is rounding."""
+
+
+class SpaceSimulation:
+    """A run in space that is taken in turns; arguments and errors as of `simulation.run.Simulation`."""
+
+    def __init__(
+        self,
+        scene: SpaceScene,
+        model: Rung | str,
+        *,
+        parameters: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tol: float | None = None,
+        duration: float | None = None,
+        theta: float = 1.0,
+        motion: Mapping[str, float] | None = None,
+        state: State | None = None,
+        inputs: Schedule | None = None,
+        frames: int = 2000,
+        stride: int | None = None,
+        save_hard: str | Path | None = None,
+    ) -> None:
+        self.scene, self.model = scene, moving_rung(model)
+        step, tol, duration, self.theta = check_options(step, tol, duration, theta)
+        for name, given in (("motion", motion), ("save_hard", save_hard), ("tol", tol)):
+            if given is not None:
+                raise ModelError(f"{name}: is not known for scenes in space")
+        self.parameters = scene.parameters(parameters)
+        self.inputs = read_schedule(scene, inputs) if inputs is not None else _schedule_of(state)
+        self.wall_s, self._gained, self.reason = 0.0, 0.0, ""
+        self.outcome = Code.RUNNING
+        self.certificate: Certificate | None = None
+        self.march: March | None = None
+        most = count("frames", frames, 3)
+        try:
+            bound = scene.bind(self.parameters)
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return
+        self._bound = bound
+        self.notes = bound.notes
+        self.step = bound.step if step is None else step
+        template = scene.template
+        columns = tuple(template.parameters.index(name) for name in template.inputs)
+        self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
+        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self.space = Space(
+            bound.model, Laws(bound.law, bound.laws), bound.place, bound.motion, bound.control, bound.pace
+        )
+        self.march = March(self.space, self.model, self.step, self.theta)
+        until = [condition(scene, each.until, "until") for each in self.inputs]
+        self._values = Values(scene, bound, until)
+        if stride is None:
+            stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
+        self._recorder = Recorder(most, stride)
+        if state is not None:
+            if not state.time < self.end:
+                raise ModelError(
+                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
+                )
+            self._go_on(state, self.march, inputs is None)
+        self.reason = overlapping(scene, self.space, self.march)
+        if self.reason:
+            self.outcome = Code.INVALID
+            return
+        self._values.read(self.march, self.space)
+        self._recorder.take(self.march, self.space, self._memory(self.march))
+        self._judge()
+
+    def __repr__(self) -> str:
+        return (
+            f"<SpaceSimulation of {cut(self.scene.name)} on {cut(self.model.name)}:"
+            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
+        )
+
+    @property
+    def time(self) -> float:
+        """Simulated time so far."""
+        return 0.0 if self.march is None else self.march.time
+
+    @property
+    def state(self) -> State:
+        """The state that the run has come to. Raises ValueError for a run that cannot begin."""
+        return self.result().state
+
+    @property
+    def progress(self) -> float:
+        """Simulated time over duration, 0..1."""
+        return 1.0 if self.outcome != Code.RUNNING else self.time / self.end
+
+    def advance(self) -> bool:
+        """Take steps for about `TURN_S`; returns whether the run goes on."""
+        if self.outcome != Code.RUNNING or self.march is None:
+            return False
+        began = time.perf_counter()
+        while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
+            self._take(self.march)
+        self.wall_s += time.perf_counter() - began
+        return self.outcome == Code.RUNNING
+
+    def _take(self, march: March) -> None:
+        """Take one step, and judge where it led."""
+        clock, values = self._clock, self._values
+        h = min(self.step, self.end - march.time, clock.left(march.time))
+        clock.tell(march.time + h, values.told)
+        self._bound.tell(values.told)
+        before = float(march.state.clock[0]["contact_work"])
+        march.advance(h)
+        if march.state.clock[0]["bounced"]:
+            added = float(march.state.clock[0]["contact_work"]) - before
+            self._gained += added if added > GAINED * abs(before) else 0.0
+        values.read(march, self.space)
+        if march.outcome != Code.RUNNING:
+            self.outcome, self.certificate = march.outcome, march.certificate
+            self._explain(march)
+        else:
+            self._recorder.take(march, self.space, self._memory(march))
+            self._judge()
+            over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
+            if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
+                self.outcome = Code.TIMEOUT
+                self.reason = (
+                    f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
+                    f" {self.inputs[clock.segment].duration:g}"
+                )
+        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+            self.outcome = Code.MISSED if self.inputs and self.scene.file.goal else Code.TIMEOUT
+        if self.outcome != Code.RUNNING:
+            self._recorder.take(march, self.space, self._memory(march), last=True)
+            self._explain(march)
+
+    def _memory(self, march: March) -> Reals:
+        """What the run hands on (w,): its place in the schedule, the values of parameters, and the core's."""
+        return np.concatenate([self._clock.memory(), self._values.told[:-1], remembered(march, self.space)])
+
+    def _go_on(self, state: State, march: March, same_inputs: bool) -> None:
+        """Begin at a state; where it is of this scene and rung, with what its run handed on."""
+        rest = begin_at(state, self.scene, march, self.space)
+        memory = state.memory
+        if memory is None or memory.scene != digest(self.scene) or memory.model != self.model:
+            return
+        clock, told = self._clock.memory(), self._values.told[:-1]
+        own, values = np.split(rest, [len(clock) + len(told)])
+        if same_inputs:
+            self._clock.recall(own[: len(clock)])
+            told[:] = own[len(clock) :]
+        try:
+            recall(march, self.space, values)
+        except ValueError:
+            raise StateError("state.memory: is of another scene") from None
+
+    def _judge(self) -> None:
+        verdict = self._values.verdict()
+        if verdict != Code.RUNNING:
+            self.outcome = verdict
+
+    def _explain(self, march: March) -> None:
+        """Set the reason of the outcome."""
+        outcome = OUTCOMES[self.outcome]
+        if self.reason:
+            return
+        if self.certificate is not None:
+            why = f" ({self.certificate.kind} certificate, checked)"
+            self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
+        elif self.outcome == Code.NOT_CONVERGED:
+            residual = float(march.state.clock[0]["residual"])
+            self.reason = f"{outcome.meaning} (residual {residual:.1e}). Use a smaller step."
+        else:
+            self.reason = (
+                f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
+            )
+
+    def result(self) -> SpaceRun:
+        """The run as far as it has come."""
+        march = self.march
+        clock = None if march is None else march.state.clock[0]
+        if march is not None and self._recorder.frames and self._recorder.frames[-1].time != march.time:
+            self._recorder.take(march, self.space, self._memory(march), last=True)
+        return SpaceRun(
+            scene=self.scene,
+            model=self.model,
+            parameters=self.parameters,
+            inputs=self.inputs,
+            theta=self.theta,
+            outcome=OUTCOMES[self.outcome],
+            reason=self.reason or OUTCOMES[self.outcome].meaning,
+            time=self.time,
+            steps=0 if clock is None else int(clock["steps"]),
+            solves=0 if clock is None else int(clock["solves"]),
+            worst_residual=0.0 if march is None else march.residual,
+            wall_s=self.wall_s,
+            certificate=self.certificate,
+            frames=tuple(self._recorder.frames) if march is not None else (),
+            space=self.space if march is not None else None,
+            energy_gained=self._gained,
+            notes=self.notes if march is not None else (),
+        )
+
+
+def _schedule_of(state: State | None) -> tuple[Segment, ...]:
+    """The schedule that the run of a state followed, if it has a memory."""
+    return () if state is None or state.memory is None else state.memory.inputs
+
+
+def simulate_in_space(
+    scene: SpaceScene, model: Rung | str, on_progress: Any = None, **options: Any
+) -> SpaceRun:
+    """Run a scene in space to its outcome; see `simulation.run.simulate`."""
+    simulation = SpaceSimulation(scene, model, **options)
+    while simulation.advance():
+        if on_progress is not None:
+            on_progress(simulation)
+    return simulation.result()

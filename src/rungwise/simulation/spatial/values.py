@@ -1,0 +1,109 @@
+"""What conditions and schedules read at a state of a run in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.scene.expression import STACK, Programs, holds
+from rungwise.scene.expression import Code as Program
+from rungwise.scene.names import OF_CONTACTS
+from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.simulation.core.march import March
+from rungwise.system.spatial.space import Space
+
+
+@dataclass
+class Values:
+    """Values (p + 2 + n_q + n_v + 3 c,) that programs read: parameters, t, q, v, gaps, normal forces and
+    impulses of pairs of bodies, tolerance (see `scene.names`); gaps, forces and impulses of the pairs that
+    conditions ask for."""
+
+    scene: SpaceScene
+    bound: SpaceBound
+    until: list[Program] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        template = self.scene.template
+        order = ("unsafe", "goal", "doomed")
+        self.verdicts = [Code[name.upper()] for name in order if name in self.scene.conditions]
+        stated = [self.scene.conditions[name] for name in order if name in self.scene.conditions]
+        self._programs = Programs([*stated, *self.until])
+        self._stack = np.zeros(STACK)
+        self.all = np.zeros(template.value_count)
+        self.all[: len(template.parameters)] = self.bound.values[:-1]
+        self.all[-1] = self.bound.tolerance
+        first, count = self._first_of_contacts, len(template.contacts)
+        read = {slot - first for program in (*stated, *self.until) for slot in program.reads if first <= slot}
+        self.pairs = sorted(
+            {index % count for index in read if index < len(OF_CONTACTS) * count} if count else ()
+        )
+        bodies = template.bodies
+        self._of_pair = {
+            tuple(sorted((bodies.index(a), bodies.index(b)))): index
+            for index, (a, b) in enumerate(template.contacts)
+            if index in self.pairs
+        }
+
+    @property
+    def told(self) -> Reals:
+        """Parameters and t (p + 1,), to write into."""
+        return self.all[: len(self.scene.template.parameters) + 1]
+
+    @property
+    def _first_of_contacts(self) -> int:
+        template = self.scene.template
+        return len(template.parameters) + 1 + len(template.coordinates) + len(template.velocities)
+
+    def read(self, march: March, space: Space) -> None:
+        """Take over the state of a run."""
+        template, first = self.scene.template, self._first_of_contacts
+        time, n_q = len(template.parameters), len(template.coordinates)
+        self.all[time] = march.time
+        self.all[time + 1 : time + 1 + n_q] = march.q
+        self.all[time + 1 + n_q : first] = march.v
+        count = len(template.contacts)
+        self.all[first + count : first + 2 * count] = 0.0
+        if self.pairs:
+            self._read_contacts(march, space, first, count)
+
+    def _read_contacts(self, march: March, space: Space, first: int, count: int) -> None:
+        """Gaps at q, forces of the last step, and impulses so far."""
+        for (a, b), index in self._of_pair.items():
+            self.all[first + index] = space.gap(march.q, a, b)
+        for a, b, force, impulse in pushes(march, space):
+            index = self._of_pair.get((min(a, b), max(a, b)), -1)
+            if index >= 0:
+                self.all[first + count + index] += force
+                self.all[first + 2 * count + index] += impulse
+
+    def verdict(self) -> Code:
+        """The first condition of the scene that holds, RUNNING if none does."""
+        for k, code in enumerate(self.verdicts):
+            if self._holds(k):
+                return code
+        return Code.RUNNING
+
+    def is_over(self, number: int) -> bool:
+        """Whether the condition of `until` number k holds."""
+        return self._holds(len(self.verdicts) + number)
+
+    def _holds(self, k: int) -> bool:
+        first, last = self._programs.table[k]
+        return last > first and holds(
+            self._programs.code, self._programs.constants, first, last, self.all, self._stack
+        )
+
+
+def pushes(march: March, space: Space) -> list[tuple[int, int, float, float]]:
+    """Two bodies, and the normal force and impulse of each contact in the last step."""
+    force, geoms, body = march.state.force, space.kept.geoms, space.solids.body
+    h = float(march.state.clock[0]["tried"])
+    return [
+        (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]), h * float(force[s, 0]))
+        for s in np.flatnonzero(geoms[:, 0] >= 0)
+        if force[s, 0] > 0.0
+    ]

@@ -1,0 +1,71 @@
+"""Actuators as what a step knows: loads, and rows of servos with limited force.
+
+The force of an actuator is gain * control + bias_0 + bias_1 * length + bias_2 * rate. With bias_1 or bias_2
+below zero it is a servo with K_p = -bias_1 and K_d = -bias_2, taken implicitly; otherwise it is a load. A
+range of force that is not symmetric is a load in its middle and a symmetric range about it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """Actuators of a model: `servos` (s,) and `forces` (f,) are their numbers; gains (s, 2) K_p and K_d;
+    middle, limit (a,) of the ranges of force, in the units of the actuator's force."""
+
+    model: mujoco.MjModel
+    servos: Ints
+    forces: Ints
+    gains: Reals
+    middle: Reals
+    limit: Reals
+
+    def control(self, given: Reals) -> Reals:
+        """Controls (a,) within their ranges."""
+        m = self.model
+        low = np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 0], -np.inf)
+        high = np.where(m.actuator_ctrllimited, m.actuator_ctrlrange[:, 1], np.inf)
+        return np.asarray(np.clip(given, low, high))
+
+    def constant(self, control: Reals) -> Reals:
+        """Forces (a,) without length and rate."""
+        m = self.model
+        return np.asarray(m.actuator_gainprm[:, 0] * self.control(control) + m.actuator_biasprm[:, 0])
+
+    def load(self, control: Reals, moment: Reals) -> Reals:
+        """The load (n,) of forces, within their ranges, and of the middles of servos; moment (a, n)."""
+        force = np.clip(self.constant(control) - self.middle, -self.limit, self.limit) + self.middle
+        force[self.servos] = self.middle[self.servos]
+        return np.asarray(force @ moment)
+
+    def errors(self, control: Reals, length: Reals) -> Reals:
+        """K_p times the error of place, plus K_d times the speed wished for, of each servo (s,)."""
+        wish = self.constant(control)[self.servos] - self.middle[self.servos]
+        return np.asarray(wish - self.gains[:, 0] * length[self.servos])
+
+
+def drives(model: mujoco.MjModel) -> Drives:
+    """The actuators of a model that has been read (see `scene.space.read`)."""
+    bias, count = model.actuator_biasprm, model.nu
+    is_servo = (bias[:, 1] < 0.0) | (bias[:, 2] < 0.0)
+    servos = np.flatnonzero(is_servo)
+    limited = model.actuator_forcelimited.astype(bool)
+    low, high = model.actuator_forcerange[:, 0], model.actuator_forcerange[:, 1]
+    return Drives(
+        model=model,
+        servos=servos,
+        forces=np.flatnonzero(~is_servo),
+        gains=-bias[servos][:, 1:3].reshape(-1, 2),
+        middle=np.where(limited, 0.5 * (low + high), np.zeros(count)),
+        limit=np.where(limited, 0.5 * (high - low), np.full(count, np.inf)),
+    )

@@ -1,0 +1,244 @@
+"""Contacts in space: rows, laws, and the features that carry forces and deformations from step to step.
+
+MuJoCo finds contacts anew at each state and turns their frames as it likes. A feature is a contact of the
+same two geoms near the same place on their bodies; its slot keeps the first tangent in the frames of both
+bodies, and the tangent at the next state is the mean of the two, so that deformations turn with the bodies.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, kernel
+from rungwise.system.terms import Terms
+
+FREE = -1
+"""Geom of a slot that no feature has."""
+NEAR = 0.2
+"""A contact is the feature of a step before where it lies within this part of the smaller geom's size from
+it; chosen by trial, to a factor of two: corners of a box are farther apart, and nothing moves as far in a
+step."""
+
+
+class Features(Block):
+    """Features by slot: geoms (s, 2); place, along (s, 6): the contact and its first tangent in the frames of
+    the bodies of both geoms; world (s, 11): point, normal and first tangent in the world, gap and
+    friction."""
+
+    geoms: Ints
+    place: Reals
+    along: Reals
+    world: Reals
+
+
+def allocate_features(slots: int) -> Features:
+    """Slots without features."""
+    return Features(
+        geoms=np.full((slots, 2), FREE), place=np.zeros((slots, 6)), along=np.zeros((slots, 6)),
+        world=np.zeros((slots, 11)),
+    )  # fmt: skip
+
+
+class Solids(Block):
+    """What a model says of its geoms, and where its bodies are.
+
+    body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 6):
+    normal and tangential stiffness and damping, restitution, and friction, nan for MuJoCo's; free (n,):
+    whether a velocity is not prescribed; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's
+    memory.
+    """
+
+    body: Ints
+    size: Reals
+    law: Ints
+    laws: Reals
+    free: Ints
+    centre: Reals
+    turn: Reals
+
+
+class Seen(NamedTuple):
+    """Contacts as MuJoCo has them: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom (c,
+    2), address (c,) of the first row of `rows` (r, n)."""
+
+    dist: Reals
+    pos: Reals
+    frame: Reals
+    friction: Reals
+    dim: Ints
+    geom: Ints
+    address: Ints
+    rows: Reals
+
+
+@kernel
+def fill_contacts(
+    seen: Seen,
+    solids: Solids,
+    kept: Features,
+    found: Features,
+    reach: float,
+    most: int,
+    terms: Terms,
+    slots: Ints,
+    fresh: Ints,
+) -> int:
+    """Fill terms with all contacts within `reach` that something free can change, at most `most`.
+
+    Writes their slots and whether each is new (c,), and their features into `found`; returns how many there
+    are, or -1 if there are more than `most`.
+    """
+    count, d, n = 0, terms.contact_stiffness.shape[1], terms.load.shape[0]
+    for s in range(found.geoms.shape[0]):
+        found.geoms[s, 0] = FREE
+    for c in range(seen.dist.shape[0]):
+        if seen.address[c] < 0 or not seen.dist[c] <= reach:
+            continue
+        if not _is_free(seen.rows[seen.address[c]], solids.free, n):
+            continue
+        if count == most:
+            return -1
+        slot = _slot_of(c, seen, solids, kept, found, most)
+        fresh[count] = kept.geoms[slot, 0] == FREE
+        slots[count] = slot
+        _fill_rows(c, count, slot, seen, solids, kept, found, bool(fresh[count]), d, n, terms)
+        _fill_law(c, count, seen, solids, d, terms)
+        found.world[slot, 9], found.world[slot, 10] = seen.dist[c], terms.friction[count]
+        count += 1
+    return count
+
+
+@kernel
+def keep(kept: Features, found: Features) -> None:
+    """The features found are those of the step before the next."""
+    for s in range(kept.geoms.shape[0]):
+        for i in range(2):
+            kept.geoms[s, i] = found.geoms[s, i]
+        for i in range(6):
+            kept.place[s, i], kept.along[s, i] = found.place[s, i], found.along[s, i]
+        for i in range(11):
+            kept.world[s, i] = found.world[s, i]
+
+
+@kernel
+def _is_free(row: Reals, free: Ints, n: int) -> bool:
+    found = False
+    for i in range(n):
+        found |= row[i] != 0.0 and free[i] == 1
+    return found
+
+
+@kernel
+def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features, most: int) -> int:
+    """The slot of the nearest feature of the same geoms that no other contact has taken, or a free one."""
+    a, b = seen.geom[c, 0], seen.geom[c, 1]
+    best, empty = FREE, FREE
+    near = NEAR * min(solids.size[a], solids.size[b])
+    for s in range(most):
+        if found.geoms[s, 0] != FREE:
+            continue
+        if kept.geoms[s, 0] == FREE:
+            empty = s if empty == FREE else empty
+        elif kept.geoms[s, 0] == a and kept.geoms[s, 1] == b:
+            apart = min(_apart(c, 0, s, seen, solids, kept), _apart(c, 1, s, seen, solids, kept))
+            if apart < near:
+                best, near = s, apart
+    return best if best != FREE else empty
+
+
+@kernel
+def _apart(c: int, side: int, s: int, seen: Seen, solids: Solids, kept: Features) -> float:
+    """Distance of contact c from feature s on the body of one of its geoms."""
+    b, total = solids.body[seen.geom[c, side]], 0.0
+    for i in range(3):
+        own = 0.0
+        for j in range(3):
+            own += solids.turn[b, 3 * j + i] * (seen.pos[c, j] - solids.centre[b, j])
+        total += (own - kept.place[s, 3 * side + i]) ** 2
+    return math.sqrt(total)
+
+
+@kernel
+def _fill_rows(
+    c: int,
+    k: int,
+    slot: int,
+    seen: Seen,
+    solids: Solids,
+    kept: Features,
+    found: Features,
+    is_fresh: bool,
+    d: int,
+    n: int,
+    terms: Terms,
+) -> None:
+    """Fill the rows of contact k: normal, two tangents that turn with the bodies, and what else resists."""
+    frame, first = seen.frame[c], seen.address[c]
+    along, across = 1.0, 0.0
+    if not is_fresh:
+        along, across = _heading(frame, slot, seen.geom[c], solids, kept)
+    found.geoms[slot, 0], found.geoms[slot, 1] = seen.geom[c, 0], seen.geom[c, 1]
+    for side in range(2):
+        b = solids.body[seen.geom[c, side]]
+        for i in range(3):
+            place, tangent = 0.0, 0.0
+            for j in range(3):
+                place += solids.turn[b, 3 * j + i] * (seen.pos[c, j] - solids.centre[b, j])
+                tangent += solids.turn[b, 3 * j + i] * (along * frame[3 + j] + across * frame[6 + j])
+            found.place[slot, 3 * side + i], found.along[slot, 3 * side + i] = place, tangent
+    for i in range(3):
+        found.world[slot, i], found.world[slot, 3 + i] = seen.pos[c, i], frame[i]
+        found.world[slot, 6 + i] = along * frame[3 + i] + across * frame[6 + i]
+    for i in range(d):
+        for j in range(n):
+            terms.rows[k * d + i, j] = 0.0
+    for j in range(n):
+        terms.rows[k * d, j] = seen.rows[first, j]
+    for pair in range(1, d - 1, 3):
+        if seen.dim[c] > pair + 1:
+            for j in range(n):
+                x, y = seen.rows[first + pair, j], seen.rows[first + pair + 1, j]
+                terms.rows[k * d + pair, j] = along * x + across * y
+                terms.rows[k * d + pair + 1, j] = along * y - across * x
+    if d > 3 and seen.dim[c] > 3:
+        for j in range(n):
+            terms.rows[k * d + 3, j] = seen.rows[first + 3, j]
+    for i in range(3, min(d, seen.dim[c])):
+        unit = seen.friction[c, i - 1] / seen.friction[c, 0] if seen.friction[c, 0] > 0.0 else 0.0
+        for j in range(n):
+            terms.rows[k * d + i, j] *= unit
+
+
+@kernel
+def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features) -> tuple[float, float]:
+    """Parts of MuJoCo's two tangents in the feature's first tangent, which has turned with both bodies."""
+    along, across = 0.0, 0.0
+    for side in range(2):
+        b = solids.body[geom[side]]
+        for j in range(3):
+            world = 0.0
+            for i in range(3):
+                world += solids.turn[b, 3 * j + i] * kept.along[slot, 3 * side + i]
+            along += world * frame[3 + j]
+            across += world * frame[6 + j]
+    length = math.hypot(along, across)
+    return (along / length, across / length) if length > 0.0 else (1.0, 0.0)
+
+
+@kernel
+def _fill_law(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
+    law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
+    terms.gap[k], terms.lever[k] = seen.dist[c], 1.0
+    terms.friction[k] = seen.friction[c, 0] if seen.dim[c] > 1 else 0.0
+    if not math.isnan(law[5]):
+        terms.friction[k] = law[5]
+    terms.restitution[k] = law[4]
+    for i in range(d):
+        for j in range(d):
+            terms.contact_stiffness[k, i, j] = terms.contact_damping[k, i, j] = 0.0
+        terms.contact_stiffness[k, i, i] = law[0] if i == 0 else law[1]
+        terms.contact_damping[k, i, i] = law[2] if i == 0 else law[3]

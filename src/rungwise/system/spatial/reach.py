@@ -1,0 +1,57 @@
+"""How far velocities of a model carry its points: bounds that hold at every state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.kernel import Reals
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def reaches(model: mujoco.MjModel) -> Reals:
+    """(b, n): a bound on the speed of any point of each body's geoms per unit of each velocity: 1 for
+    translation; for a turn the farthest that a point of the body can be from the axis, link by link."""
+    import mujoco
+
+    found = np.zeros((model.nbody, model.nv))
+    extent = np.zeros(model.nbody)
+    for g in range(model.ngeom):
+        b = int(model.geom_bodyid[g])
+        size = float(model.geom_rbound[g])
+        if size > 0.0:
+            extent[b] = max(extent[b], float(np.linalg.norm(model.geom_pos[g])) + size)
+    link = np.linalg.norm(model.body_pos, axis=1) + _travel(model)
+    for b in range(1, model.nbody):
+        away, at = float(extent[b]), b
+        while at > 0:
+            first, count = int(model.body_jntadr[at]), int(model.body_jntnum[at])
+            for j in range(first, first + count):
+                address, kind = int(model.jnt_dofadr[j]), int(model.jnt_type[j])
+                arm = away + float(np.linalg.norm(model.jnt_pos[j]))
+                if kind == mujoco.mjtJoint.mjJNT_SLIDE:
+                    found[b, address] = 1.0
+                elif kind == mujoco.mjtJoint.mjJNT_HINGE:
+                    found[b, address] = arm
+                elif kind == mujoco.mjtJoint.mjJNT_BALL:
+                    found[b, address : address + 3] = arm
+                else:
+                    found[b, address : address + 3] = 1.0
+                    found[b, address + 3 : address + 6] = arm
+            away += float(link[at])
+            at = int(model.body_parentid[at])
+    return found
+
+
+def _travel(model: mujoco.MjModel) -> Reals:
+    """How far slides carry each body from its place in its parent (b,)."""
+    import mujoco
+
+    travel = np.zeros(model.nbody)
+    for j in range(model.njnt):
+        if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE and model.jnt_limited[j]:
+            travel[model.jnt_bodyid[j]] += float(np.abs(model.jnt_range[j]).max())
+    return travel
