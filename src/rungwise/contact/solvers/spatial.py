@@ -1,9 +1,11 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
-Algorithm: velocities are eliminated, v = H^-1 (c + W^T lambda + S^T tau), and the chain for small problems
-(`small.solve_dense`) solves for the forces, from the forces of the last step. Accepts: H positive definite,
-up to `MOST_LEFT` forces with limits. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
-the problem as it was given.
+Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island whose forces of the last
+step solve it is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
+velocities (`spatial_newton`) in turn, and where that does not end, by an interior point
+method (`spatial_path`) that Newton's method finishes. Accepts: H positive definite, three or four
+directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the problem as it was
+given.
 """
 
 from __future__ import annotations
@@ -12,20 +14,27 @@ import math
 
 import numpy as np
 
-from rungwise.contact.linear import factorise, solve_in_place, substitute
-from rungwise.contact.solvers.gauss_seidel import DAMPINGS
-from rungwise.contact.solvers.small import REFUSED, solve_dense
+from rungwise.contact.solvers.spatial_newton import Point, Span, Steps, descend, evaluate, measure
+from rungwise.contact.solvers.spatial_path import Duals, advance, begin
+from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
+from rungwise.contact.solvers.spatial_sweeps import accelerate, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
-_FINER = 1e-6
-"""Tolerance of the forces over the tolerance within which velocities are accepted; chosen by trial,
-to a decade."""
-_ROUNDS = 2
-"""Times that velocities of holding rows are corrected; chosen by trial."""
+_MARGIN = 0.1
+"""Residual asked of an island, over the tolerance of the whole. Chosen by trial, to a decade."""
+_NEAR = 1e-2
+"""Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
+_TURNS, _STEPS = 5, 6
+"""Turns of sweeps and Newton steps, and most steps of each turn. Chosen by trial."""
+_PATH = 40
+"""Most steps of the interior point method."""
+_FINISH, _NEARER = 1e-2, 0.1
+"""Residual below which Newton's method is tried from the path, and the factor by which the residual must fall
+before it is tried again. As in `interior_point`."""
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
@@ -44,82 +53,137 @@ def solve_spatial(
     """Solve, starting from `force` and `tau`, into these, v and the modes, where a contact that slips is
     FORWARD whatever its heading; returns (status, residual, stage)."""
     p, d = problem, problem.R.shape[1]
-    rows = contacts * d
-    size = rows + limited
-    factors, order = p.H[:n, :n].copy(), np.empty(n, np.int64)
-    if not factorise(factors, n, order):
+    rows, count = contacts * d + limited, contacts + limited
+    bodies = Bodies(
+        np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
+        np.empty(n, np.int64), np.empty(n),
+    )  # fmt: skip
+    island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
+    islands = sort_rows(p, n, contacts, limited, bodies, island, order)
+    if islands < 0:
         return NO_SOLUTION, math.inf, GUESS
-    G, drift, answer = np.empty((size, n)), p.c[:n].copy(), np.empty((size, n))
-    G[:rows], G[rows:] = p.W[:rows, :n], p.S[:limited, :n]
-    substitute(factors, n, order, drift)
-    for r in range(size):
-        answer[r] = G[r]
-        substitute(factors, n, order, answer[r])
-    A, b = np.empty((size, size)), np.empty(size)
-    for r in range(size):
-        b[r] = p.w[r] if r < rows else p.w_s[r - rows]
-        for i in range(n):
-            b[r] += G[r, i] * drift[i]
-        for s in range(size):
-            A[r, s] = 0.0
-            for i in range(n):
-                A[r, s] += G[r, i] * answer[s, i]
-    for k in range(contacts):
-        A[k * d : k * d + d, k * d : k * d + d] += p.R[k]
-    for r in range(limited):
-        A[rows + r, rows + r] += p.R_s[r]
-    start, x, y, found = np.empty(size), np.zeros(size), np.empty(size), np.empty(7)
-    start[:rows], start[rows:] = force[:rows], tau[:limited]
-    solver = REFUSED
-    if size > 0:
-        solver, _ = solve_dense(
-            A, b, (p.mu[:contacts].copy(), d, -p.F[:limited], p.F[:limited].copy()), 0, start, True,
-            _FINER * TOLERANCE, DAMPINGS, x, y, found,
-        )  # fmt: skip
-    v[:n] = drift
-    for r in range(size):
-        for i in range(n):
-            v[i] += answer[r, i] * x[r]
-    force[:rows], tau[:limited] = x[:rows], x[rows:]
+    groups = Groups(
+        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
+        np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
+        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(rows * n), np.empty((count, d, d)),
+        np.empty(count),
+    )  # fmt: skip
+    fill_groups(p, n, contacts, bodies, order, groups)
+    vectors, dual = np.empty((3, 2 * n + 3 * rows)), np.empty((4, rows))
+    point = _point(vectors[0], n, rows)
+    points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows)
+    duals = Duals(dual[0], dual[1], dual[2], dual[3])
+    steps = Steps(
+        np.empty(n * n), np.empty(n, np.int64), np.empty(n), np.empty(rows), np.empty((count, d, 2 * d)),
+        np.empty((count, d, 2 * d)), np.zeros(rows),
+    )  # fmt: skip
+    _take_start(groups, contacts, d, force, tau, point.x)
+    worst, low, first = GUESS, 0, 0
+    for i in range(islands):
+        span = Span(low, island[i, 0], first, island[i, 1])
+        low, first = span.high, span.last
+        worst = max(worst, _solve_island(bodies, groups, span, p.quantum[0], points, duals, steps))
+    for i in range(n):
+        v[bodies.place[i]] = bodies.unit[i] * point.v[i]
+    _give_back(groups, contacts, d, point.x, force, tau)
     _tell_modes(p, contacts, limited, force, tau, mode)
-    for _ in range(_ROUNDS):
-        _hold(p, G, mode, force, tau[:limited], answer, v)
     error = residual(p, n, contacts, limited, v, force, tau)
-    return SOLVED if error <= TOLERANCE and (solver != REFUSED or size == 0) else NO_SOLUTION, error, GUESS
+    return SOLVED if error <= TOLERANCE else NO_SOLUTION, error, worst
 
 
 @allocating_kernel
-def _hold(p: ContactProblem, G: Reals, mode: Ints, force: Reals, tau: Reals, answer: Reals, v: Reals) -> None:
-    """Add the least change of v, in the norm of H, that gives the holding rows of G their rates: v is a
-    difference of forces, whose rounding would move these rows. `answer` is the change of v by each row's unit
-    force."""
-    rows, n = G.shape
-    d, limited = p.R.shape[1], len(tau)
-    of_contacts = rows - limited
-    held, size = np.empty(rows, np.int64), 0
-    for r in range(rows):
-        of = mode[r // d] if r < of_contacts else mode[of_contacts // d + r - of_contacts]
-        if of == STICK or (r < of_contacts and r % d == 0 and of != OPEN):
-            held[size] = r
-            size += 1
-    a, order = np.empty((size, size + 1)), np.empty(size, np.int64)
-    for i in range(size):
-        r = held[i]
-        b = r - of_contacts
-        rate = p.w[r] if b < 0 else p.w_s[b] + p.R_s[b] * tau[b]
-        for j in range(d if r < of_contacts else 0):
-            rate += p.R[r // d, r % d, j] * force[r // d * d + j]
-        for j in range(n):
-            rate += G[r, j] * v[j]
-        a[i, size] = -rate
-        for s in range(size):
-            a[i, s] = 0.0
-            for j in range(n):
-                a[i, s] += G[r, j] * answer[held[s], j]
-    solve_in_place(a, size, 1, order)
-    for i in range(size):
-        for j in range(n):
-            v[j] += answer[held[i], j] * a[i, size]
+def _point(vector: Reals, n: int, rows: int) -> Point:
+    at = 2 * n
+    return Point(
+        vector[:n], vector[at : at + rows], vector[at + rows : at + 2 * rows],
+        vector[at + 2 * rows : at + 3 * rows], vector[n:at],
+    )  # fmt: skip
+
+
+@kernel
+def _solve_island(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    points: tuple[Point, Point, Point],
+    duals: Duals,
+    steps: Steps,
+) -> int:
+    """Solve from the forces at the point; returns the stage that it took."""
+    tol = _MARGIN * TOLERANCE
+    point, trial, answer = points
+    accelerate(bodies, groups, span, point)
+    if span.first == span.last:
+        return GUESS
+    found = _found(bodies, groups, span, quantum, point, steps)
+    if found <= tol:
+        return GUESS
+    for turn in range(_TURNS):
+        if turn > 0 or not found <= _NEAR:
+            sweep(groups, span, 0.0, steps.centre, 2 << turn, point, steps.dx)
+            accelerate(bodies, groups, span, point)
+        descend(bodies, groups, span, quantum, 0.0, tol, _STEPS, point, trial, steps)
+        found = measure(bodies, groups, span, quantum, point, steps.dv)
+        if found <= tol:
+            return PROXIMAL
+    begin(bodies, groups, span, point, duals, steps)
+    finish = _FINISH
+    for _ in range(_PATH):
+        if not advance(bodies, groups, span, point, duals, steps):
+            break
+        found = _found(bodies, groups, span, quantum, point, steps)
+        if found < finish:
+            finish = _NEARER * found
+            _put(groups, span, point, answer)
+            descend(bodies, groups, span, quantum, 0.0, tol, _STEPS, answer, trial, steps)
+            found = measure(bodies, groups, span, quantum, answer, steps.dv)
+            if found <= tol:
+                break
+        if not found < math.inf:
+            break
+    _put(groups, span, answer, point)
+    return PIVOTING
+
+
+@inner_kernel
+def _put(groups: Groups, span: Span, source: Point, target: Point) -> None:
+    for i in range(span.low, span.high):
+        target.v[i] = source.v[i]
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        target.x[r] = source.x[r]
+
+
+@kernel
+def _found(
+    bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps
+) -> float:
+    """The island's residual at the point."""
+    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+    return measure(bodies, groups, span, quantum, point, steps.dv)
+
+
+@kernel
+def _take_start(groups: Groups, contacts: int, d: int, force: Reals, tau: Reals, x: Reals) -> None:
+    """Forces to start from, cut off at their limits."""
+    for g in range(len(groups.source)):
+        source, row = groups.source[g], groups.row[g]
+        for i in range(groups.row[g + 1] - row):
+            given = force[source * d + i] if source < contacts else tau[source - contacts]
+            x[row + i] = given if math.isfinite(given) else 0.0
+
+
+@kernel
+def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, tau: Reals) -> None:
+    for k in range(contacts * d):
+        force[k] = 0.0
+    for g in range(len(groups.source)):
+        source, row = groups.source[g], groups.row[g]
+        for i in range(groups.row[g + 1] - row):
+            if source < contacts:
+                force[source * d + i] = x[row + i]
+            else:
+                tau[source - contacts] = x[row]
 
 
 @kernel
