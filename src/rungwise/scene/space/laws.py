@@ -52,7 +52,7 @@ def contact_laws(
 
 def default_law(model: mujoco.MjModel) -> tuple[float, float]:
     """Stiffness and damping of contacts for which the scene gives none."""
-    moving = model.body_dofnum[model.body_rootid] > 0
+    moving = model.body_weldid != 0
     mass = float(model.body_mass[moving].sum()) or 1.0
     sizes = model.geom_rbound[(model.geom_rbound > 0.0) & moving[model.geom_bodyid]]
     gravity = float(np.linalg.norm(model.opt.gravity)) or EARTH

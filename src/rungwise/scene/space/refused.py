@@ -63,7 +63,7 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
 def _changing(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
     """Whether each element has terms of higher order, which earlier versions of MuJoCo do not know."""
     found = getattr(model, name, None)
-    return np.zeros(0, bool) if found is None else np.asarray(found.reshape(len(found), -1).any(axis=1))
+    return np.zeros(0, bool) if found is None else np.any(found, axis=tuple(range(1, found.ndim)))
 
 
 def _pushes_away(model: mujoco.MjModel) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.spatial.drives import Drives, drives
@@ -63,7 +64,7 @@ class Space:
         self.reaches = reaches(m)
         self.drives: Drives = drives(m)
         touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
-        moving = touching & (m.body_dofnum[m.body_rootid[m.geom_bodyid]] > 0)
+        moving = touching & (m.body_weldid[m.geom_bodyid] != 0)
         self.most = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
@@ -175,7 +176,7 @@ class Space:
                 seen, self.solids, self.kept, self._found, reach, self.most, terms, self._slots, self._fresh
             )
             if count < 0:
-                raise OverflowError(f"more than {self.most} contacts")
+                raise InputError(f"scene: more than {self.most} contacts are within {reach:.3g} at once")
         else:
             self._found.geoms[:] = -1
         count = self._fill_limits(rows, reach, count, terms)
