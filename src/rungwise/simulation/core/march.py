@@ -46,6 +46,9 @@ PAUSE = 2.0
 """Nominal steps: an approach that loads cause within them is rest, not impact."""
 SINKING = 0.1
 """Deformation over the system's length beyond which the compliant model fails."""
+CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
+"""A step is made longer or shorter for an error of its own size, times the first, by factors between the
+others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
 ROUNDING = 1e-12
 """Rounding of positions over the system's length."""
 
@@ -104,18 +107,34 @@ class March:
             self.advance(min(self.step, end - self.time))
         return self.outcome
 
-    def advance(self, h: float) -> None:
-        """Take one step of length h, or shorter: halved as long as it has no solution."""
+    def advance(self, h: float, tol: float = math.inf) -> float:
+        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where its
+        error is above `tol`, a length. Returns the length for the next step.
+
+        To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
+        than `tol` in the step, it is small enough.
+        """
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
-                self._accept(h, v)
-                return
+                error, moved = self._error(h, v) if tol < math.inf else (0.0, 0.0)
+                wish = h * min(max(CAUTION * math.sqrt(tol / error), LEAST), MOST) if error > 0.0 else MOST * h
+                if error <= tol or moved <= tol:
+                    self._accept(h, v)
+                    return wish
+                h = wish
+                continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
                 self._explain(status)
-                return
+                return h
             h *= 0.5
+
+    def _error(self, h: float, v: Reals) -> tuple[float, float]:
+        """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
+        old = np.where(self.state.prescribed == 1, v, self.state.v)
+        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - old))
+        return 0.5 * change, 0.5 * h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(old)))
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""

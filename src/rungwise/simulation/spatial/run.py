@@ -34,6 +34,8 @@ TURN_S = 0.1
 """Longest time of steps before the caller sees progress."""
 
 
+LONGEST = 10
+"""Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
 GAINED = 1e-12
 """Work of contacts in a step, over all of it, that is rounding."""
 
@@ -60,7 +62,7 @@ class SpaceSimulation:
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
         step, tol, duration, self.theta = check_options(step, tol, duration, theta)
-        for name, given in (("motion", motion), ("save_hard", save_hard), ("tol", tol)):
+        for name, given in (("motion", motion), ("save_hard", save_hard)):
             if given is not None:
                 raise ModelError(f"{name}: is not known for scenes in space")
         self.parameters = scene.parameters(parameters)
@@ -80,6 +82,8 @@ class SpaceSimulation:
         self.step = bound.step if step is None else step
         template = scene.template
         columns = tuple(template.parameters.index(name) for name in template.inputs)
+        self._tol = math.inf if tol is None else tol
+        self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
         self.end = duration or (self._clock.end if self.inputs else bound.duration)
         self.space = Space(
@@ -139,11 +143,13 @@ class SpaceSimulation:
     def _take(self, march: March) -> None:
         """Take one step, and judge where it led."""
         clock, values = self._clock, self._values
-        h = min(self.step, self.end - march.time, clock.left(march.time))
+        h = min(self._next, self.end - march.time, clock.left(march.time))
         clock.tell(march.time + h, values.told)
         self._bound.tell(values.told)
         before = float(march.state.clock[0]["contact_work"])
-        march.advance(h)
+        wish = march.advance(h, self._tol)
+        if self._tol < math.inf:
+            self._next = min(max(wish, self._next if h < self._next else 0.0), self.end / LONGEST)
         if march.state.clock[0]["bounced"]:
             added = float(march.state.clock[0]["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
