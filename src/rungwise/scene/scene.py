@@ -73,6 +73,16 @@ class Scene:
         """
         return parameter_values(self.file.parameters, given)
 
+    @property
+    def content(self) -> str:
+        """What tells scenes apart: the file's content."""
+        return self.stored
+
+    @property
+    def stored(self) -> str:
+        """The scene as JSON, as `load` takes it once decoded."""
+        return self.file.model_dump_json(exclude_unset=True)
+
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""
         data = self.file.model_dump(mode="json", exclude_unset=True)

@@ -49,7 +49,7 @@ def dataset(found: LabelledBox) -> xarray.Dataset:
         coords={"axis": np.array(found.over, dtype=object)},
         attrs={
             "request": json.dumps(found.request),
-            "scene_file": found.scene.file.model_dump_json(),
+            "scene_file": found.scene.stored,
             "evaluations": found.evaluations,
             "probes": found.probes,
             "hits": found.hits,

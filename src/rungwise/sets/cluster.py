@@ -12,6 +12,7 @@ import numpy as np
 from rungwise.cluster import Batch, Cluster
 from rungwise.kernel import Ints, Reals
 from rungwise.scene import Scene, load
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.asker import InProcess, Runner
 from rungwise.sets.motions import Motions
 from rungwise.sets.request import batch_of
@@ -22,11 +23,15 @@ KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can 
 
 
 @contextmanager
-def runner(batch: Motions, address: str | None, scene: Scene, request: Mapping[str, Any]) -> Iterator[Runner]:
+def runner(
+    batch: Motions, address: str | None, scene: Scene | SpaceScene, request: Mapping[str, Any]
+) -> Iterator[Runner]:
     """The threads of this process, or the workers of the scheduler at an address."""
     if address is None:
         yield InProcess(batch)
         return
+    if isinstance(scene, SpaceScene):
+        raise SetError("cluster: scenes in space run in processes of this machine")
     job = scene.file.model_dump_json(), json.dumps(dict(request))
     cluster = Cluster(address, batch_at, job, SetError, KEPT_NOTE)
     try:

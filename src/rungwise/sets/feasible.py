@@ -19,7 +19,9 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.sets import arrays, export, store
 from rungwise.sets.asker import Asker
@@ -203,7 +205,7 @@ class FeasibleSet(LabelledBox):
 
 @keywords
 def feasible_set(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     over: Sequence[str],
     *,

@@ -10,6 +10,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.tree import Tree
 
@@ -18,7 +19,7 @@ from rungwise.sets.tree import Tree
 class LabelledBox:
     """Labels over a box of parameters: what a `FeasibleSet` is made of, which says what the fields are."""
 
-    scene: Scene
+    scene: Scene | SpaceScene
     model: Rung
     over: tuple[str, ...]
     box: Reals

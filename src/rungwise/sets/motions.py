@@ -23,9 +23,12 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene import records as rec
+from rungwise.scene.space import SpaceScene
+from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.batch import SpaceBatch
 
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
@@ -35,11 +38,13 @@ come early by one part in so many."""
 Motion = Mapping[str, float]
 
 
-def motions(scene: Scene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
+def motions(scene: Scene | SpaceScene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
     """The slowest motion and, for a model that has other motions, the extremes: both ways along each
     coordinate of a body that nothing drives."""
     if solutions == SLOWEST or model.inertia > 0.0:
         return ({},)
+    if isinstance(scene, SpaceScene):
+        raise SetError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
     template = scene.template
     records = rec.views(template.buffer, template.counts)
     driven = records.joints[records.measures["joint"][records.measures["drive"] != rec.NO_DRIVE]]
@@ -56,12 +61,15 @@ class Motions:
     """A batch of runs that takes every motion in turn, as long as the point is not decided."""
 
     def __init__(
-        self, scene: Scene, model: Rung, over: Sequence[str], solutions: str, **options: Any
+        self, scene: Scene | SpaceScene, model: Rung, over: Sequence[str], solutions: str, **options: Any
     ) -> None:
         self._wanted = solutions == GUARANTEED
-        self._batches = [
-            Batch(scene, model, over, motion=motion, **options) for motion in motions(scene, model, solutions)
-        ]
+        self._batches: list[Batch | SpaceBatch] = []
+        for motion in motions(scene, model, solutions):
+            if isinstance(scene, SpaceScene):
+                self._batches.append(SpaceBatch(scene, model, over, **options))
+            else:
+                self._batches.append(Batch(scene, model, over, motion=motion, **options))
         self.over = self._batches[0].over
 
     def run(self, points: Reals, *, on_progress: Callable[[int], None] | None = None) -> Results:
@@ -88,12 +96,12 @@ def _merge(found: Results, at: NDArray[np.intp], other: Results, wanted: bool) -
     found.margin[at[~changed]] = nearer[~changed]
 
 
-def decisive(scene: Scene, model: Rung, solutions: str, **options: Any) -> Run:
+def decisive(scene: Scene | SpaceScene, model: Rung, solutions: str, **options: Any) -> Run:
     """The run that decides a point: the first that reaches the goal (possible) or does not (guaranteed), or
     else the slowest."""
     first: Run | None = None
     for motion in motions(scene, model, solutions):
-        run: Run = simulate(scene, model, motion=motion, **options)
+        run: Run = simulate(scene, model, motion=motion or None, **options)
         first = first or run
         if (run.outcome.code == Code.GOAL) != (solutions == GUARANTEED):
             return run

@@ -12,6 +12,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.motions import Motions
 from rungwise.sets.store import SetError
 
@@ -24,7 +25,9 @@ WIDE = 100.0
 decade."""
 
 
-def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None) -> Reals:
+def box_of(
+    scene: Scene | SpaceScene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None
+) -> Reals:
     """Intervals (d, 2) of the parameters: as given, or their range, or, where the range is more than `WIDE`
     times the default, from 0 to twice the default within the range. Raises SetError."""
     intervals = []
@@ -47,7 +50,9 @@ def box_of(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, flo
     return np.array(intervals)
 
 
-def chosen(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, float]]) -> dict[str, str]:
+def chosen(
+    scene: Scene | SpaceScene, over: Sequence[str], box: Mapping[str, tuple[float, float]]
+) -> dict[str, str]:
     """How `box_of` chooses the intervals that `box` leaves open, in words by name."""
     words = {}
     for name in over:
@@ -60,20 +65,27 @@ def chosen(scene: Scene, over: Sequence[str], box: Mapping[str, tuple[float, flo
     return words
 
 
-def digest(scene: Scene) -> str:
-    """Mark of all that a scene's file says."""
-    return hashlib.sha256(scene.file.model_dump_json().encode()).hexdigest()[:16]
+def digest(scene: Scene | SpaceScene) -> str:
+    """Mark of all that a scene says."""
+    whole = scene.file.model_dump_json() if isinstance(scene, Scene) else scene.content
+    return hashlib.sha256(whole.encode()).hexdigest()[:16]
 
 
-def smallest(scene: Scene, parameters: Mapping[str, float]) -> float:
+def smallest(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> float:
     """Reach of the smallest shape that has a reach, at these parameters; 1 where no shape has."""
+    if isinstance(scene, SpaceScene):
+        return scene.size if math.isfinite(scene.size) else 1.0
     reach = scene.bind(parameters).records.shapes["reach"]
     known = reach[np.isfinite(reach) & (reach > 0.0)]
     return float(known.min()) if len(known) else 1.0
 
 
 def batch_of(
-    scene: Scene, model: Rung, over: Sequence[str], request: Mapping[str, Any], threads: int | None
+    scene: Scene | SpaceScene,
+    model: Rung,
+    over: Sequence[str],
+    request: Mapping[str, Any],
+    threads: int | None,
 ) -> Motions:
     """The batch of runs that the request describes."""
     return Motions(

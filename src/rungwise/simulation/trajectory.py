@@ -79,7 +79,7 @@ def dataset(scene: Scene, model: Rung, workspace: Workspace, pairs: list[str]) -
         attrs={
             "scene": scene.name,
             "model": model.name,
-            "scene_file": scene.file.model_dump_json(exclude_unset=True),
+            "scene_file": scene.stored,
         },
     )
 

@@ -155,9 +155,7 @@ def _put(groups: Groups, span: Span, source: Point, target: Point) -> None:
 
 
 @kernel
-def _found(
-    bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps
-) -> float:
+def _found(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps) -> float:
     """The island's residual at the point."""
     evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
     return measure(bodies, groups, span, quantum, point, steps.dv)

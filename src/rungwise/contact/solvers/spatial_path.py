@@ -47,9 +47,7 @@ class Duals(NamedTuple):
 
 
 @kernel
-def begin(
-    bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps
-) -> None:
+def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> None:
     """Forces and rates on the axes of the cones, as large as the rates without forces are."""
     x, w, other = point.x, duals.w, duals.other
     for r in range(groups.row[span.first], groups.row[span.last]):
@@ -74,9 +72,7 @@ def begin(
 
 
 @kernel
-def advance(
-    bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps
-) -> bool:
+def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> bool:
     """Take one predicted and centred step along the path; False where it cannot be computed."""
     product, cones = _product(groups, span, point.x, duals, 0.0, steps)
     product /= max(cones, 1)

@@ -61,6 +61,13 @@ def default_law(model: mujoco.MjModel) -> tuple[float, float]:
     return stiffness, 2.0 * RATIO * math.sqrt(stiffness * mass / count)
 
 
+def smallest(model: mujoco.MjModel) -> float:
+    """Radius of the smallest geom that moves and may touch; inf where there is none."""
+    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    moving = touches & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)
+    return float(model.geom_rbound[moving].min(initial=np.inf))
+
+
 def _row(
     entry: Contact, path: str, stiffness: float, number: Callable[[float | str, str], float]
 ) -> tuple[float, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,7 +20,7 @@ from rungwise.scene.names import OF_CONTACTS, Names
 from rungwise.scene.scene import InvalidScene, explain, parameter_values, read_yaml
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, labels
-from rungwise.scene.space.laws import contact_laws
+from rungwise.scene.space.laws import contact_laws, smallest
 from rungwise.scene.space.model import LIBRARY, change, compiled, model_path, read_spec
 from rungwise.scene.space.refused import left_out, refuse
 from rungwise.scene.template import SceneError
@@ -91,12 +92,13 @@ class SpaceBound:
 
 @dataclass(frozen=True)
 class SpaceScene:
-    """A task in space: the file as read, where it lies, and the names of its model."""
+    """A task in space: the file as read, where it lies, the names of its model, and the model's text."""
 
     file: SpaceFile
     folder: Path
     template: SpaceTemplate
     labels: Labels
+    model_text: str = field(repr=False)
 
     @property
     def name(self) -> str:
@@ -106,6 +108,23 @@ class SpaceScene:
         moving = cut(", ".join(self.template.bodies[1:]), 120)
         parameters = cut(", ".join(self.file.parameters), 120)
         return f"<SpaceScene {cut(self.name)}: bodies {moving}; parameters {parameters or 'none'}>"
+
+    @property
+    def content(self) -> str:
+        """What tells scenes apart: the file's content and the model's."""
+        return self.file.model_dump_json(exclude_unset=True) + self.model_text
+
+    @property
+    def size(self) -> float:
+        """Radius of the smallest geom that moves and may touch."""
+        return smallest(self.bind().model)
+
+    @property
+    def stored(self) -> str:
+        """The scene as JSON, as `load` takes it once decoded, with the place of the model file."""
+        path = model_path(self.file.model.file, self.folder).resolve()
+        given = self.file.model_dump(mode="json", exclude_unset=True)
+        return json.dumps(given | {"model": given["model"] | {"file": str(path)}})
 
     @keywords
     def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -279,10 +298,11 @@ def _checked(data: Any) -> SpaceFile:
 def _scene(data: Any, folder: Path) -> SpaceScene:
     file = _checked(data)
     path = model_path(file.model.file, folder)
-    model = compiled(read_spec(path), path)
+    spec = read_spec(path)
+    model = compiled(spec, path)
     refuse(model)
     names = labels(model)
-    scene = SpaceScene(file, folder, _template(file, model, names), names)
+    scene = SpaceScene(file, folder, _template(file, model, names), names, spec.to_xml())
     _ = scene.conditions
     return scene
 

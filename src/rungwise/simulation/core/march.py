@@ -118,7 +118,9 @@ class March:
             status, v = self._attempt(h)
             if status == SUPPORTED:
                 error, moved = self._error(h, v) if tol < math.inf else (0.0, 0.0)
-                wish = h * min(max(CAUTION * math.sqrt(tol / error), LEAST), MOST) if error > 0.0 else MOST * h
+                wish = (
+                    h * min(max(CAUTION * math.sqrt(tol / error), LEAST), MOST) if error > 0.0 else MOST * h
+                )
                 if error <= tol or moved <= tol:
                     self._accept(h, v)
                     return wish

@@ -160,7 +160,7 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
         attrs={
             "scene": run.scene.name,
             "model": run.model.name,
-            "scene_file": run.scene.file.model_dump_json(exclude_unset=True),
+            "scene_file": run.scene.stored,
             "outcome": str(run.outcome),
             "reason": run.reason,
         },

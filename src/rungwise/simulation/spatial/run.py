@@ -82,6 +82,7 @@ class SpaceSimulation:
         self.step = bound.step if step is None else step
         template = scene.template
         columns = tuple(template.parameters.index(name) for name in template.inputs)
+        self._margins = -math.inf, -math.inf
         self._tol = math.inf if tol is None else tol
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
@@ -193,7 +194,23 @@ class SpaceSimulation:
         except ValueError:
             raise StateError("state.memory: is of another scene") from None
 
+    @property
+    def steps(self) -> int:
+        """Steps taken so far."""
+        return 0 if self.march is None else int(self.march.state.clock[0]["steps"])
+
+    @property
+    def margin(self) -> float:
+        """Signed margin of the run, as of `Results`."""
+        best, danger = self._margins
+        if self.outcome == Code.GOAL:
+            return -danger if danger > -math.inf else 1.0 - self.time / self.end
+        return min(best, 0.0) if best > -math.inf else math.nan
+
     def _judge(self) -> None:
+        best, danger = self._margins
+        goal, near = self._values.margins()
+        self._margins = max(best, goal), max(danger, near)
         verdict = self._values.verdict()
         if verdict != Code.RUNNING:
             self.outcome = verdict

@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.scene.expression import STACK, Programs, holds
+from rungwise.scene.expression import STACK, Programs, evaluate, holds
 from rungwise.scene.expression import Code as Program
 from rungwise.scene.names import OF_CONTACTS
 from rungwise.scene.space import SpaceBound, SpaceScene
@@ -86,6 +86,21 @@ class Values:
             if self._holds(k):
                 return code
         return Code.RUNNING
+
+    def margins(self) -> tuple[float, float]:
+        """Signed margins of the goal, and of the unsafe or doomed condition that is nearer; -inf where none
+        is stated."""
+        goal, danger = -np.inf, -np.inf
+        for k, code in enumerate(self.verdicts):
+            first, last = self._programs.table[k]
+            found = evaluate(
+                self._programs.code, self._programs.constants, first, last, self.all, self._stack
+            )
+            if code == Code.GOAL:
+                goal = found
+            else:
+                danger = max(danger, found)
+        return goal, danger
 
     def is_over(self, number: int) -> bool:
         """Whether the condition of `until` number k holds."""
