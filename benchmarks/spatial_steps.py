@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 STIFFNESS, DAMPING = 1e6, 2e3
 MATCH = 1e-2
 """Metres by which a contact may move on a body from one step to the next."""
-ROUNDING = 1e-13
+ROUNDING = 1e-12
 """Metres within which a gap is closed, and beyond which overlaps of rigid bodies are halved each step."""
 HALVINGS = 4
 BIN = """<geom type="plane" size="5 5 1"/>
@@ -191,7 +191,7 @@ class Space:
         t.residuals.append(found)
         t.contacts.append(k)
         t.stages.append(stage)
-        if self.keep and (status != SOLVED or len(t.seconds) % self.keep == 0):
+        if self.keep and (stage > 1 or len(t.seconds) % self.keep == 0):
             t.hard.append((len(t.seconds), status, found, vars_of(p), start))
         if status != SOLVED:
             d.qvel[:] = before

@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.solvers.spatial_newton import (
+    GIVE,
     Point,
     Span,
     Steps,
@@ -123,7 +124,7 @@ def _linearise(
         if mu >= 0.0:
             S = w[row] / x[row]
         elif limit == math.inf:
-            S = added_yield(groups, g, 1, 0.0)
+            S = added_yield(groups, g, 1, GIVE, 0.0)
         elif limit > 0.0:
             S = w[row] / (limit + x[row]) + duals.other[row] / (limit - x[row])
         slope[0, 0] = S
