@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from rungwise.contact.solvers.spatial_newton import GIVE, Point, Span, Steps, descend, measure
-from rungwise.contact.solvers.spatial_path import Duals, advance, begin
+from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
 from rungwise.contact.solvers.spatial_sweeps import accelerate, sweep
@@ -33,14 +33,14 @@ _NEAR = 1e-2
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
 """Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
 Chosen by trial."""
-_SUBPROBLEMS, _LAST = 20, 6
-"""Most subproblems of the proximal point method, first and from points on the interior point method's path.
-Chosen by trial."""
-_PATH = 40
-"""Most steps of the interior point method."""
-_FINISH, _NEARER = 1e-2, 0.1
-"""Residual below which Newton's method is tried from the path, and the factor by which the residual must fall
-before it is tried again. As in `interior_point`."""
+_SUBPROBLEMS = 20
+"""Most subproblems of the proximal point method; chosen by trial."""
+_PATH, _WINDOW, _STALLED = 40, 6, 0.7
+"""Most steps of the interior point method, which ends where product and residual are above this share of their
+values a window of steps earlier. Chosen by trial."""
+_FINISH, _NEARER = 1e-2, 0.3
+"""Residual below which the proximal point method is tried from the path, and the factor by which the residual
+must fall before it is tried again. Chosen by trial."""
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
@@ -138,22 +138,25 @@ def _solve_island(
         return PROXIMAL
     _put(groups, span, point, best)
     begin(bodies, groups, span, point, duals, steps)
-    finish = _FINISH
-    for _ in range(_PATH):
+    finish, earlier, before = _FINISH, math.inf, math.inf
+    for done in range(_PATH):
         if not advance(bodies, groups, span, point, duals, steps):
             break
         found = residual_at(bodies, groups, span, quantum, point, steps)
+        if done % _WINDOW == 0:
+            product, _ = product_ahead(groups, span, point.x, duals, 0.0, steps)
+            if not (product <= _STALLED * earlier or found <= _STALLED * before):
+                break
+            earlier, before = product, found
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
-            found = approach(bodies, groups, span, quantum, tol, _LAST, attempt, trial, steps)
+            found = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)
             if least <= _ENOUGH * TOLERANCE:
                 break
-        if not found < math.inf:
-            break
     _put(groups, span, best, point)
     return PIVOTING
 

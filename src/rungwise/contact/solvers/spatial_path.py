@@ -79,7 +79,7 @@ def advance(
     bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps
 ) -> bool:
     """Take one predicted and centred step along the path; False where it cannot be computed."""
-    product, cones = _product(groups, span, point.x, duals, 0.0, steps)
+    product, cones = product_ahead(groups, span, point.x, duals, 0.0, steps)
     product /= max(cones, 1)
     length, turning = 0.0, 1.0
     for _ in range(2):
@@ -93,7 +93,7 @@ def advance(
             _find(bodies, groups, span, centring * product, repaired, turning, point, duals, steps)
             length = _longest(groups, span, point.x, duals, steps)
             if predicts and product > 0.0:
-                ahead, _ = _product(groups, span, point.x, duals, min(1.0, length), steps)
+                ahead, _ = product_ahead(groups, span, point.x, duals, min(1.0, length), steps)
                 centring = min(1.0, max(ahead / (max(cones, 1) * product), 0.0)) ** 3
                 repaired = 1.0 - _RETAINED * centring
         if length >= _SHORT:
@@ -219,7 +219,7 @@ def _find(
 
 
 @kernel
-def _product(
+def product_ahead(
     groups: Groups, span: Span, x: Reals, duals: Duals, length: float, steps: Steps
 ) -> tuple[float, int]:
     """The sum of products after a step of this length, and the number of cones."""
