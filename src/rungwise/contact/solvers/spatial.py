@@ -2,8 +2,8 @@
 
 Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island whose forces of the last
 step solve it is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
-velocities (`spatial_newton`) in turn, and where that does not end, by an interior point
-method (`spatial_path`) that Newton's method finishes. Accepts: H positive definite, three or four
+velocities (`spatial_newton`) in turn, and where that does not end by the
+proximal point method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive definite, three or four
 directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the problem as it was
 given.
 """
@@ -14,8 +14,9 @@ import math
 
 import numpy as np
 
-from rungwise.contact.solvers.spatial_newton import Point, Span, Steps, descend, evaluate, measure
-from rungwise.contact.solvers.spatial_path import Duals, advance, begin
+from rungwise.contact.solvers.spatial_newton import GIVE, Point, Span, Steps, descend, measure
+from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
+from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
 from rungwise.contact.solvers.spatial_sweeps import accelerate, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
@@ -24,17 +25,22 @@ from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
-_MARGIN = 0.1
-"""Residual asked of an island, over the tolerance of the whole. Chosen by trial, to a decade."""
+_MARGIN, _ENOUGH = 0.1, 0.5
+"""Residual asked of an island, and residual that is enough where it took many steps, over the tolerance of the
+whole. The first is chosen by trial, to a decade."""
 _NEAR = 1e-2
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
-_TURNS, _STEPS = 5, 6
-"""Turns of sweeps and Newton steps, and most steps of each turn. Chosen by trial."""
-_PATH = 40
-"""Most steps of the interior point method."""
-_FINISH, _NEARER = 1e-2, 0.1
-"""Residual below which Newton's method is tried from the path, and the factor by which the residual must fall
-before it is tried again. As in `interior_point`."""
+_TURNS, _SWEEPS, _STEPS = 2, 4, 6
+"""Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
+Chosen by trial."""
+_SUBPROBLEMS = 20
+"""Most subproblems of the proximal point method; chosen by trial."""
+_PATH, _WINDOW, _STALLED = 40, 6, 0.7
+"""Most steps of the interior point method, which ends where product and residual are above this share of their
+values a window of steps earlier. Chosen by trial."""
+_FINISH, _NEARER = 1e-2, 0.3
+"""Residual below which the proximal point method is tried from the path, and the factor by which the residual
+must fall before it is tried again. Chosen by trial."""
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
@@ -69,9 +75,9 @@ def solve_spatial(
         np.empty(count),
     )  # fmt: skip
     fill_groups(p, n, contacts, bodies, order, groups)
-    vectors, dual = np.empty((3, 2 * n + 3 * rows)), np.empty((4, rows))
+    vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
     point = _point(vectors[0], n, rows)
-    points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows)
+    points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows)
     duals = Duals(dual[0], dual[1], dual[2], dual[3])
     steps = Steps(
         np.empty(n * n), np.empty(n, np.int64), np.empty(n), np.empty(rows), np.empty((count, d, 2 * d)),
@@ -106,43 +112,52 @@ def _solve_island(
     groups: Groups,
     span: Span,
     quantum: float,
-    points: tuple[Point, Point, Point],
+    points: tuple[Point, Point, Point, Point],
     duals: Duals,
     steps: Steps,
 ) -> int:
     """Solve from the forces at the point; returns the stage that it took."""
     tol = _MARGIN * TOLERANCE
-    point, trial, answer = points
+    point, trial, attempt, best = points
     accelerate(bodies, groups, span, point)
     if span.first == span.last:
         return GUESS
-    found = _found(bodies, groups, span, quantum, point, steps)
+    found = residual_at(bodies, groups, span, quantum, point, steps)
     if found <= tol:
         return GUESS
     for turn in range(_TURNS):
         if turn > 0 or not found <= _NEAR:
-            sweep(groups, span, 0.0, steps.centre, 2 << turn, point, steps.dx)
+            sweep(groups, span, 0.0, steps.centre, _SWEEPS << turn, point, steps.dx)
             accelerate(bodies, groups, span, point)
-        descend(bodies, groups, span, quantum, 0.0, tol, _STEPS, point, trial, steps)
+        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL
+    least = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    if least <= _ENOUGH * TOLERANCE:
+        return PROXIMAL
+    _put(groups, span, point, best)
     begin(bodies, groups, span, point, duals, steps)
-    finish = _FINISH
-    for _ in range(_PATH):
+    finish, earlier, before = _FINISH, math.inf, math.inf
+    for done in range(_PATH):
         if not advance(bodies, groups, span, point, duals, steps):
             break
-        found = _found(bodies, groups, span, quantum, point, steps)
+        found = residual_at(bodies, groups, span, quantum, point, steps)
+        if done % _WINDOW == 0:
+            product, _ = product_ahead(groups, span, point.x, duals, 0.0, steps)
+            if not (product <= _STALLED * earlier or found <= _STALLED * before):
+                break
+            earlier, before = product, found
         if found < finish:
             finish = _NEARER * found
-            _put(groups, span, point, answer)
-            descend(bodies, groups, span, quantum, 0.0, tol, _STEPS, answer, trial, steps)
-            found = measure(bodies, groups, span, quantum, answer, steps.dv)
-            if found <= tol:
+            _put(groups, span, point, attempt)
+            found = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            if found < least:
+                least = found
+                _put(groups, span, attempt, best)
+            if least <= _ENOUGH * TOLERANCE:
                 break
-        if not found < math.inf:
-            break
-    _put(groups, span, answer, point)
+    _put(groups, span, best, point)
     return PIVOTING
 
 
@@ -152,13 +167,6 @@ def _put(groups: Groups, span: Span, source: Point, target: Point) -> None:
         target.v[i] = source.v[i]
     for r in range(groups.row[span.first], groups.row[span.last]):
         target.x[r] = source.x[r]
-
-
-@kernel
-def _found(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps) -> float:
-    """The island's residual at the point."""
-    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
-    return measure(bodies, groups, span, quantum, point, steps.dv)
 
 
 @kernel

@@ -20,7 +20,7 @@ from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
-_LEAST = 1e-6
+GIVE = 1e-6
 """Yield of a force, over the yield of its bodies and contact, with which steps are computed: steps err by as
 much, and forces by rounding over it. Chosen by trial, to a decade."""
 _HALVINGS = 7
@@ -81,9 +81,9 @@ def evaluate(
     for g in range(first, last):
         row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
         width, n = groups.column[g + 1] - begin, end - row
-        give = hold * (groups.scale[g] + groups.R[g, 0, 0])
+        pace = reach(groups, g, n)
         for i in range(n):
-            total, force = groups.w[row + i] + give * (x[row + i] - centre[row + i]), x[row + i]
+            total, force = groups.w[row + i] + hold / pace * (x[row + i] - centre[row + i]), x[row + i]
             for j in range(n):
                 total += groups.R[g, i, j] * x[row + j]
             for j in range(width):
@@ -92,7 +92,6 @@ def evaluate(
                 G[place] -= groups.W[at] * force
                 at += 1
             u[row + i] = total
-        pace = reach(groups, g, n)
         _project(groups.mu[g], groups.limit[g], pace, row, n, x, u, F, slope[g])
         for i in range(row, end):
             size += F[i] * F[i] / pace
@@ -191,20 +190,22 @@ def eliminate(M: Reals, right: Reals, n: int, d: int) -> None:
 
 
 @inner_kernel
-def added_yield(groups: Groups, g: int, n: int, hold: float) -> float:
+def added_yield(groups: Groups, g: int, n: int, give: float, hold: float) -> float:
     """Yield of each force of a group in the equations of a step, beside R."""
     least = groups.R[g, 0, 0]
     for i in range(1, n):
         least = min(least, groups.R[g, i, i])
     pace = 1.0 / reach(groups, g, n)
-    return max(hold * pace, _LEAST * pace - least)
+    return max(hold * pace, give * pace - least)
 
 
 @kernel
-def prepare(bodies: Bodies, groups: Groups, span: Span, hold: float, steps: Steps) -> bool:
+def prepare(
+    bodies: Bodies, groups: Groups, span: Span, give: float, hold: float, steps: Steps
+) -> bool:
     """Factorise at the slopes in `steps`; False where that is singular."""
     for g in range(span.first, span.last):
-        added = added_yield(groups, g, groups.row[g + 1] - groups.row[g], hold)
+        added = added_yield(groups, g, groups.row[g + 1] - groups.row[g], give, hold)
         _linearise(groups, g, added, steps.slope[g], steps.inverse[g])
     return bool(assemble(bodies, groups, span, steps))
 
@@ -343,6 +344,7 @@ def descend(
     groups: Groups,
     span: Span,
     quantum: float,
+    give: float,
     hold: float,
     tol: float,
     most: int,
@@ -354,7 +356,7 @@ def descend(
     the map. Returns the number of factorisations."""
     size = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
     for done in range(most):
-        if not prepare(bodies, groups, span, hold, steps):
+        if not prepare(bodies, groups, span, give, hold, steps):
             return done
         for attempt in range(1 + _CHORDS):
             find_step(bodies, groups, span, point, steps)

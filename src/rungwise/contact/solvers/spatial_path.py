@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.solvers.spatial_newton import (
+    GIVE,
     Point,
     Span,
     Steps,
@@ -74,7 +75,7 @@ def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals
 @kernel
 def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> bool:
     """Take one predicted and centred step along the path; False where it cannot be computed."""
-    product, cones = _product(groups, span, point.x, duals, 0.0, steps)
+    product, cones = product_ahead(groups, span, point.x, duals, 0.0, steps)
     product /= max(cones, 1)
     length, turning = 0.0, 1.0
     for _ in range(2):
@@ -88,7 +89,7 @@ def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Dua
             _find(bodies, groups, span, centring * product, repaired, turning, point, duals, steps)
             length = _longest(groups, span, point.x, duals, steps)
             if predicts and product > 0.0:
-                ahead, _ = _product(groups, span, point.x, duals, min(1.0, length), steps)
+                ahead, _ = product_ahead(groups, span, point.x, duals, min(1.0, length), steps)
                 centring = min(1.0, max(ahead / (max(cones, 1) * product), 0.0)) ** 3
                 repaired = 1.0 - _RETAINED * centring
         if length >= _SHORT:
@@ -119,7 +120,7 @@ def _linearise(
         if mu >= 0.0:
             S = w[row] / x[row]
         elif limit == math.inf:
-            S = added_yield(groups, g, 1, 0.0)
+            S = added_yield(groups, g, 1, GIVE, 0.0)
         elif limit > 0.0:
             S = w[row] / (limit + x[row]) + duals.other[row] / (limit - x[row])
         slope[0, 0] = S
@@ -214,7 +215,7 @@ def _find(
 
 
 @kernel
-def _product(
+def product_ahead(
     groups: Groups, span: Span, x: Reals, duals: Duals, length: float, steps: Steps
 ) -> tuple[float, int]:
     """The sum of products after a step of this length, and the number of cones."""
