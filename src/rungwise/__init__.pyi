@@ -57,6 +57,7 @@ from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
 from .simulation.rollout import Rollouts, rollout
 from .simulation.run import Simulation, simulate
+from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
@@ -100,6 +101,8 @@ __all__ = [
     "Plan",
     "PlanError",
     "Problem",
+    "Replay",
+    "ReplayError",
     "Results",
     "Rollouts",
     "Run",
@@ -155,6 +158,7 @@ __all__ = [
     "plan",
     "plot",
     "read_problem",
+    "replay",
     "rollout",
     "run_sensitivity",
     "schema",

@@ -200,9 +200,7 @@ def added_yield(groups: Groups, g: int, n: int, give: float, hold: float) -> flo
 
 
 @kernel
-def prepare(
-    bodies: Bodies, groups: Groups, span: Span, give: float, hold: float, steps: Steps
-) -> bool:
+def prepare(bodies: Bodies, groups: Groups, span: Span, give: float, hold: float, steps: Steps) -> bool:
     """Factorise at the slopes in `steps`; False where that is singular."""
     for g in range(span.first, span.last):
         added = added_yield(groups, g, groups.row[g + 1] - groups.row[g], give, hold)

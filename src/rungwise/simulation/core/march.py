@@ -108,8 +108,8 @@ class March:
         return self.outcome
 
     def advance(self, h: float, tol: float = math.inf) -> float:
-        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where its
-        error is above `tol`, a length. Returns the length for the next step.
+        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where
+        its error is above `tol`, a length. Returns the length for the next step.
 
         To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
         than `tol` in the step, it is small enough.
