@@ -104,7 +104,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
     @property
     def state(self) -> State:
-        """Where the episode has come to: go on from it with `rungwise.simulate`, or with a reset."""
+        """Where the episode has come to: go on from it with inputs, by `rungwise.simulate` or a reset."""
         return self._episodes.state(0)
 
     @property
