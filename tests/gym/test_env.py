@@ -121,6 +121,32 @@ def test_starts_are_instances_of_the_task_with_what_is_uncertain() -> None:
     assert only.parameters == only.instance
 
 
+def changed(**task: Any) -> rw.Scene:
+    """`push` with another task."""
+    given = rw.load("push").file.model_dump(exclude_unset=True)
+    return rw.load(given | {"task": given["task"] | task})
+
+
+def test_conditions_of_a_task_may_speak_of_contacts() -> None:
+    """Of contacts that no condition of the scene names, too, however far they are."""
+    free = {"instances": {"apart": {"uniform": [0.0, 0.1]}}, "uncertain": {}}
+    scene = changed(where="gap(rod, post1) >= 0.35 and gap(rod, box) >= 0.02", **free)
+    env = make(scene, "kinematic")
+    apart = [env.reset(seed=seed)[0][env.observation_names.index("apart")] for seed in range(20)]
+    starts = [rw.State.of(scene, parameters={"apart": float(each)}) for each in apart]
+    far = rw.ask(scene, "gap(rod, post1) >= 0.35", starts).holds
+    assert min(apart) >= 0.02 and max(apart) > 0.06 and far.all()
+    with pytest.raises(InputError, match="task: 1000 draws gave no instance that can start"):
+        make(changed(where="gap(rod, box) > 1", **free), "kinematic").reset(seed=0)
+
+
+def test_what_a_task_keeps_out_of_is_unsafe() -> None:
+    env = make(changed(keep_out=["rod.y > 0.05"]), "kinematic", vary=[])
+    env.reset(seed=0)
+    first, second = (env.step(np.array([0.0, 1.0])) for _ in range(2))  # 0.03 m each, from 0.015 m
+    assert not first[2] and second[2] and second[-1]["outcome"] == "unsafe"
+
+
 def test_observations_are_what_they_are_called() -> None:
     parts = ["q", "v", "instance", "inputs", "forces", "time"]
     env = make("gripper", "quasistatic-compliant", observe=parts, dtype="float64", bounds=GRIPPER)
