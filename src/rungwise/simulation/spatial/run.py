@@ -52,6 +52,7 @@ class SpaceSimulation:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
+        span: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         state: State | None = None,
@@ -87,6 +88,7 @@ class SpaceSimulation:
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
         self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (self.end if span is None else span) / LONGEST
         self.space = Space(
             bound.model, Laws(bound.law, bound.laws), bound.place, bound.motion, bound.control, bound.pace
         )
@@ -150,7 +152,7 @@ class SpaceSimulation:
         before = float(march.state.clock[0]["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
-            self._next = min(max(wish, self._next if h < self._next else 0.0), self.end / LONGEST)
+            self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
         if march.state.clock[0]["bounced"]:
             added = float(march.state.clock[0]["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
