@@ -165,7 +165,8 @@ def test_films_of_other_bodies_are_refused(films: list[Film]) -> None:
 
 def test_looks_at_all_bodies_but_one_that_leaves(films: list[Film]) -> None:
     low, _ = box(films)
-    assert low[2] == pytest.approx(0.0, abs=2e-3) and low[0] == pytest.approx(-0.6)
+    assert low[2] == pytest.approx(0.0, abs=5e-3)  # MuJoCo's contacts yield
+    assert low[0] == pytest.approx(-0.6)
     thrown = films[0].places.copy()
     thrown[:, 1, 2] += 1000.0 * films[0].time
     left_low, left_high = box([replace(films[0], places=thrown)])
@@ -277,6 +278,44 @@ def test_bodies_and_forces_are_drawn_where_they_are(opened: Any, films: list[Fil
         assert mark["long"] == pytest.approx(length, rel=2e-3)
         assert mark["cone"] == pytest.approx(length * float(force @ normal) / np.linalg.norm(force), rel=2e-3)
         assert mark["mode"] == film.touches.mode[row]
+
+
+@needs_browser
+def test_a_drag_turns_the_view_and_a_click_does_not(opened: Any) -> None:
+    opened.evaluate("$('stage').scrollIntoView()")
+    x, y = opened.evaluate(
+        "(() => { const b = $('stage').getBoundingClientRect(); return [b.left + 200, b.top + 200]; })()"
+    )
+    before = opened.evaluate("[view.azimuth, view.height]")
+    opened.click(x, y)
+    assert opened.evaluate("[view.azimuth, view.height]") == before
+    opened.click(x, y, (x + 100, y))
+    azimuth, height = opened.evaluate("[view.azimuth, view.height]")
+    assert azimuth < before[0] and height == before[1]
+
+
+@needs_browser
+def test_comes_close_to_what_moves_now(opened: Any, films: list[Film]) -> None:
+    opened.evaluate(f"seek(END), showSide(0), {DRAWN}")
+    far = opened.evaluate("view.distance")
+    opened.evaluate(f"showNow(), {DRAWN}")
+    low, high = box([films[0].thinned(np.array([len(films[0].time) - 1]))])
+    assert opened.evaluate("view.distance") < far
+    middle = np.array(opened.evaluate("view.target"))
+    assert (middle > low - 0.05).all() and (middle < high + 0.05).all()
+
+
+@needs_browser
+def test_a_still_film_without_contacts_is_shown(films: list[Film], tmp_path: Path) -> None:
+    still = replace(films[0].thinned(np.array([0])), **BARE)
+    assert PROGRAM is not None
+    with driver.Browser(PROGRAM) as browser:
+        browser.open(write_page([still], tmp_path / "still.html"))
+        assert browser.evaluate(f"{DRAWN}.then(() => [stage.panels.length, $('gap-figure').hidden])") == [
+            1,
+            True,
+        ]
+        assert browser.errors == []
 
 
 @needs_browser

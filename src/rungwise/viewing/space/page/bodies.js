@@ -61,7 +61,7 @@ function joined(parts) {
   return out;
 }
 
-// What is drawn of each body: `opaque` and `clear` triangles, planes, and the middle of its corners for its name.
+// What is drawn of each body: `opaque` and `clear` triangles, planes, and the box around them.
 function castOf(gl, solids, count) {
   return Array.from({ length: count }, (_, body) => {
     const own = solids.filter(s => s.body === body), shaped = own.filter(s => s.kind !== "plane");
@@ -75,7 +75,7 @@ function castOf(gl, solids, count) {
 function reach(parts) {
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (const { places } of parts) places.forEach((v, i) => { low[i % 3] = Math.min(low[i % 3], v); high[i % 3] = Math.max(high[i % 3], v); });
-  return parts.length ? { middle: low.map((v, i) => (v + high[i]) / 2), top: high[2] } : { middle: null, top: 0 };
+  return { low, high, middle: parts.length ? low.map((v, i) => (v + high[i]) / 2) : null };
 }
 
 // A plane ends where it is said to, or, without end, far from what is looked at.

@@ -5,6 +5,7 @@
 const OPEN = 0, STICK = 1, SLIP = 2, MODES = ["open", "stick", "slip"];
 const LONGEST = 2;  // an arrow that would be longer, in nominal lengths, is broken
 const NOMINAL = 0.38;  // length of a usual force, in sizes of the whole
+const FULL_SIZE = 400, MANY = 40;  // marks are smaller in panels of less height, and where there are more of them
 const PIXELS = { shaft: 1.9, head: 5.5, point: 14, mark: 5 };
 
 // A profile (distance from the axis, height) turned about z in so many flat or smooth sides.
@@ -40,9 +41,10 @@ const marksOf = gl => ({
 // What is drawn of the contacts at a time; widths are so many pixels at the contact's distance.
 function marksAt(clip, t, eye, axes, height, options) {
   const k = frameAt(clip, t), found = [], nominal = NOMINAL * view.radius * options.length;
+  const sized = Math.min(1, height / FULL_SIZE) * (clip.first[k + 1] - clip.first[k] > MANY ? 0.6 : 1);
   for (let i = clip.first[k]; i < clip.first[k + 1]; i++) {
     const place = [...clip.point.subarray(3 * i, 3 * i + 3)], force = [...clip.force.subarray(3 * i, 3 * i + 3)], normal = unit(clip.normal.subarray(3 * i, 3 * i + 3));
-    const depth = -dot(minus(place, eye), axes[2]), pixel = 2 * TAN * depth / height, size = Math.hypot(...force);
+    const depth = -dot(minus(place, eye), axes[2]), pixel = sized * 2 * TAN * depth / height, size = Math.hypot(...force);
     if (depth <= 0) continue;
     const full = size * stage.perForce, long = Math.min(full, LONGEST * nominal);
     found.push({

@@ -108,7 +108,7 @@ function paintTheme() {
 
 const KEYS = {
   c: () => flip("contacts"), f: () => flip("forces"), n: () => flip("names"), k: () => flip("cones"), h: () => flip("through"), g: () => flip("log"),
-  z: () => zoom(1.25), x: () => zoom(0.8), r: () => showSide(0), v: () => showSide(view.side + 1),
+  z: () => zoom(1.25), x: () => zoom(0.8), r: () => showSide(0), y: showNow, v: () => showSide(view.side + 1),
   a: () => turn(0.1, 0), d: () => turn(-0.1, 0), w: () => turn(0, 0.1), s: () => turn(0, -0.1),
   m: () => arrange(!layout.beside), b: () => bringNext(),
 };
@@ -135,6 +135,7 @@ function start() {
   $("cones").checked = CLIPS[0].mode.length <= CROWD * CLIPS[0].time.length;
   $("now").style.minHeight = `${1.4 * Math.min(ROWS + 1, CLIPS[0].pairs.length)}em`;
   SIDES.forEach(([name], side) => { element("button", name, $("sides"), { type: "button" }).onclick = () => showSide(side); });
+  element("button", "now", $("sides"), { type: "button", title: "Closer, to what moves now (Y)" }).onclick = showNow;
   buildModels(); paintTheme(); arrange(false);
   for (const id of ["contacts", "forces", "names", "cones", "through"]) $(id).onchange = () => redraw();
   $("arrows").oninput = () => redraw();

@@ -123,7 +123,9 @@ function drawPanel(panel, t, options, ratio) {
     if (options.through) drawLayer(cast[b].opaque, worlds[b], { solidity: THROUGH });
     drawLayer(cast[b].clear, worlds[b]);
   }
+  gl.enable(gl.POLYGON_OFFSET_FILL); gl.polygonOffset(1, 4);  // where two films have a face in one plane, the one in front is seen
   panel.ghosts.forEach(clip => drawGhost(clip, t, poses));
+  gl.disable(gl.POLYGON_OFFSET_FILL);
   gl.disable(gl.CULL_FACE); gl.depthMask(false);
   drawCones(marks);
   gl.depthFunc(gl.GREATER); drawMarks(marks, { flat: 1, solidity: 0.25 }); gl.depthFunc(gl.LEQUAL);
@@ -140,8 +142,8 @@ function onPanel(panel, place) {
 function drawStage(t, options) {
   const canvas = $("stage"), [width, height, ratio] = fitted(canvas);
   stage.height = height; stage.panels = panelsOf(width, height);
-  stage.cell = round125(view.radius / 2.5); stage.perForce = options.length * NOMINAL * view.radius / DATA.force;
   if (view.whole && stage.panels.length) showWhole(stage.panels[0].width / stage.panels[0].height);
+  stage.cell = round125(0.11 * view.distance); stage.perForce = options.length * NOMINAL * view.radius / DATA.force;
   if (gpu && !gpu.gl.isContextLost()) {
     gpu.gl.disable(gpu.gl.SCISSOR_TEST); gpu.gl.clearColor(...rgb(colours.page), 1); gpu.gl.clear(gpu.gl.COLOR_BUFFER_BIT);
     stage.panels.forEach(panel => drawPanel(panel, t, options, ratio));
@@ -159,9 +161,10 @@ function round125(x) {
 function drawOver(options) {
   const canvas = $("over"), [width, height, ratio] = fitted(canvas), g = canvas.getContext("2d");
   g.setTransform(ratio, 0, 0, ratio, 0, 0); g.clearRect(0, 0, width, height);
-  g.font = "13px system-ui, sans-serif"; g.textBaseline = "middle";
+  g.textBaseline = "middle";
   stage.texts = [];
   for (const panel of stage.panels) {
+    g.font = `${panel.height < FULL_SIZE ? 11 : 13}px system-ui, sans-serif`;
     if (panel.head) written(g, `${panel.clip.label}: ${panel.clip.outcome}`, panel.x + 18, panel.y - HEAD / 2, colours.ink, "left", panel.width - 20);
     if (panel.head) { g.fillStyle = colours.models[panel.clip.index]; g.fillRect(panel.x, panel.y - HEAD / 2 - 5, 11, 10); }
     g.save(); g.beginPath(); g.rect(panel.x, panel.y, panel.width, panel.height); g.clip();
