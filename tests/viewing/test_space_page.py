@@ -180,6 +180,7 @@ def test_the_page_is_one_file_and_says_what_the_films_say(films: list[Film], tmp
     assert file.stat().st_size < 200_000
     assert re.findall(r"https?:|src=|@import|<link[^>]*href=\"(?!data:)", text) == []
     assert "<title>ball and box</title>" in text
+    assert "<title>ball and box on dynamic-rigid: goal</title>" in page(films[:1])
     data = data_of(text)
     assert [clip["label"] for clip in data["clips"]] == ["dynamic-rigid", "dynamic-compliant"]
     assert [solid["kind"] for solid in data["casts"][0]] == ["plane", "sphere", "box"]

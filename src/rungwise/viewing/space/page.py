@@ -73,9 +73,12 @@ def same_bodies(films: Sequence[Film]) -> None:
 
 
 def title(films: Sequence[Film]) -> str:
-    """Titles, and the model where there is only one film."""
+    """Titles, and the model and the outcome where there is only one film."""
     titles = " and ".join(dict.fromkeys(film.title for film in films))
-    return f"{titles} on {films[0].model}" if len(films) == 1 and films[0].model else titles
+    if len(films) > 1:
+        return titles
+    on = f" on {films[0].model}" if films[0].model else ""
+    return titles + on + (f": {films[0].outcome}" if films[0].outcome else "")
 
 
 def _data(films: Sequence[Film]) -> dict[str, Any]:
