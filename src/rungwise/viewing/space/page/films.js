@@ -1,4 +1,4 @@
-// The films of this page, unpacked (see page.py).
+// The films of this page, unpacked (see html.py).
 
 const DATA = JSON.parse($("data").textContent);
 
