@@ -222,10 +222,11 @@ class Episodes:
         begun, s, inputs = self._of(row), self.settings, self.schedule(row)
         if not inputs:
             raise GymError("replay: nothing has moved yet; call step first")
-        return simulate(
+        run: Run = simulate(
             s.scene, s.model, parameters=begun.parameters, state=begun.state, inputs=inputs, step=s.step,
             tol=s.tol, theta=s.theta, span=s.horizon,
         )  # fmt: skip
+        return run
 
     def _of(self, row: int) -> Begun:
         begun = self._begun[row]

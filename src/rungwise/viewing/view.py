@@ -17,12 +17,16 @@ from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
 from rungwise.simulation.result import Run
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.viewing import sets, slices, strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
+from rungwise.viewing.space.film import FilmError
+from rungwise.viewing.space.html import page as space_page
+from rungwise.viewing.space.runs import film_of
 from rungwise.wording import listed
 
-Source = Run | Plan | FeasibleSet | str | Path
+Source = Run | SpaceRun | Plan | FeasibleSet | str | Path
 
 
 class ViewError(InputError):
@@ -54,7 +58,10 @@ def view(
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
-    sources = [_source(one) for one in _listed(runs)]
+    listed_runs = _listed(runs)
+    if listed_runs and all(isinstance(one, SpaceRun) for one in listed_runs):
+        return _in_space([one for one in listed_runs if isinstance(one, SpaceRun)], html, png, gif)
+    sources = [_source(one) for one in listed_runs]
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -84,6 +91,19 @@ def view(
     return [write(*one) for one in made]
 
 
+def _in_space(
+    runs: Sequence[SpaceRun], html: str | Path | None, png: str | Path | None, gif: str | Path | None
+) -> list[Path]:
+    if png is not None or gif is not None:
+        raise ViewError("view: runs in space go to html only")
+    target = f"{runs[0].scene.name}.html" if html is None else html
+    try:
+        text = space_page([film_of(run) for run in runs])
+    except FilmError as error:
+        raise ViewError(str(error)) from None
+    return [write("html", target, lambda file: file.write_text(text, "utf-8"))]
+
+
 def _listed(runs: object) -> list[object]:
     if isinstance(runs, Source):
         return [runs]
@@ -109,6 +129,8 @@ def _source(source: object) -> Run | FeasibleSet | Path:
             if not source.found:
                 raise ViewError(f"plan: there is none. {source.reason}")
             return source.replay()
+        if isinstance(source, SpaceRun):
+            raise ViewError("runs: runs in space and planar runs go to pages of their own")
         return source
     except ViewError:
         raise
