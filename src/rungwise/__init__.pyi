@@ -65,7 +65,8 @@ from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
 from .viewing.inline import PictureError, plot, to_html
 from .viewing.parting import draw_parting
-from .viewing.view import ViewError, view
+from .viewing.view import view
+from .viewing.write import ViewError
 
 __all__ = [
     "DYNAMIC_COMPLIANT",

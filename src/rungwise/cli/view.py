@@ -10,8 +10,8 @@ import typer
 from rungwise.cli.arguments import (
     JsonOption,
     SetOption,
-    load_plan_file,
     load_any_scene,
+    load_plan_file,
     number,
     parameters_of,
 )
@@ -63,8 +63,8 @@ def view(
     """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
 
     Writes SCENE.html if no file is named."""
-    from rungwise.viewing.view import ViewError
     from rungwise.viewing.view import view as draw
+    from rungwise.viewing.write import ViewError
 
     if parting is not None:
         if html or png or gif or values:
@@ -124,7 +124,7 @@ def _parting(
     from rungwise.planning.plan import PLACES_ONLY
     from rungwise.planning.words import UNTOUCHED
     from rungwise.viewing.parting import draw_parting
-    from rungwise.viewing.view import ViewError
+    from rungwise.viewing.write import ViewError
 
     if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
         refuse("parting: needs one saved plan (JSON) and two rungs, or none")

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from rungwise.errors import InputError
@@ -24,13 +21,10 @@ from rungwise.viewing.html import page
 from rungwise.viewing.space.film import FilmError
 from rungwise.viewing.space.html import page as space_page
 from rungwise.viewing.space.runs import film_of
+from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
 
 Source = Run | SpaceRun | Plan | FeasibleSet | str | Path
-
-
-class ViewError(InputError):
-    """A picture cannot be made; the text is one line that says why."""
 
 
 @keywords
@@ -176,26 +170,3 @@ def _same_bodies(clips: Sequence[Clip]) -> None:
             raise ViewError(
                 f"runs: {clips[0].scene} and {other.scene} do not have the same bodies; view them one by one"
             )
-
-
-def needs_matplotlib(field: str) -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise ViewError(f"{field}: needs matplotlib (pip install 'rungwise[view]')") from None
-
-
-def write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
-    """Make the file beside its place and rename it there: it is whole or not there."""
-    file = Path(target)
-    draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        make(draft)
-        os.replace(draft, file)
-    except OSError as error:
-        raise ViewError(f"{field}: {file} cannot be written ({error.strerror or error})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
-    return file

@@ -19,7 +19,7 @@ from rungwise.viewing.html import CURVES, LARGEST, Part, bytes_of, fill, kept, n
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film, FilmError, Solid
 from rungwise.viewing.space.shapes import scale, shape
-from rungwise.viewing.view import write
+from rungwise.viewing.write import write
 
 OWN = files("rungwise.viewing.space") / "page"
 STYLES: tuple[Part, ...] = ("page.css", OWN / "space.css")

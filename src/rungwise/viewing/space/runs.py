@@ -36,7 +36,7 @@ def film_of(run: SpaceRun) -> Film:
     )  # fmt: skip
 
 
-def _poses(model: mujoco.MjModel, frames: tuple[Frame, ...]) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+def _poses(model: mujoco.MjModel, frames: tuple[Frame, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Places (f, b, 3) and turns (f, b, 4)."""
     mujoco = library()
     data = mujoco.MjData(model)
@@ -50,7 +50,7 @@ def _poses(model: mujoco.MjModel, frames: tuple[Frame, ...]) -> tuple[np.ndarray
 
 def _touches(
     run: SpaceRun, body: list[int]
-) -> tuple[Touches, tuple[tuple[str, str], ...], np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+) -> tuple[Touches, tuple[tuple[str, str], ...], np.ndarray, np.ndarray]:
     """Contacts of all frames, the pairs of bodies (p,) that met, their gaps and pushes (f, p)."""
     names, frames = run.scene.labels.bodies, run.frames
     met = sorted({(body[a], body[b]) for frame in frames for a, b in frame.touch.geoms})
@@ -63,7 +63,7 @@ def _touches(
             pushes[f, pair] += float(frame.touch.force[c] @ frame.touch.normal[c])
     counts = [len(each) for each in rows]
 
-    def joined(field: str, width: int) -> np.ndarray:  # type: ignore[type-arg]
+    def joined(field: str, width: int) -> np.ndarray:
         parts = [getattr(frame.touch, field).reshape(-1, width) for frame in frames]
         return np.concatenate(parts) if parts else np.zeros((0, width))
 
