@@ -18,7 +18,7 @@ from rungwise.contact.solvers.spatial_newton import GIVE, Point, Span, Steps, de
 from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
-from rungwise.contact.solvers.spatial_sweeps import accelerate, sweep
+from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem
@@ -71,8 +71,11 @@ def solve_spatial(
     groups = Groups(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
-        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(rows * n), np.empty((count, d, d)),
-        np.empty(count),
+        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
+    )  # fmt: skip
+    answers = Answers(
+        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
+        np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
     fill_groups(p, n, contacts, bodies, order, groups)
     vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
@@ -88,7 +91,7 @@ def solve_spatial(
     for i in range(islands):
         span = Span(low, island[i, 0], first, island[i, 1])
         low, first = span.high, span.last
-        worst = max(worst, _solve_island(bodies, groups, span, p.quantum[0], points, duals, steps))
+        worst = max(worst, _solve_island(bodies, groups, span, p.quantum[0], answers, points, duals, steps))
     for i in range(n):
         v[bodies.place[i]] = bodies.unit[i] * point.v[i]
     _give_back(groups, contacts, d, point.x, force, tau)
@@ -112,6 +115,7 @@ def _solve_island(
     groups: Groups,
     span: Span,
     quantum: float,
+    answers: Answers,
     points: tuple[Point, Point, Point, Point],
     duals: Duals,
     steps: Steps,
@@ -125,9 +129,13 @@ def _solve_island(
     found = residual_at(bodies, groups, span, quantum, point, steps)
     if found <= tol:
         return GUESS
+    known = False
     for turn in range(_TURNS):
         if turn > 0 or not found <= _NEAR:
-            sweep(groups, span, 0.0, steps.centre, _SWEEPS << turn, point, steps.dx)
+            if not known:
+                respond(bodies, groups, span, answers)
+                known = True
+            sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
             accelerate(bodies, groups, span, point)
         descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
         found = measure(bodies, groups, span, quantum, point, steps.dv)
