@@ -1,7 +1,7 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
-Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island whose forces of the last
-step solve it is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
+Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves on, by
+the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
 velocities (`spatial_newton`) in turn, and where that does not end by the
 proximal point method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive definite, three or four
 directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the problem as it was
@@ -123,11 +123,16 @@ def _solve_island(
     """Solve from the forces at the point; returns the stage that it took."""
     tol = _MARGIN * TOLERANCE
     point, trial, attempt, best = points
+    # At rest, velocities that are differences of forces would be rounding.
+    for i in range(span.low, span.high):
+        point.v[i] = 0.0
+    if span.first < span.last and residual_at(bodies, groups, span, quantum, point, steps) <= tol:
+        return GUESS
     accelerate(bodies, groups, span, point)
     if span.first == span.last:
         return GUESS
     found = residual_at(bodies, groups, span, quantum, point, steps)
-    if found <= tol:
+    if found <= _ENOUGH * TOLERANCE:
         return GUESS
     known = False
     for turn in range(_TURNS):
