@@ -30,14 +30,16 @@ class Answer(NamedTuple):
 
 
 def solve(p: ContactProblem, force: Array | None = None, tau: Array | None = None) -> Answer:
-    """The answer, whose residual is the judge's."""
+    """The answer, whose residual is the judge's; without a solution it is zero."""
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
     force = np.zeros(len(p.w)) if force is None else force.copy()
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan)
     status, found, stage = solve_spatial(p, n, contacts, limited, mode, v, force, tau)
-    assert found == residual(p, n, contacts, limited, v, force, tau)
-    assert (status == SOLVED) == (found <= TOLERANCE)
+    if status == SOLVED:
+        assert found == residual(p, n, contacts, limited, v, force, tau) <= TOLERANCE
+    else:
+        assert status == NO_SOLUTION and not (v.any() or force.any() or tau.any())
     return Answer(status, found, stage, v, force, tau, mode)
 
 

@@ -20,7 +20,7 @@ from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
 from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
@@ -57,7 +57,8 @@ def solve_spatial(
     tau: Reals,
 ) -> tuple[int, float, int]:
     """Solve, starting from `force` and `tau`, into these, v and the modes, where a contact that slips is
-    FORWARD whatever its heading; returns (status, residual, stage)."""
+    FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and velocities
+    are zero, and the residual is the least that was found."""
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
     bodies = Bodies(
@@ -95,9 +96,12 @@ def solve_spatial(
     for i in range(n):
         v[bodies.place[i]] = bodies.unit[i] * point.v[i]
     _give_back(groups, contacts, d, point.x, force, tau)
-    _tell_modes(p, contacts, limited, force, tau, mode)
     error = residual(p, n, contacts, limited, v, force, tau)
-    return SOLVED if error <= TOLERANCE else NO_SOLUTION, error, worst
+    status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
+    if status != SOLVED:
+        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
+    _tell_modes(p, contacts, limited, force, tau, mode)
+    return status, error, worst
 
 
 @allocating_kernel
@@ -203,6 +207,27 @@ def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, ta
                 force[source * d + i] = x[row + i]
             else:
                 tau[source - contacts] = x[row]
+
+
+@kernel
+def _exertion(bodies: Bodies, groups: Groups, x: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, as
+    `contact.step.proximal.exertion` for planar problems."""
+    called, greatest = 0.0, 0.0
+    for i in range(len(bodies.c)):
+        called = max(called, abs(bodies.c[i]))
+    for g in range(len(groups.source)):
+        unit = math.sqrt(groups.scale[g])
+        if unit == 0.0:
+            continue
+        for i in range(groups.row[g + 1] - groups.row[g]):
+            own, r = groups.R[g, i, i], groups.row[g] + i
+            greatest = max(greatest, abs(x[r]) * unit)
+            least = min(own, groups.scale[g]) if own > 0.0 else groups.scale[g]
+            called = max(called, abs(groups.w[r]) * unit / least)
+        if groups.mu[g] < 0.0 and groups.limit[g] < math.inf:
+            called = max(called, groups.limit[g] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
 
 
 @kernel
