@@ -15,26 +15,27 @@ function paint(t) {
   tellContacts(t);
 }
 
-// Pairs of bodies that touch now, those with the largest forces first: normal force, and how much of its friction the
-// contact uses that uses most.
+// Pairs of bodies that touch now, those with the largest forces first: normal force, and how much of the friction of
+// their contacts is used in all.
 function tellContacts(t) {
   const clip = inFront(), box = $("now"), rows = new Map();
   box.replaceChildren();
   if (!clip) return;
   const k = frameAt(clip, t);
   for (let i = clip.first[k]; i < clip.first[k + 1]; i++) {
-    const row = rows.get(clip.pair[i]) || { name: clip.pairs[clip.pair[i]], push: 0, used: 0, modes: [0, 0, 0] }, f = clip.force.subarray(3 * i, 3 * i + 3);
+    const row = rows.get(clip.pair[i]) || { name: clip.pairs[clip.pair[i]], push: 0, pull: 0, most: 0, modes: [0, 0, 0] }, f = clip.force.subarray(3 * i, 3 * i + 3);
     const push = dot(f, clip.normal.subarray(3 * i, 3 * i + 3)), pull = Math.sqrt(Math.max(0, dot(f, f) - push * push));
-    row.push += push; row.modes[clip.mode[i]]++;
-    if (push > 0 && clip.friction[i] > 0) row.used = Math.max(row.used, pull / (clip.friction[i] * push));
+    row.modes[clip.mode[i]]++;
     rows.set(clip.pair[i], row);
+    if (clip.mode[i] === OPEN) continue;
+    row.push += push; row.pull += pull; row.most += clip.friction[i] * push;
   }
   const sorted = [...rows.values()].sort((a, b) => b.push - a.push);
-  for (const { name, push, used, modes } of sorted.slice(0, ROWS)) {
+  for (const { name, push, pull, most, modes } of sorted.slice(0, ROWS)) {
     const line = element("div", "", box, { title: modes.map((n, m) => n ? `${n} ${["open", "sticking", "slipping"][m]}` : "").filter(Boolean).join(", ") });
     element("i", "", line).style.background = colours[MODES[modes[SLIP] ? SLIP : modes[STICK] ? STICK : OPEN]];
     element("span", name, line, { className: "pair" });
-    element("span", push > 0 ? `${withUnit(+push.toPrecision(3), DATA.units.force)}, ${Math.round(100 * used)} %` : "near", line, { className: "value" });
+    element("span", push > 0 ? `${withUnit(+push.toPrecision(3), DATA.units.force)}, ${most > 0 ? Math.round(100 * pull / most) : 0} %` : "near", line, { className: "value" });
   }
   if (sorted.length > ROWS) element("div", `and ${sorted.length - ROWS} more`, box);
   if (!sorted.length) element("div", "none", box);
