@@ -109,7 +109,7 @@ class SpaceSimulation:
             self.outcome = Code.INVALID
             return
         self._values.read(self.march, self.space)
-        self._recorder.take(self.march, self.space, self._memory(self.march))
+        self._recorder.take(self.march, self.space, self._memory)
         self._judge()
 
     def __repr__(self) -> str:
@@ -149,19 +149,19 @@ class SpaceSimulation:
         h = min(self._next, self.end - march.time, clock.left(march.time))
         clock.tell(march.time + h, values.told)
         self._bound.tell(values.told)
-        before = float(march.state.clock[0]["contact_work"])
+        before = float(march.clock["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
             self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
-        if march.state.clock[0]["bounced"]:
-            added = float(march.state.clock[0]["contact_work"]) - before
+        if march.clock["bounced"]:
+            added = float(march.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
         values.read(march, self.space)
         if march.outcome != Code.RUNNING:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
         else:
-            self._recorder.take(march, self.space, self._memory(march))
+            self._recorder.take(march, self.space, self._memory)
             self._judge()
             over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
             if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
@@ -173,11 +173,13 @@ class SpaceSimulation:
         if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
             self.outcome = Code.MISSED if self.inputs and self.scene.file.goal else Code.TIMEOUT
         if self.outcome != Code.RUNNING:
-            self._recorder.take(march, self.space, self._memory(march), last=True)
+            self._recorder.take(march, self.space, self._memory, last=True)
             self._explain(march)
 
-    def _memory(self, march: March) -> Reals:
+    def _memory(self) -> Reals:
         """What the run hands on (w,): its place in the schedule, the values of parameters, and the core's."""
+        march = self.march
+        assert march is not None
         return np.concatenate([self._clock.memory(), self._values.told[:-1], remembered(march, self.space)])
 
     def _go_on(self, state: State, march: March, same_inputs: bool) -> None:
@@ -199,7 +201,7 @@ class SpaceSimulation:
     @property
     def steps(self) -> int:
         """Steps taken so far."""
-        return 0 if self.march is None else int(self.march.state.clock[0]["steps"])
+        return 0 if self.march is None else int(self.march.clock["steps"])
 
     @property
     def margin(self) -> float:
@@ -238,7 +240,7 @@ class SpaceSimulation:
         march = self.march
         clock = None if march is None else march.state.clock[0]
         if march is not None and self._recorder.frames and self._recorder.frames[-1].time != march.time:
-            self._recorder.take(march, self.space, self._memory(march), last=True)
+            self._recorder.take(march, self.space, self._memory, last=True)
         return SpaceRun(
             scene=self.scene,
             model=self.model,

@@ -77,6 +77,7 @@ class Space:
         )  # fmt: skip
         self._q, self._fetched = np.full(m.nq, np.nan), False
         self._margin = 0.0
+        self._least: float | None = None
         self._see(0.05 * length)
         self._at(self.place)
         self.limits = _Limits(m)
@@ -110,8 +111,12 @@ class Space:
 
     def least_gap(self, q: Reals) -> float:
         self._at(q)
-        contact = self.data.contact
-        return float(contact.dist[contact.efc_address >= 0].min(initial=np.inf)) if self.data.ncon else np.inf
+        if self._least is None:
+            contact = self.data.contact
+            self._least = np.inf
+            if self.data.ncon:
+                self._least = float(contact.dist[contact.efc_address >= 0].min(initial=np.inf))
+        return self._least
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
         """Gap and geoms of each contact that overlaps."""
@@ -198,6 +203,7 @@ class Space:
         if q is not self._q and not np.array_equal(q, self._q):
             self.data.qpos[:] = q
             mujoco.mj_fwdPosition(self.model, self.data)
+            self._least = None
         self._q = q
 
     def _fill_metric(self, q: Reals, terms: Terms) -> None:
