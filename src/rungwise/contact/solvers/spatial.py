@@ -150,7 +150,9 @@ def _solve_island(
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL
-    least = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    if not known:
+        respond(bodies, groups, span, answers)
+    least = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
     if least <= _ENOUGH * TOLERANCE:
         return PROXIMAL
     _put(groups, span, point, best)
@@ -168,7 +170,7 @@ def _solve_island(
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
-            found = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)
