@@ -48,9 +48,7 @@ class Duals(NamedTuple):
 
 
 @kernel
-def begin(
-    bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps
-) -> None:
+def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> None:
     """Forces and rates on the axes of the cones, as large as the rates without forces are."""
     x, w, other = point.x, duals.w, duals.other
     for r in range(groups.row[span.first], groups.row[span.last]):
@@ -75,9 +73,7 @@ def begin(
 
 
 @kernel
-def advance(
-    bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps
-) -> bool:
+def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> bool:
     """Take one predicted and centred step along the path; False where it cannot be computed."""
     product, cones = product_ahead(groups, span, point.x, duals, 0.0, steps)
     product /= max(cones, 1)
@@ -202,7 +198,7 @@ def _find(
             aim[r] = -target * x[r] / inside - w[r]
             F[r] = repaired * (u[r] - w[r]) - aim[r]
             F[row] += (turning * w[r] / slip if slip > 0.0 else 0.0) * aim[r]
-    find_step(bodies, groups, span, point, steps)
+    find_step(groups, span, point, steps)
     dx = steps.dx
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]

@@ -179,7 +179,9 @@ def substitute_bodies(bodies: Bodies, low: int, high: int, x: Reals) -> None:
 
 
 @kernel
-def fill_groups(p: ContactProblem, n: int, contacts: int, bodies: Bodies, order: Ints, groups: Groups) -> None:
+def fill_groups(
+    p: ContactProblem, n: int, contacts: int, bodies: Bodies, order: Ints, groups: Groups
+) -> None:
     """Fill the groups, in this order."""
     d = p.R.shape[1]
     groups.row[0] = groups.column[0] = groups.entry[0] = 0
