@@ -172,7 +172,7 @@ class Space:
             self._fill_metric(moment.q, terms)
         self._fill_loads(moment, terms)
         rows = d.efc_J.reshape(-1, m.nv)
-        self._fill_limited(rows, terms)
+        self._fill_limited(rows, terms, not moment.metric)
         count = 0
         if d.ncon:
             c = d.contact
@@ -263,8 +263,9 @@ class Space:
             terms.damping[:] += (rows.T * m.tendon_damping) @ rows
             terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
 
-    def _fill_limited(self, rows: Reals, terms: Terms) -> None:
-        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts."""
+    def _fill_limited(self, rows: Reals, terms: Terms, loads: bool) -> None:
+        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
+        rung has loads."""
         d, drive = self.data, self.drives
         ne, nf, ns = int(d.ne), int(d.nf), len(drive.servos)
         if ne + nf + ns == 0:
@@ -284,7 +285,7 @@ class Space:
         terms.error[ne : ne + nf] = 0.0
         own = unit[ne + nf :]
         terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
-        wish = drive.errors(self.control, d.actuator_length)
+        wish = drive.errors(self.control, d.actuator_length, loads)
         # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
         stiff, damp = drive.gains.T
         with np.errstate(divide="ignore", invalid="ignore"):
