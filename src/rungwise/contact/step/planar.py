@@ -36,9 +36,9 @@ _SPARE = 8
 """Rows of the scratch matrix for vectors, beside the rows of the largest system."""
 
 
-def matrix_size(n: int, contacts: int, limited: int, d: int = 2) -> int:
+def matrix_size(n: int, contacts: int, limited: int) -> int:
     """Side of the scratch matrix that a step's chain needs, one more in columns."""
-    return n + d * contacts + limited + _SPARE
+    return n + 2 * contacts + limited + _SPARE
 
 
 @kernel
