@@ -335,10 +335,9 @@ def account(
     clock = state.clock[0]
     n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
     momentum = rung[0].inertia > 0.0
+    _push(terms, contacts * d, scratch.contact_force, state.reaction)
     for i in range(n):
-        contact = 0.0
-        for r in range(contacts * d):
-            contact += terms.rows[r, i] * scratch.contact_force[r]
+        contact = state.reaction[i]
         limited, support, joint = 0.0, 0.0, 0.0
         for r in range(clock.limited):
             force = terms.limited[r, i] * scratch.limited_force[r]
@@ -349,15 +348,15 @@ def account(
             else:
                 joint += force
         elastic = 0.0
-        inertial = 0.0
         for j in range(n):
             elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
             support -= terms.damping[i, j] * scratch.v_new[j]
-            if momentum:
-                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
-                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
+            inertial = 0.0
+            for j in range(n if momentum else 0):
+                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
+                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
             drive = inertial - state.passive[i] - contact - support - joint
         lever = scratch.v_new[i]
         if momentum:
@@ -369,3 +368,13 @@ def account(
         clock.contact_work += h * lever * contact
         clock.support_work += h * lever * support
         clock.joint_work += h * lever * joint
+
+
+@kernel
+def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
+    """Write what forces along the first rows do to each coordinate into `push` (n,)."""
+    push[:] = 0.0
+    for r in range(rows):
+        if force[r] != 0.0:
+            for i in range(push.shape[0]):
+                push[i] += terms.rows[r, i] * force[r]
