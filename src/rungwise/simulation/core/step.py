@@ -231,10 +231,31 @@ def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> 
 
 
 @kernel
-def end_velocities(theta: float, state: State, v_new: Reals) -> None:
-    """Hand on the velocities (n_v,) at the end of a step that has `v_new` at theta."""
-    for i in range(v_new.shape[0]):
-        state.v[i] = end_velocity(theta, state.v[i], v_new[i], state.prescribed[i] == 1)
+def accept(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> float:
+    """Take over the solved step: forces, deformations, work, impulses, velocities at its end, and time.
+
+    Returns the greatest normal deformation."""
+    clock, deepest = state.clock[0], 0.0
+    accept_forces(rung, h, terms, contacts, state, scratch, problem)
+    account(rung, h, terms, contacts, state, scratch, state.v)
+    for i in range(state.v.shape[0]):
+        state.v[i] = end_velocity(clock.theta, state.v[i], scratch.v_new[i], state.prescribed[i] == 1)
+    for k in range(contacts):
+        slot = scratch.slots[k]
+        deepest = max(deepest, abs(state.deformation[slot, 0]))
+        for i in range(state.force.shape[1]):
+            state.impulse[slot, i] += h * state.force[slot, i]
+    clock.time += h
+    clock.steps += 1
+    return deepest
 
 
 @kernel
