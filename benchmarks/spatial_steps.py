@@ -2,9 +2,9 @@
 
     python benchmarks/spatial_steps.py [--scene NAME …] [--steps N] [--h H …] [--save FOLDER]
 
-MuJoCo supplies inertia, loads and the geometry of contacts; a problem per step is assembled in numpy, with the
-forces of the last step as a start, and solved to a residual of 1e-8. A step without solution is halved, up to
-four times. Each scene runs with rigid contacts and with compliant ones (K = 1e6, C = 2e3).
+MuJoCo supplies inertia, loads and the geometry of contacts; a problem per step is assembled in numpy, with
+the forces of the last step as a start, and solved to a residual of 1e-8. A step without solution is halved, up
+to four times. Each scene runs with rigid contacts and with compliant ones (K = 1e6, C = 2e3).
 
   us        microseconds per solve: median, mean and 99th percentile, and the median of the last quarter
   solves/s  one over the mean
@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import math
 import pickle
 import time
 from dataclasses import dataclass, field
@@ -142,7 +141,10 @@ class Space:
         mj.mj_fwdActuation(m, d)
         mj.mj_fullM(m, d, self.mass)
         rows, kind = d.efc_J.reshape(d.nefc, m.nv), d.efc_type
-        touching, limits = np.flatnonzero(d.contact.efc_address >= 0), np.flatnonzero((kind == 3) | (kind == 4))
+        touching, limits = (
+            np.flatnonzero(d.contact.efc_address >= 0),
+            np.flatnonzero((kind == 3) | (kind == 4)),
+        )
         forced = np.flatnonzero(kind <= 2)
         k, servos = len(touching) + len(limits), int(self.servo.sum())
         p = allocate_problem(m.nv, k, len(forced) + servos, x)
@@ -262,7 +264,9 @@ def own_step(model: mj.MjModel, h: float, steps: int) -> float:
     return float(np.median(seconds))
 
 
-def run(name: str, model: mj.MjModel, h: float, steps: int, compliant: bool, quasistatic: bool = False) -> Space:
+def run(
+    name: str, model: mj.MjModel, h: float, steps: int, compliant: bool, quasistatic: bool = False
+) -> Space:
     space = Space(model, compliant, quasistatic, keep=50)
     if name == "hand":
         _grasp(space)
@@ -314,7 +318,9 @@ def main() -> None:
                         path.write_bytes(pickle.dumps(space.tally.hard))
             model = SCENES[name]()
             if model is not None:
-                print(f"{name:8s}mj_step h={h:.0e} us {1e6 * own_step(model, h, wanted.steps):.0f}", flush=True)
+                print(
+                    f"{name:8s}mj_step h={h:.0e} us {1e6 * own_step(model, h, wanted.steps):.0f}", flush=True
+                )
 
 
 if __name__ == "__main__":

@@ -200,6 +200,19 @@ def test_squeezes_orient_a_part(monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert all(said == foretold for _, said, foretold in found["rows"])
 
 
+def test_a_push_is_found_in_many_environments(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    example = script("examples/gym_push.py", monkeypatch)
+    assert example.main(["--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    ends = {row["model"]: row["success"] for row in found["rows"]}
+    assert found["returns"][-1] > 1.0 and ends["quasistatic-rigid"] and ends["dynamic-rigid"]
+    benchmark = script("benchmarks/gym.py", monkeypatch)
+    assert benchmark.main(["--envs", "3", "--steps", "2", "--json"], rounds=1) == 0
+    assert all(row["same"] for row in json.loads(capsys.readouterr().out))
+
+
 def test_guarded_moves_find_a_hole_without_chamfers(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,6 +18,7 @@ import typer.main
 import yaml
 
 import rungwise as rw
+import rungwise.gym
 from rungwise.cli import app
 from tests.pages import ROOT, Block, blocks, same
 
@@ -190,7 +191,8 @@ def test_every_page_and_every_public_name_is_on_the_site() -> None:
     pages |= {f"notebooks/{file.stem}" for file in NOTEBOOKS.glob("*.ipynb")}
     assert pages - {"index"} <= listed
     api = (docs / "api.md").read_text("utf-8")
-    assert set(re.findall(r"\b(?:rungwise|rw)\.(\w+)", api)) == set(rw.__all__)
+    assert set(re.findall(r"\b(?:rungwise|rw)\.(?!gym\b)(\w+)", api)) == set(rw.__all__)
+    assert set(re.findall(r"\brungwise\.gym\.(\w+)", api)) == set(rungwise.gym.__all__)
 
 
 def test_pictures_are_drawn_from_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,6 +57,7 @@ from .simulation.questions import Answers, Geometry, States, ask, geometry
 from .simulation.result import Run
 from .simulation.rollout import Rollouts, rollout
 from .simulation.run import Simulation, simulate
+from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
@@ -64,7 +65,8 @@ from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
 from .viewing.inline import PictureError, plot, to_html
 from .viewing.parting import draw_parting
-from .viewing.view import ViewError, view
+from .viewing.view import view
+from .viewing.write import ViewError
 
 __all__ = [
     "DYNAMIC_COMPLIANT",
@@ -100,6 +102,8 @@ __all__ = [
     "Plan",
     "PlanError",
     "Problem",
+    "Replay",
+    "ReplayError",
     "Results",
     "Rollouts",
     "Run",
@@ -155,6 +159,7 @@ __all__ = [
     "plan",
     "plot",
     "read_problem",
+    "replay",
     "rollout",
     "run_sensitivity",
     "schema",

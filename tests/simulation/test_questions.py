@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.simulation.questions import Question
 
 from .conftest import MOVING
 from .random_scenes import random_scene
@@ -198,3 +199,16 @@ def test_what_parts_of_a_condition_lack_adds_up() -> None:
     assert found.lacks.sum(axis=1) == pytest.approx(found.lack, rel=1e-12)
     assert (found.lacks[:, 0] > 0.0).tolist() == (found.values[:, 0] < 0.0).tolist()
     assert rw.ask(SCENE, "part.x3 >= 1 or t > 1", np.zeros((2, 3))).lacks.shape == (2, 1)
+
+
+def test_conditions_read_from_memories_are_those_asked_of_states() -> None:
+    """Each row at its own parameters, also where the goal's bounds depend on them."""
+    scene, places = rw.load("push"), rw.instances("push", 0, 6)
+    asked = Question(scene, "goal")
+    for parameters in places:
+        run = rw.simulate(scene, rw.DYNAMIC_COMPLIANT, parameters=parameters, duration=2.0)
+        assert run.workspace is not None
+        read = asked.read(run.workspace.state.values[None])
+        found = rw.ask(scene, "goal", run.state, parameters)
+        assert read.values.tolist() == found.values.tolist() and read.holds.tolist() == found.holds.tolist()
+    assert not asked.of_contacts and Question(scene, "gap(rod, box) > 0").of_contacts

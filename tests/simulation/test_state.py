@@ -424,3 +424,22 @@ def test_a_scene_in_which_nothing_moves(model: rw.Rung) -> None:
     assert run.time == pytest.approx(0.05) and run.final == {}
     assert rw.simulate(still, model, state=run.state).time == pytest.approx(0.1)
     assert rw.simulate(still, model, state=rw.State.of(still)).time == pytest.approx(0.1)
+
+
+def test_a_part_of_a_run_takes_the_steps_of_the_whole() -> None:
+    """Under error control steps are measured against the end of the run, or the span that is given."""
+    whole = {"inputs": [{"inputs": {"v1": 0.7}, "duration": 0.5}, {"inputs": {"v2": 0.4}, "duration": 0.7}]}
+    run = rw.simulate("two_finger", rw.DYNAMIC_RIGID, tol=1e-3, **whole)  # type: ignore[arg-type]
+    parts = {}
+    for span in (None, 1.2):
+        state = None
+        for segment in whole["inputs"]:
+            part = rw.simulate(
+                "two_finger", rw.DYNAMIC_RIGID, tol=1e-3, span=span, state=state, inputs=[segment]
+            )
+            state = part.state
+        parts[span] = part
+    assert np.array_equal(parts[1.2].state.q, run.state.q) and parts[1.2].time == run.time
+    assert parts[None].state.q == pytest.approx(run.state.q, abs=1e-3)
+    with pytest.raises(rw.ModelError, match="span: must be a finite number greater than 0"):
+        rw.simulate("two_finger", rw.DYNAMIC_RIGID, span=0.0)

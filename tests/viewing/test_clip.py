@@ -11,7 +11,7 @@ from shapely import Point, Polygon
 
 import rungwise as rw
 from rungwise.simulation import trajectory
-from rungwise.viewing.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip
+from rungwise.viewing.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip, still
 from rungwise.viewing.draw import placed, pose_at, rounded
 from rungwise.viewing.extent import bounds, receives_first
 
@@ -176,3 +176,20 @@ def test_bounds_hold_every_body_in_every_frame(pushed: Clip) -> None:
     x0, y0, x1, y1 = bounds([pushed])
     assert (x0, y0, y1) == pytest.approx((-1.4, -0.5, 0.5))
     assert x1 == pytest.approx(pushed.pose[-1, 1, 0] + 0.5)
+
+
+@pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID], ids=str)
+def test_a_state_is_drawn_as_the_last_frame_of_its_run(model: rw.Rung) -> None:
+    run = rw.simulate(rw.load(PUSHER), model, step=1e-2)
+    whole, one = clip(run), still(run.scene, model, run.parameters, run.state)
+    assert one.time[0] == whole.time[-1] and np.array_equal(one.pose[0], whole.pose[-1])
+    assert np.array_equal(one.gap[0], whole.gap[-1])
+    last = whole.touches.frame == len(whole.time) - 1
+    assert np.array_equal(one.touches.place, whole.touches.place[last])
+    assert np.array_equal(one.touches.mode, whole.touches.mode[last])
+    # An impulse is no force: where contact is rigid and bodies have momentum, none is drawn.
+    impacts = model is rw.DYNAMIC_RIGID
+    expected = whole.touches.force[last]
+    assert np.array_equal(one.touches.force, np.zeros_like(expected) if impacts else expected)
+    start = still(run.scene, model, run.parameters, rw.State.of(run.scene))
+    assert np.array_equal(start.pose[0], whole.pose[0]) and not start.touches.force.any()

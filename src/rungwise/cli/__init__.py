@@ -11,7 +11,21 @@ from typing import Annotated, Any
 
 import typer
 
-from rungwise.cli import check, compare, design, doomed, models, plan, scenes, sets, sim, solve, verify, view
+from rungwise.cli import (
+    check,
+    compare,
+    design,
+    doomed,
+    models,
+    plan,
+    replay,
+    scenes,
+    sets,
+    sim,
+    solve,
+    verify,
+    view,
+)  # fmt: skip
 from rungwise.cli.terminal import INTERRUPTED, refuse, show
 
 app = typer.Typer(
@@ -22,7 +36,7 @@ app = typer.Typer(
 )
 for _command in (
     models.models, scenes.scenes, check.check, sim.sim, sets.sets, doomed.doomed, plan.plan, verify.verify,
-    design.design, compare.compare, solve.solve, view.view,
+    design.design, compare.compare, solve.solve, view.view, replay.replay,
 ):  # fmt: skip
     app.command()(_command)
 

@@ -52,7 +52,7 @@ def design(
     """Choose parameters with which a scene succeeds, as far from failure as may be."""
     from rungwise.planning.design import design as choose
     from rungwise.viewing.designs import design_bars
-    from rungwise.viewing.view import needs_matplotlib, write
+    from rungwise.viewing.write import needs_matplotlib, write
 
     names, box = intervals("over", over)
     try:

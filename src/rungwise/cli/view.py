@@ -10,15 +10,18 @@ import typer
 from rungwise.cli.arguments import (
     JsonOption,
     SetOption,
+    load_any_scene,
     load_plan_file,
-    load_scene,
     number,
     parameters_of,
 )
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rungwise.simulation.result import Run
+    from rungwise.simulation.spatial.result import SpaceRun
 
 
 def view(
@@ -52,20 +55,23 @@ def view(
             " its diagnosis that come farthest apart.",
         ),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="A page that is served, of runs in space (needs the extra watch).")
+    ] = False,
     as_json: JsonOption = False,
 ) -> int:
     """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
 
     Writes SCENE.html if no file is named."""
-    from rungwise.viewing.view import ViewError
     from rungwise.viewing.view import view as draw
+    from rungwise.viewing.write import ViewError
 
     if parting is not None:
         if html or png or gif or values:
             refuse("view: --parting is a picture of its own; it goes with --model and --at alone")
         return _parting(sources, model, parting, at, as_json)
     folders = [Path(source) for source in sources if Path(source).is_dir()]
-    runs: list[Run] = []
+    runs: list[Run | SpaceRun] = []
     if folders and (len(folders) < len(sources) or model or values):
         refuse("view: give folders of saved runs, or one scene with --model and --set")
     if not folders:
@@ -73,6 +79,8 @@ def view(
             refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
         is_plan = Path(sources[0]).suffix == ".json"
         runs = _replays(sources[0], model, values) if is_plan else _runs(sources[0], model, values)
+    if live:
+        return _live(runs)
     try:
         written = draw(folders or runs, html=html, png=png, gif=gif, frames=frames, at=at)
     except ViewError as error:
@@ -89,6 +97,25 @@ def view(
     return 0
 
 
+def _live(runs: Sequence[Run | SpaceRun]) -> int:
+    """Serve a page of runs in space until Ctrl-C."""
+    from rungwise.errors import InputError
+    from rungwise.simulation.spatial.result import SpaceRun
+    from rungwise.viewing.space.live import open_live
+    from rungwise.viewing.space.runs import film_of
+
+    in_space = [run for run in runs if isinstance(run, SpaceRun)]
+    if not in_space or len(in_space) < len(runs):
+        refuse("view: --live shows runs of one scene in space")
+    try:
+        with open_live([film_of(run) for run in in_space]) as page:
+            show(f"{page.url} (Ctrl-C ends it)")
+            page.wait()
+    except InputError as error:
+        refuse(str(error))
+    return 0
+
+
 def _parting(
     sources: list[str], models: list[str] | None, file: Path, at: float | None, as_json: bool
 ) -> int:
@@ -97,7 +124,7 @@ def _parting(
     from rungwise.planning.plan import PLACES_ONLY
     from rungwise.planning.words import UNTOUCHED
     from rungwise.viewing.parting import draw_parting
-    from rungwise.viewing.view import ViewError
+    from rungwise.viewing.write import ViewError
 
     if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
         refuse("parting: needs one saved plan (JSON) and two rungs, or none")
@@ -126,7 +153,7 @@ def _parting(
     return 0
 
 
-def _replays(source: str, models: list[str] | None, values: list[str] | None) -> list[Run]:
+def _replays(source: str, models: list[str] | None, values: list[str] | None) -> list[Run | SpaceRun]:
     """The runs of a saved plan on its own rung, or on the rungs given."""
     if values:
         refuse("view: --set is for scenes; a plan has its parameters")
@@ -137,13 +164,13 @@ def _replays(source: str, models: list[str] | None, values: list[str] | None) ->
         return [plan.replay(name) for name in models or [plan.summary()["model"]]]
 
 
-def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[Run]:
+def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[Run | SpaceRun]:
     """The scene's run on each of the rungs, for pictures."""
     from rungwise.models.ladder import LADDER
     from rungwise.simulation.run import simulate
 
     with plain_errors():
-        scene = load_scene(source)
+        scene = load_any_scene(source)
         parameters = parameters_of(scene, values)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [simulate(scene, name, parameters=parameters) for name in chosen]

@@ -121,15 +121,19 @@ class Task:
     @property
     def size(self) -> float:
         """How far the largest object reaches from its centre."""
-        scene, records = self.scene, self.scene.bind(self.parameters).records
-        roles = [scene.file.bodies[name].role for name in scene.template.bodies]
-        reaches = [float(s["reach"]) for s in records.shapes if roles[int(s["body"])] == "object"]
-        return max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
+        return size_of_objects(self.scene, self.scene.bind(self.parameters).records)
 
     def cost(self, time: Reals | float, work: Reals | float, moves: Ints | int) -> Reals:
         """The task's cost of plans of these durations and this work of drives."""
         weights = [self.numbers[f"task.cost.{name}"] for name in ("time", "work", "moves")]
         return np.asarray(weights[0] * time + weights[1] * work + weights[2] * moves)
+
+
+def size_of_objects(scene: Scene, records: Records) -> float:
+    """How far the largest object reaches from its centre; 1 without a finite one."""
+    roles = [scene.file.bodies[name].role for name in scene.template.bodies]
+    reaches = [float(s["reach"]) for s in records.shapes if roles[int(s["body"])] == "object"]
+    return max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
 
 
 def task_of(scene: Scene, parameters: Mapping[str, float] | None = None) -> Task:
@@ -262,14 +266,25 @@ def _weights(scene: Scene, fields: TaskFields, records: Records, numbers: Mappin
 
 def _search_scene(scene: Scene, fields: TaskFields, reserve: float) -> Scene:
     """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
-    goal, unsafe = scene.file.goal, scene.file.unsafe
+    goal = scene.file.goal
     assert goal is not None
     given = scene.file.model_dump(exclude_unset=True)
     given["goal"] = tightened(goal, reserve)
-    conditions = [f"({text})" for text in (unsafe, *fields.keep_out) if text is not None]
-    if conditions:
-        given["unsafe"] = " or ".join(conditions)
-    return load(given)
+    return load(given | _unsafe(scene, fields))
+
+
+def guarded_scene(scene: Scene) -> Scene:
+    """The scene with what its task keeps out of as unsafe."""
+    fields = scene.file.task
+    if fields is None or not fields.keep_out:
+        return scene
+    return load(scene.file.model_dump(exclude_unset=True) | _unsafe(scene, fields))
+
+
+def _unsafe(scene: Scene, fields: TaskFields) -> dict[str, str]:
+    """The unsafe condition, joined with what to keep out of; empty where there is neither."""
+    conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
+    return {"unsafe": " or ".join(conditions)} if conditions else {}
 
 
 def tightened(condition: str, reserve: float) -> str:

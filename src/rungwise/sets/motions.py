@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.scene import Scene
+from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
 from rungwise.scene.space import SpaceScene
-from rungwise.sets.store import SetError
 from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
@@ -44,7 +43,7 @@ def motions(scene: Scene | SpaceScene, model: Rung, solutions: str = POSSIBLE) -
     if solutions == SLOWEST or model.inertia > 0.0:
         return ({},)
     if isinstance(scene, SpaceScene):
-        raise SetError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
+        raise SceneError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
     template = scene.template
     records = rec.views(template.buffer, template.counts)
     driven = records.joints[records.measures["joint"][records.measures["drive"] != rec.NO_DRIVE]]

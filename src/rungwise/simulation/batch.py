@@ -49,8 +49,8 @@ class Results:
 
 
 class Batch:
-    """Runs of one planar scene on one rung, whatever the points (in space: `spatial.batch.SpaceBatch`). Raises
-    SceneError or ModelError for wrong input.
+    """Runs of one planar scene on one rung, whatever the points (in space: `spatial.batch.SpaceBatch`).
+    Raises SceneError or ModelError for wrong input.
 
     Args:
         scene, model: as for `Simulation`.

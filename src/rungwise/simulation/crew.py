@@ -44,7 +44,8 @@ class Crew:
     """Threads for runs of one scene on one rung, with segments whose conditions are `until` and that ramp
     where `ramps` says so; `budget` is the greatest number of steps of one run, and `jam` the motion in a step
     without solution, in parts of the goal's tolerance, that counts as a jam. Other options as for
-    `Simulation`. Raises SceneError, ScheduleError or ModelError for wrong input."""
+    `Simulation`. Where runs are parts of one that lasts for `span`, their steps are no longer than its own.
+    Raises SceneError, ScheduleError or ModelError for wrong input."""
 
     def __init__(
         self,
@@ -58,6 +59,7 @@ class Crew:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
+        span: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         budget: int | None = None,
@@ -81,6 +83,7 @@ class Crew:
         self._options = np.zeros(1, OPTIONS)
         self._options["step"] = math.nan if step is None else step
         self._options["duration"] = math.nan if duration is None else duration
+        self._options["span"] = math.nan if span is None else span
         self._options["tol"] = 0.0 if tol is None else tol
         self._options["longest"] = LONGEST
         self._options["jam"] = jam

@@ -43,9 +43,9 @@ def check_options(
     if not 0.5 <= _real(theta) <= 1.0:
         raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
     return (
-        None if step is None else _positive("step", step),
-        None if tol is None else _positive("tol", tol),
-        None if duration is None else _positive("time", duration),
+        None if step is None else positive("step", step),
+        None if tol is None else positive("tol", tol),
+        None if duration is None else positive("time", duration),
         _real(theta),
     )
 
@@ -69,7 +69,8 @@ def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -
     return chosen
 
 
-def _positive(name: str, value: object) -> float:
+def positive(name: str, value: object) -> float:
+    """A finite number greater than 0. Raises ModelError that names the option."""
     number = _real(value)
     if not 0.0 < number < math.inf:
         raise ModelError(f"{name}: must be a finite number greater than 0, not {shown(value)}")

@@ -16,12 +16,12 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC
 from rungwise.plain import brief
 from rungwise.scene import Scene, SceneError, load
-from rungwise.scene.expression import Programs
+from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.names import Names
 from rungwise.scene.terms import ANGLE, LENGTH, Combination, Dimension, Term, terms_of
 from rungwise.scene.values import shown
 from rungwise.simulation.planar.loop import begin, slack
-from rungwise.simulation.planar.questions import answer
+from rungwise.simulation.planar.questions import answer, read
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.state import FARTHEST, State, StateError, check_state, digest, memory_of
 from rungwise.system.planar.place import start, turns
@@ -103,7 +103,8 @@ def geometry(
 
 class Question:
     """A condition of a scene at one set of parameters, read once, to be asked of states again and again; see
-    `ask`. Without a condition, only `geometry` answers."""
+    `ask`. Without a condition, only `geometry` answers. `of_contacts`: whether it calls a function of
+    contacts."""
 
     def __init__(
         self, scene: Scene, condition: str | None, parameters: Mapping[str, float] | None = None
@@ -116,16 +117,28 @@ class Question:
             raise SceneError(f"{condition}: the scene states none")
         names = Names(template.parameters, template.coordinates, template.contacts)
         names.condition(text, "condition")
+        self.of_contacts = any(names.read.values())
         self._scene, self._place = scene, _Place(scene, parameters)
         self._terms: list[Term] = []
         self._combined: Combination = 0
         if text is not None:
             self._terms, self._combined = terms_of(text, names, self._place.dimensions())
+        self._programs = Programs([term.code for term in self._terms])
         self._scales = np.array([self._place.scale(term.dimension) for term in self._terms])
 
     def ask(self, states: States) -> Answers:
         """Whether the condition holds at states. Raises StateError for wrong input."""
-        values = self._place.answers(self._place.rows(states), self._terms)[0]
+        return self._answers(self._place.answers(self._place.rows(states), self._terms)[0])
+
+    def read(self, numbers: Reals) -> Answers:
+        """Whether the condition holds at rows (m, w) of the numbers that conditions read, as memories of runs
+        hold them ("values" of `in_memory`), each with its own parameters. Scales are those of this question's
+        parameters. Gaps are exact only of contacts that the scene's own conditions name."""
+        values, programs = np.zeros((len(numbers), len(self._terms))), self._programs
+        read((programs.code, programs.constants, programs.table), numbers, np.zeros(STACK), values)
+        return self._answers(values)
+
+    def _answers(self, values: Reals) -> Answers:
         truths, margins = values >= 0.0, _scaled(values, self._scales)
         return Answers(
             holds=_combined(self._combined, truths, np.logical_and, np.logical_or, np.logical_not),

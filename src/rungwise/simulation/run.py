@@ -24,7 +24,15 @@ from rungwise.scene.space import SpaceScene, is_space, load_space
 from rungwise.simulation.core.support import without_law
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
 from rungwise.simulation.leaps import leap_ahead, leap_taken
-from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, preferences
+from rungwise.simulation.options import (
+    MANY,
+    ModelError,
+    check_options,
+    count,
+    moving_rung,
+    positive,
+    preferences,
+)
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.inputs import begin_inputs
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
@@ -59,6 +67,8 @@ class Simulation:
         step: length of a step; the scene's own if not given.
         tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
         duration: end of the run; the scene's own if not given.
+        span: where this run is a part of one that lasts so long, steps of controlled length are no longer
+            than that run's; the end of this run if not given.
         theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
             where contacts do not change their mode.
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
@@ -86,6 +96,7 @@ class Simulation:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
+        span: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         state: State | None = None,
@@ -97,6 +108,7 @@ class Simulation:
         self.scene = load(scene)
         self.model = moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
+        span = None if span is None else positive("span", span)
         frames = count("frames", frames, 3)
         stride = None if stride is None else count("stride", stride, 1)
         self.parameters = self.scene.parameters(parameters)
@@ -135,7 +147,7 @@ class Simulation:
         self._control["tolerance"] = world["tolerance"]
         self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
-            self._control["step"] if tol is None else self._control["duration"] / LONGEST
+            self._control["step"] if tol is None else (span or self._control["duration"]) / LONGEST
         )
         self._control["error"] = 0.0 if tol is None else tol
         self._rung = self.model.record(theta)
@@ -424,6 +436,7 @@ def simulate(
     step: float | None = None,
     tol: float | None = None,
     duration: float | None = None,
+    span: float | None = None,
     theta: float = 1.0,
     motion: Mapping[str, float] | None = None,
     state: State | None = None,
@@ -439,8 +452,9 @@ def simulate(
     `on_progress` is called about ten times a second. Ctrl-C raises KeyboardInterrupt within the same time.
     """
     simulation = simulation_of(
-        scene, model, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
-        motion=motion, state=state, inputs=inputs, frames=frames, stride=stride, save_hard=save_hard,
+        scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
+        theta=theta, motion=motion, state=state, inputs=inputs, frames=frames, stride=stride,
+        save_hard=save_hard,
     )  # fmt: skip
     while simulation.advance():
         if on_progress is not None:

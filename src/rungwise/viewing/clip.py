@@ -16,11 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
 from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
+from rungwise.simulation.planar.workspace import allocate, in_memory
 from rungwise.simulation.result import Run
+from rungwise.simulation.state import State, digest, memory_of
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import (
@@ -153,17 +156,47 @@ def _told(attributes: Mapping[str, Any]) -> str:
 
 def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
     """Clip of a run's recorded frames (see `trajectory.dataset`)."""
+    force, push_is = _forces(data, data["time"].to_numpy())
+    return _clip(
+        scene, parameters, data.attrs["model"], (data.attrs.get("outcome", ""), _told(data.attrs)),
+        data["time"].to_numpy(), data["position"].to_numpy(), data["mode"].to_numpy(), force, push_is,
+    )  # fmt: skip
+
+
+def still(scene: Scene, model: Rung, parameters: Mapping[str, float], state: State) -> Clip:
+    """Clip of one frame, a state; forces are those that its run found there, where a force is one and no
+    impact."""
     bound = scene.bind(parameters)
-    template, records = scene.template, bound.records
-    time = data["time"].to_numpy()
-    q = np.ascontiguousarray(data["position"].to_numpy(), float)
-    force, push_is = _forces(data, time)
-    pose, touches, gap = _replay(records, q, data["mode"].to_numpy().astype(np.int64), force)
+    like = allocate(bound.records, bound.values, scene.template, 3).state
+    mode, force, push_is = like.modes[None], like.force[None], ""
+    memory = memory_of(state, digest(scene), like)
+    if memory is not None:
+        mode = in_memory(like, "modes", memory.values[None])
+        if model.loads and (model.compliant or model.inertia == 0.0):
+            force, push_is = in_memory(like, "force", memory.values[None]), "normal force"
+    time, q = np.array([state.time]), state.q[None]
+    return _clip(scene, parameters, model.name, ("", ""), time, q, mode, force, push_is)
+
+
+def _clip(
+    scene: Scene,
+    parameters: Mapping[str, float],
+    model: str,
+    ended: tuple[str, str],
+    time: NDArray[np.float64],
+    q: NDArray[np.float64],
+    mode: NDArray[Any],
+    force: NDArray[np.float64],
+    push_is: str,
+) -> Clip:
+    """Clip of frames: q (frames, n), mode (frames, points) and force (frames, points, 2)."""
+    records, template = scene.bind(parameters).records, scene.template
+    pose, touches, gap = _replay(records, np.ascontiguousarray(q, float), mode.astype(np.int64), force)
     return Clip(
         scene=scene.name,
-        model=data.attrs["model"],
-        outcome=data.attrs.get("outcome", ""),
-        reason=_told(data.attrs),
+        model=model,
+        outcome=ended[0],
+        reason=ended[1],
         parameters=dict(parameters),
         bodies=template.bodies,
         roles=tuple(scene.file.bodies[name].role for name in template.bodies),

@@ -7,6 +7,7 @@ import html
 import json
 from collections.abc import Sequence
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from rungwise.viewing.extent import bounds, largest_force, receives_first
 
 PAGE = files("rungwise.viewing") / "page"
 STAGE = ("stage.js", "marks.js", "names.js", "legend.js")
-SCRIPTS = ("unpack.js", "data.js", *STAGE, "charts.js", "player.js")
+SCRIPTS = ("unpack.js", "data.js", *STAGE, "charts.js", "clock.js", "player.js")
 LARGEST = 4_500_000
 """Bytes of a file: frames are left out, evenly, until the file is no larger."""
 CURVES = 8
@@ -28,14 +29,14 @@ def page(clips: Sequence[Clip], largest: int = LARGEST) -> str:
     """Text of the file. Clips must be of one scene's bodies and contacts (see `view`)."""
     every = 1
     while True:
-        thinned = [clip.thinned(_kept(len(clip.time), every)) for clip in clips]
+        thinned = [clip.thinned(kept(len(clip.time), every)) for clip in clips]
         text = _fill(thinned)
         if len(text) <= largest or max(len(clip.time) for clip in thinned) <= 2:
             return text
         every = max(every + 1, int(np.ceil(every * len(text) / largest)))
 
 
-def _kept(count: int, every: int) -> NDArray[np.int64]:
+def kept(count: int, every: int) -> NDArray[np.int64]:
     """Every so many frames, and the last."""
     return np.unique(np.append(np.arange(0, count, every), count - 1))
 
@@ -44,19 +45,27 @@ def _fill(clips: Sequence[Clip]) -> str:
     return fill("page.html", title(clips), ("page.css",), SCRIPTS, _data(clips))
 
 
-def fill(frame: str, title: str, styles: Sequence[str], scripts: Sequence[str], data: object) -> str:
+Part = str | Traversable
+"""A part of a page: a file, or the name of one in `page`."""
+
+
+def fill(frame: Part, title: str, styles: Sequence[Part], scripts: Sequence[Part], data: object) -> str:
     """A page from its frame, styles, scripts and data."""
     parts = {
         "title": html.escape(title),
-        "style": "\n".join((PAGE / name).read_text("utf-8") for name in styles),
-        "script": "\n".join((PAGE / name).read_text("utf-8") for name in scripts),
+        "style": "\n".join(_read(part) for part in styles),
+        "script": "\n".join(_read(part) for part in scripts),
         "data": json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"),
     }
-    text = (PAGE / frame).read_text("utf-8")
+    text = _read(frame)
     for name, value in parts.items():
         before, after = text.split("{{" + name + "}}")
         text = before + value + after
     return text
+
+
+def _read(part: Part) -> str:
+    return (PAGE / part if isinstance(part, str) else part).read_text("utf-8")
 
 
 def title(clips: Sequence[Clip]) -> str:
@@ -66,8 +75,12 @@ def title(clips: Sequence[Clip]) -> str:
 
 
 def labels(clips: Sequence[Clip]) -> list[str]:
-    """Labels that tell the clips apart: the models, numbered where a model occurs twice."""
-    models = [clip.model for clip in clips]
+    """Labels that tell the clips apart."""
+    return numbered([clip.model for clip in clips])
+
+
+def numbered(models: Sequence[str]) -> list[str]:
+    """The models, numbered where a model occurs twice."""
     return [
         f"{model} ({models[: k + 1].count(model)})" if models.count(model) > 1 else model
         for k, model in enumerate(models)

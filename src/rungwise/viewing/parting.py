@@ -21,7 +21,7 @@ from rungwise.viewing.arrows import view_of
 from rungwise.viewing.clip import Clip, of_trajectory
 from rungwise.viewing.draw import INK, MODELS, draw_frame, pose_at
 from rungwise.viewing.strip import GAP, WIDE, legend
-from rungwise.viewing.view import ViewError, needs_matplotlib, write
+from rungwise.viewing.write import ViewError, needs_matplotlib, write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

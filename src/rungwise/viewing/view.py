@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from pathlib import Path
 
 from rungwise.errors import InputError
@@ -17,16 +14,17 @@ from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
 from rungwise.simulation.result import Run
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.viewing import sets, slices, strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
+from rungwise.viewing.space.film import FilmError
+from rungwise.viewing.space.html import page as space_page
+from rungwise.viewing.space.runs import film_of
+from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
 
-Source = Run | Plan | FeasibleSet | str | Path
-
-
-class ViewError(InputError):
-    """A picture cannot be made; the text is one line that says why."""
+Source = Run | SpaceRun | Plan | FeasibleSet | str | Path
 
 
 @keywords
@@ -54,7 +52,10 @@ def view(
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
-    sources = [_source(one) for one in _listed(runs)]
+    listed_runs = _listed(runs)
+    if listed_runs and all(isinstance(one, SpaceRun) for one in listed_runs):
+        return _in_space([one for one in listed_runs if isinstance(one, SpaceRun)], html, png, gif)
+    sources = [_source(one) for one in listed_runs]
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -84,6 +85,19 @@ def view(
     return [write(*one) for one in made]
 
 
+def _in_space(
+    runs: Sequence[SpaceRun], html: str | Path | None, png: str | Path | None, gif: str | Path | None
+) -> list[Path]:
+    if png is not None or gif is not None:
+        raise ViewError("view: runs in space go to html only")
+    target = f"{runs[0].scene.name}.html" if html is None else html
+    try:
+        text = space_page([film_of(run) for run in runs])
+    except FilmError as error:
+        raise ViewError(str(error)) from None
+    return [write("html", target, lambda file: file.write_text(text, "utf-8"))]
+
+
 def _listed(runs: object) -> list[object]:
     if isinstance(runs, Source):
         return [runs]
@@ -109,6 +123,8 @@ def _source(source: object) -> Run | FeasibleSet | Path:
             if not source.found:
                 raise ViewError(f"plan: there is none. {source.reason}")
             return source.replay()
+        if isinstance(source, SpaceRun):
+            raise ViewError("runs: runs in space and planar runs go to pages of their own")
         return source
     except ViewError:
         raise
@@ -154,26 +170,3 @@ def _same_bodies(clips: Sequence[Clip]) -> None:
             raise ViewError(
                 f"runs: {clips[0].scene} and {other.scene} do not have the same bodies; view them one by one"
             )
-
-
-def needs_matplotlib(field: str) -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        raise ViewError(f"{field}: needs matplotlib (pip install 'rungwise[view]')") from None
-
-
-def write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
-    """Make the file beside its place and rename it there: it is whole or not there."""
-    file = Path(target)
-    draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        make(draft)
-        os.replace(draft, file)
-    except OSError as error:
-        raise ViewError(f"{field}: {file} cannot be written ({error.strerror or error})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
-    return file

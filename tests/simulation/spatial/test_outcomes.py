@@ -96,7 +96,7 @@ def test_a_contact_that_is_too_soft_ends_the_run(make: Make) -> None:
 def test_conditions_read_gaps_forces_speeds_and_places(make: Make, rung: Rung) -> None:
     scene = make(
         world(FLOOR, _wall("l", -0.3), free("b", "0 0 .1", 'type="box" size=".1 .1 .1"')),
-        contacts=[{"friction": 0.5}, {"between": ["b", "world"], "friction": 0.25}],
+        contacts=[{"between": ["b", "world"], "friction": 0.25}, {"friction": 0.5}],
         speeds={"l.s_l": 0.5},
         inputs=["far"],
         parameters={"far": {"default": 0.3}},

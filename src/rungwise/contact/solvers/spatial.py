@@ -1,11 +1,11 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
-Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island whose forces of the last
-step solve it is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
-velocities (`spatial_newton`) in turn, and where that does not end by the
-proximal point method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive definite, three or four
-directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the problem as it was
-given.
+Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
+on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
+Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
+method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive
+definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
+problem as it was given.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from rungwise.contact.solvers.spatial_newton import GIVE, Point, Span, Steps, de
 from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
-from rungwise.contact.solvers.spatial_sweeps import accelerate, sweep
+from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
-"""Residual asked of an island, and residual that is enough where it took many steps, over the tolerance of the
-whole. The first is chosen by trial, to a decade."""
+"""Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
+tolerance of the whole. The first is chosen by trial, to a decade."""
 _NEAR = 1e-2
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
@@ -36,8 +36,8 @@ Chosen by trial."""
 _SUBPROBLEMS = 20
 """Most subproblems of the proximal point method; chosen by trial."""
 _PATH, _WINDOW, _STALLED = 40, 6, 0.7
-"""Most steps of the interior point method, which ends where product and residual are above this share of their
-values a window of steps earlier. Chosen by trial."""
+"""Most steps of the interior point method, which ends where product and residual are above this share of
+their values a window of steps earlier. Chosen by trial."""
 _FINISH, _NEARER = 1e-2, 0.3
 """Residual below which the proximal point method is tried from the path, and the factor by which the residual
 must fall before it is tried again. Chosen by trial."""
@@ -57,7 +57,8 @@ def solve_spatial(
     tau: Reals,
 ) -> tuple[int, float, int]:
     """Solve, starting from `force` and `tau`, into these, v and the modes, where a contact that slips is
-    FORWARD whatever its heading; returns (status, residual, stage)."""
+    FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and velocities
+    are zero, and the residual is the least that was found."""
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
     bodies = Bodies(
@@ -67,12 +68,16 @@ def solve_spatial(
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
     if islands < 0:
+        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
     groups = Groups(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
-        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(rows * n), np.empty((count, d, d)),
-        np.empty(count),
+        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
+    )  # fmt: skip
+    answers = Answers(
+        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
+        np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
     fill_groups(p, n, contacts, bodies, order, groups)
     vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
@@ -84,17 +89,30 @@ def solve_spatial(
         np.empty((count, d, 2 * d)), np.zeros(rows),
     )  # fmt: skip
     _take_start(groups, contacts, d, force, tau, point.x)
-    worst, low, first = GUESS, 0, 0
-    for i in range(islands):
-        span = Span(low, island[i, 0], first, island[i, 1])
-        low, first = span.high, span.last
-        worst = max(worst, _solve_island(bodies, groups, span, p.quantum[0], points, duals, steps))
-    for i in range(n):
-        v[bodies.place[i]] = bodies.unit[i] * point.v[i]
-    _give_back(groups, contacts, d, point.x, force, tau)
+    worst, error = GUESS, math.inf
+    for polishes in (False, True):
+        low, first = 0, 0
+        for i in range(islands):
+            span = Span(low, island[i, 0], first, island[i, 1])
+            low, first = span.high, span.last
+            if polishes:
+                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, points[1], steps)
+            else:
+                worst = max(
+                    worst, _solve_island(bodies, groups, span, p.quantum[0], answers, points, duals, steps)
+                )
+        for i in range(n):
+            v[bodies.place[i]] = bodies.unit[i] * point.v[i]
+        _give_back(groups, contacts, d, point.x, force, tau)
+        error = residual(p, n, contacts, limited, v, force, tau)
+        # What rests is measured by its own speed in an island, by all speeds in the end.
+        if error <= TOLERANCE or worst == PIVOTING:
+            break
+    status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
+    if status != SOLVED:
+        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
     _tell_modes(p, contacts, limited, force, tau, mode)
-    error = residual(p, n, contacts, limited, v, force, tau)
-    return SOLVED if error <= TOLERANCE else NO_SOLUTION, error, worst
+    return status, error, worst
 
 
 @allocating_kernel
@@ -112,6 +130,7 @@ def _solve_island(
     groups: Groups,
     span: Span,
     quantum: float,
+    answers: Answers,
     points: tuple[Point, Point, Point, Point],
     duals: Duals,
     steps: Steps,
@@ -119,21 +138,32 @@ def _solve_island(
     """Solve from the forces at the point; returns the stage that it took."""
     tol = _MARGIN * TOLERANCE
     point, trial, attempt, best = points
+    # At rest, velocities that are differences of forces would be rounding.
+    for i in range(span.low, span.high):
+        point.v[i] = 0.0
+    if span.first < span.last and residual_at(bodies, groups, span, quantum, point, steps) <= tol:
+        return GUESS
     accelerate(bodies, groups, span, point)
     if span.first == span.last:
         return GUESS
     found = residual_at(bodies, groups, span, quantum, point, steps)
-    if found <= tol:
+    if found <= _ENOUGH * TOLERANCE:
         return GUESS
+    known = False
     for turn in range(_TURNS):
         if turn > 0 or not found <= _NEAR:
-            sweep(groups, span, 0.0, steps.centre, _SWEEPS << turn, point, steps.dx)
+            if not known:
+                respond(bodies, groups, span, answers)
+                known = True
+            sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
             accelerate(bodies, groups, span, point)
         descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL
-    least = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    if not known:
+        respond(bodies, groups, span, answers)
+    least = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
     if least <= _ENOUGH * TOLERANCE:
         return PROXIMAL
     _put(groups, span, point, best)
@@ -151,7 +181,7 @@ def _solve_island(
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
-            found = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)
@@ -190,6 +220,27 @@ def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, ta
                 force[source * d + i] = x[row + i]
             else:
                 tau[source - contacts] = x[row]
+
+
+@kernel
+def _exertion(bodies: Bodies, groups: Groups, x: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, as
+    `contact.step.proximal.exertion` for planar problems."""
+    called, greatest = 0.0, 0.0
+    for i in range(len(bodies.c)):
+        called = max(called, abs(bodies.c[i]))
+    for g in range(len(groups.source)):
+        unit = math.sqrt(groups.scale[g])
+        if unit == 0.0:
+            continue
+        for i in range(groups.row[g + 1] - groups.row[g]):
+            own, r = groups.R[g, i, i], groups.row[g] + i
+            greatest = max(greatest, abs(x[r]) * unit)
+            least = min(own, groups.scale[g]) if own > 0.0 else groups.scale[g]
+            called = max(called, abs(groups.w[r]) * unit / least)
+        if groups.mu[g] < 0.0 and groups.limit[g] < math.inf:
+            called = max(called, groups.limit[g] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
 
 
 @kernel

@@ -33,11 +33,11 @@ class Bodies(NamedTuple):
 
 class Groups(NamedTuple):
     """g groups of rows, sorted: row (g + 1,) and column (g + 1,), their first rows and first entries of
-    `touched`, the coordinates they touch; entry (g + 1,): first entries of W and of Y = H^-1 W^T, row by row;
-    source (g,): contact, or number of contacts plus limited row.
+    `touched`, the coordinates they touch; entry (g + 1,): first entries of W, row by row; source (g,):
+    contact, or number of contacts plus limited row.
 
-    mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,);
-    own (g, d, d) = W H^-1 W^T; scale (g,): mean yield of bodies to forces.
+    mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,); scale (g,):
+    mean yield of bodies to forces, as if no coordinates were coupled.
     """
 
     row: Ints
@@ -50,8 +50,6 @@ class Groups(NamedTuple):
     w: Reals
     touched: Ints
     W: Reals
-    Y: Reals
-    own: Reals
     scale: Reals
 
 
@@ -205,59 +203,26 @@ def fill_groups(
             groups.w[groups.row[g]], groups.R[g, 0, 0] = p.w_s[r], p.R_s[r]
         groups.row[g + 1] = groups.row[g] + size
         _compress(rows, bodies, g, groups)
-        _respond(bodies, g, size, groups)
 
 
 @inner_kernel
 def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
-    """Keep the entries in the blocks that the rows touch."""
+    """Keep the columns in which a row has an entry."""
     size, n = rows.shape
     touched = groups.touched[groups.column[g] :]
-    width, i = 0, 0
-    while i < n:
-        end, found = bodies.last[i], False
-        for j in range(i, end):
-            for r in range(size):
-                found |= rows[r, bodies.place[j]] != 0.0
+    width, total = 0, 0.0
+    for i in range(n):
+        found = False
+        for r in range(size):
+            found |= rows[r, bodies.place[i]] != 0.0
         if found:
-            for j in range(i, end):
-                touched[width] = j
-                width += 1
-        i = end
+            touched[width] = i
+            width += 1
     groups.column[g + 1], groups.entry[g + 1] = groups.column[g] + width, groups.entry[g] + size * width
     at = groups.entry[g]
     for r in range(size):
         for j in range(width):
             groups.W[at] = rows[r, bodies.place[touched[j]]] * bodies.unit[touched[j]]
+            total += groups.W[at] * groups.W[at]
             at += 1
-
-
-@inner_kernel
-def _respond(bodies: Bodies, g: int, size: int, groups: Groups) -> None:
-    """Fill Y, and W Y of the group."""
-    touched = groups.touched[groups.column[g] : groups.column[g + 1]]
-    width, trace = len(touched), 0.0
-    L, first = bodies.factor, bodies.first
-    Z = groups.Y[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
-    W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
-    for r in range(size):
-        for j in range(width):
-            at = touched[j]
-            total, shift = W[r, j], j - at
-            for k in range(first[at], at):
-                total -= L[at, k] * Z[r, k + shift]
-            Z[r, j] = total * L[at, at]
-        for s in range(r + 1):
-            total = 0.0
-            for j in range(width):
-                total += Z[r, j] * Z[s, j]
-            groups.own[g, r, s] = groups.own[g, s, r] = total
-        trace += groups.own[g, r, r]
-    for r in range(size):
-        for j in range(width - 1, -1, -1):
-            at = touched[j]
-            total, shift = Z[r, j], j - at
-            for k in range(at + 1, bodies.last[at]):
-                total -= L[k, at] * Z[r, k + shift]
-            Z[r, j] = total * L[at, at]
-    groups.scale[g] = trace / size
+    groups.scale[g] = total / size

@@ -59,7 +59,7 @@ class March:
 
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
-    `residual` is the worst of all steps.
+    `residual` is the worst of all steps; `clock` is the state's, as Python reads it fastest.
     """
 
     system: System
@@ -75,6 +75,7 @@ class March:
     scratch: Scratch = field(init=False)
     terms: Terms = field(init=False)
     problem: ContactProblem = field(init=False)
+    clock: np.void = field(init=False)
     _contacts: int = field(init=False, default=0)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
@@ -91,7 +92,8 @@ class March:
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
-        clock = self.state.clock
+        self.clock = self.state.clock.view(np.ndarray)[0]
+        clock = self.clock
         clock["limited"] = size.limited
         clock["surfaces"] = bool((self.terms.surface != APART).any())
 
@@ -108,8 +110,8 @@ class March:
         return self.outcome
 
     def advance(self, h: float, tol: float = math.inf) -> float:
-        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where its
-        error is above `tol`, a length. Returns the length for the next step.
+        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where
+        its error is above `tol`, a length. Returns the length for the next step.
 
         To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
         than `tol` in the step, it is small enough.
@@ -141,7 +143,7 @@ class March:
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self._drive()
-        self.state.clock["tried"] = h
+        self.clock["tried"] = h
         least = -math.inf
         if not self.rung.compliant:
             allowed = (EXACT if self.rung.metric else OVERLAP) * self.system.size.length
@@ -164,7 +166,7 @@ class March:
 
     def _drive(self) -> None:
         """Set which coordinates are free, and how fast the others move."""
-        speeds, clock = self.system.speeds(self.time), self.state.clock
+        speeds, clock = self.system.speeds(self.time), self.clock
         if speeds.tobytes() == self._speeds:
             return
         self._speeds = speeds.tobytes()
@@ -203,7 +205,7 @@ class March:
         accept_forces(record, h, self.terms, contacts, state, scratch, self.problem)
         account(record, h, self.terms, contacts, state, scratch, state.v)
         self.system.accept()
-        clock = state.clock[0]
+        clock = self.clock
         self.residual = max(self.residual, float(clock["residual"]))
         self.q = self._trial
         end_velocities(float(clock["theta"]), state, v)
@@ -219,7 +221,7 @@ class March:
 
     def _explain(self, status: int) -> None:
         """Set the outcome: a jam or a missing support if proved, else not converged."""
-        clock, terms = self.state.clock[0], self.terms
+        clock, terms = self.clock, self.terms
         problem = trim(self.problem, int(clock["free"]), self._contacts, int(clock["limited"]))
         if status == UNSUPPORTED:
             grid = np.ix_(self.state.free[: int(clock["free"])], self.state.free[: int(clock["free"])])

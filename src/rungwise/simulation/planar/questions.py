@@ -51,3 +51,12 @@ def answer(
             values[i, k] = evaluate(
                 code, constants, table[k, 0], table[k, 1], state.values, workspace.scratch.stack
             )
+
+
+@kernel
+def read(terms: Conditions, numbers: Reals, stack: Reals, values: Reals) -> None:
+    """The terms' values (m, k) at rows (m, w) of the numbers that conditions read."""
+    code, constants, table = terms
+    for i in range(numbers.shape[0]):
+        for k in range(values.shape[1]):
+            values[i, k] = evaluate(code, constants, table[k, 0], table[k, 1], numbers[i], stack)

@@ -22,9 +22,10 @@ RESULT = record_type("outcome steps attempts solves switches", "time margin wors
 """One run: its outcome's code, counts, the time of its end, signed margin and worst scaled residual.
 `switches` are the segments of its schedule that ended."""
 
-OPTIONS = record_type("", "step duration tol longest jam budget")
-"""nan: the scene's own step or duration. tol 0: fixed steps; longest: how often it goes into the duration;
-jam: in parts of the goal's tolerance; budget: greatest number of steps of a run."""
+OPTIONS = record_type("", "step duration tol longest jam budget span")
+"""nan: the scene's own step or duration. tol 0: fixed steps; longest: how often it goes into the span, which
+is the run's own duration where it is nan; jam: in parts of the goal's tolerance; budget: greatest number of
+steps of a run."""
 
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
@@ -187,7 +188,8 @@ def _run(
     began = clock.time
     control[0].longest = control[0].step
     if options[0].tol > 0.0:
-        control[0].longest = control[0].duration / options[0].longest
+        span = control[0].duration if math.isnan(options[0].span) else options[0].span
+        control[0].longest = span / options[0].longest
     outcome = first_verdict(inputs, conditions, place.buffer, control, workspace)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
     ended = _keep_switches(samples, i, 0, workspace)

@@ -1,5 +1,5 @@
-"""Many runs of a scene in space, over processes: MuJoCo's data belong to one, and Python's loop takes half the
-time."""
+"""Many runs of a scene in space, over processes: MuJoCo's data belong to one, and Python's loop takes half
+the time."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -50,7 +51,7 @@ class Recorder:
     frames: list[Frame] = field(default_factory=list)
     _since: int = 0
 
-    def take(self, march: March, space: Space, memory: Reals, last: bool = False) -> None:
+    def take(self, march: March, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
         """Keep the state, if it is its turn or the last."""
         self._since += 1
         if not last and self.frames and self._since < self.stride:
@@ -61,7 +62,7 @@ class Recorder:
             del self.frames[1::2]
             self.stride *= 2
         self._since = 0
-        self.frames.append(frame(march, space, memory))
+        self.frames.append(frame(march, space, memory()))
 
 
 def frame(march: March, space: Space, memory: Reals) -> Frame:

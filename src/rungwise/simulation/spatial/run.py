@@ -52,6 +52,7 @@ class SpaceSimulation:
         step: float | None = None,
         tol: float | None = None,
         duration: float | None = None,
+        span: float | None = None,
         theta: float = 1.0,
         motion: Mapping[str, float] | None = None,
         state: State | None = None,
@@ -86,28 +87,28 @@ class SpaceSimulation:
         self._tol = math.inf if tol is None else tol
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
-        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._scheduled = bool(self.inputs) and duration is None
         self.space = Space(
             bound.model, Laws(bound.law, bound.laws), bound.place, bound.motion, bound.control, bound.pace
         )
         self.march = March(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
+        if state is not None:
+            self._go_on(state, self.march, inputs is None)
+        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (self.end if span is None else span) / LONGEST
+        if state is not None and not state.time < self.end:
+            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
         self._recorder = Recorder(most, stride)
-        if state is not None:
-            if not state.time < self.end:
-                raise ModelError(
-                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
-                )
-            self._go_on(state, self.march, inputs is None)
         self.reason = overlapping(scene, self.space, self.march)
         if self.reason:
             self.outcome = Code.INVALID
             return
         self._values.read(self.march, self.space)
-        self._recorder.take(self.march, self.space, self._memory(self.march))
+        self._recorder.take(self.march, self.space, self._memory)
         self._judge()
 
     def __repr__(self) -> str:
@@ -145,21 +146,23 @@ class SpaceSimulation:
         """Take one step, and judge where it led."""
         clock, values = self._clock, self._values
         h = min(self._next, self.end - march.time, clock.left(march.time))
+        clock.tell(march.time + 0.5 * h, values.told)
+        self._bound.tell(values.told, ("speed",))
         clock.tell(march.time + h, values.told)
-        self._bound.tell(values.told)
-        before = float(march.state.clock[0]["contact_work"])
+        self._bound.tell(values.told, ("control",))
+        before = float(march.clock["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
-            self._next = min(max(wish, self._next if h < self._next else 0.0), self.end / LONGEST)
-        if march.state.clock[0]["bounced"]:
-            added = float(march.state.clock[0]["contact_work"]) - before
+            self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
+        if march.clock["bounced"]:
+            added = float(march.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
         values.read(march, self.space)
         if march.outcome != Code.RUNNING:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
         else:
-            self._recorder.take(march, self.space, self._memory(march))
+            self._recorder.take(march, self.space, self._memory)
             self._judge()
             over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
             if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
@@ -168,14 +171,20 @@ class SpaceSimulation:
                     f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
                     f" {self.inputs[clock.segment].duration:g}"
                 )
-        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
-            self.outcome = Code.MISSED if self.inputs and self.scene.file.goal else Code.TIMEOUT
+            self._recorder.take(march, self.space, self._memory(march))
+        if self.outcome == Code.RUNNING and self._scheduled:
+            if clock.is_over:
+                self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
+        elif self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+            self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
-            self._recorder.take(march, self.space, self._memory(march), last=True)
+            self._recorder.take(march, self.space, self._memory, last=True)
             self._explain(march)
 
-    def _memory(self, march: March) -> Reals:
+    def _memory(self) -> Reals:
         """What the run hands on (w,): its place in the schedule, the values of parameters, and the core's."""
+        march = self.march
+        assert march is not None
         return np.concatenate([self._clock.memory(), self._values.told[:-1], remembered(march, self.space)])
 
     def _go_on(self, state: State, march: March, same_inputs: bool) -> None:
@@ -197,7 +206,7 @@ class SpaceSimulation:
     @property
     def steps(self) -> int:
         """Steps taken so far."""
-        return 0 if self.march is None else int(self.march.state.clock[0]["steps"])
+        return 0 if self.march is None else int(self.march.clock["steps"])
 
     @property
     def margin(self) -> float:
@@ -236,7 +245,7 @@ class SpaceSimulation:
         march = self.march
         clock = None if march is None else march.state.clock[0]
         if march is not None and self._recorder.frames and self._recorder.frames[-1].time != march.time:
-            self._recorder.take(march, self.space, self._memory(march), last=True)
+            self._recorder.take(march, self.space, self._memory, last=True)
         return SpaceRun(
             scene=self.scene,
             model=self.model,

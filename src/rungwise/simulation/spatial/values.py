@@ -58,23 +58,22 @@ class Values:
         template = self.scene.template
         return len(template.parameters) + 1 + len(template.coordinates) + len(template.velocities)
 
-    def read(self, march: March, space: Space) -> None:
-        """Take over the state of a run."""
+    def place(self, now: float, q: Reals, v: Reals, space: Space) -> None:
+        """Take over a state without forces: time, q, v, and gaps."""
         template, first = self.scene.template, self._first_of_contacts
-        time, n_q = len(template.parameters), len(template.coordinates)
-        self.all[time] = march.time
-        self.all[time + 1 : time + 1 + n_q] = march.q
-        self.all[time + 1 + n_q : first] = march.v
-        count = len(template.contacts)
+        time, n_q, count = len(template.parameters), len(template.coordinates), len(template.contacts)
+        self.all[time] = now
+        self.all[time + 1 : time + 1 + n_q] = q
+        self.all[time + 1 + n_q : first] = v
         self.all[first + count : first + 2 * count] = 0.0
-        if self.pairs:
-            self._read_contacts(march, space, first, count)
-
-    def _read_contacts(self, march: March, space: Space, first: int, count: int) -> None:
-        """Gaps at q, forces of the last step, and impulses so far."""
         for (a, b), index in self._of_pair.items():
-            self.all[first + index] = space.gap(march.q, a, b)
-        for a, b, force, impulse in pushes(march, space):
+            self.all[first + index] = space.gap(q, a, b)
+
+    def read(self, march: March, space: Space) -> None:
+        """Take over the state of a run, with the forces of its last step, and add their impulses."""
+        self.place(march.time, march.q, march.v, space)
+        first, count = self._first_of_contacts, len(self.scene.template.contacts)
+        for a, b, force, impulse in pushes(march, space) if self.pairs else ():
             index = self._of_pair.get((min(a, b), max(a, b)), -1)
             if index >= 0:
                 self.all[first + count + index] += force

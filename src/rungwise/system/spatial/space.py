@@ -79,6 +79,7 @@ class Space:
         )  # fmt: skip
         self._q, self._fetched = np.full(m.nq, np.nan), False
         self._margin = 0.0
+        self._least: float | None = None
         self._see(0.05 * length)
         self._at(self.place)
         self.limits = _Limits(m)
@@ -112,8 +113,12 @@ class Space:
 
     def least_gap(self, q: Reals) -> float:
         self._at(q)
-        contact = self.data.contact
-        return float(contact.dist[contact.efc_address >= 0].min(initial=np.inf)) if self.data.ncon else np.inf
+        if self._least is None:
+            contact = self.data.contact
+            self._least = np.inf
+            if self.data.ncon:
+                self._least = float(contact.dist[contact.efc_address >= 0].min(initial=np.inf))
+        return self._least
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
         """Gap and geoms of each contact that overlaps."""
@@ -212,6 +217,7 @@ class Space:
                 self.boxes.mend(d)
                 mujoco.mj_makeConstraint(m, d)
                 mujoco.mj_transmission(m, d)
+            self._least = None
         self._q = q
 
     def _fill_metric(self, q: Reals, terms: Terms) -> None:

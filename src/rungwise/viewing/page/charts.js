@@ -5,6 +5,8 @@ const EDGE = { left: 62, right: 12, top: 8, bottom: 24 };
 const USUAL = 0.95, NONE = 1e-6, PEAK = 3, LEVEL = 14, LEVELS = 3;
 const DASHES = [[], [7, 4], [2, 3], [10, 3, 2, 3], [4, 2], [1, 5], [12, 6], [6, 2, 1, 2]];
 
+const known = value => !Number.isNaN(value);  // a gap beyond reach is not
+
 function ticksOf(low, high, count) {
   const raw = (high - low) / count, power = 10 ** Math.floor(Math.log10(raw));
   const step = power * [1, 2, 5, 10].find(m => m * power >= raw), out = [];
@@ -52,7 +54,7 @@ class Chart {
   render(log) {
     const [width, height, ratio] = fitted(this.canvas);
     this.log = log; this.stale = false;
-    const all = this.series().map(s => this.values(s)), bounded = (pick, start) => all.reduce((m, row) => row.reduce((a, b) => pick(a, b), m), start);
+    const all = this.series().map(s => this.values(s).filter(known)), bounded = (pick, start) => all.reduce((m, row) => row.reduce((a, b) => pick(a, b), m), start);
     let low = bounded(Math.min, 0), high = bounded(Math.max, 0);
     if (high === low) high = low + 1;
     this.small = 10 ** (Math.floor(Math.log10(Math.max(high, -low))) - 4);
@@ -81,7 +83,9 @@ class Chart {
       const [colour, dash] = this.style(s), values = this.values(s);
       g.lineWidth = several && s.clip === front ? 2.8 : 1.6;
       g.strokeStyle = colour; g.setLineDash(dash); g.beginPath();
-      values.forEach((v, k) => g.lineTo(this.x(s.clip.time[k]), Math.max(-1e5, this.y(v))));
+      values.forEach((v, k) => {
+        if (known(v)) g[k && known(values[k - 1]) ? "lineTo" : "moveTo"](this.x(s.clip.time[k]), Math.max(-1e5, this.y(v)));
+      });
       g.stroke();
     }
     g.restore();
@@ -146,6 +150,7 @@ class Chart {
     g.beginPath(); g.moveTo(this.x(t), this.top); g.lineTo(this.x(t), height - EDGE.bottom); g.stroke();
     for (const s of this.ordered()) {
       const [k] = locate(s.clip, t), value = Math.min(this.limit, s.clip[this.field][k * n + s.c]);
+      if (!known(value)) continue;
       g.fillStyle = this.style(s)[0];
       g.beginPath(); g.arc(this.x(Math.min(t, s.clip.time[s.clip.time.length - 1])), this.y(value), s.clip === inFront() ? 4 : 3, 0, 2 * Math.PI); g.fill();
     }

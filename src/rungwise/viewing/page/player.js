@@ -1,50 +1,8 @@
-// The player: clock, controls, keyboard, and what is said in words.
+// The player: models, arrangement, what is said in words, and keys of its own.
 
-const SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 4];
-const state = { t: 0, playing: false, dirty: true, last: 0, frames: 0, work: 0 };
-const charts = [new Chart("gap", "gap"), new Chart("push", "push")];
-const FULL = (END || 1) / 6;  // at speed 1 the whole takes six seconds
-
-const reduced = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
-
-const inUnit = kind => DATA.units[kind] ? ` [${DATA.units[kind]}]` : "";
-
-function redraw(curvesToo) { state.dirty = true; if (curvesToo) charts.forEach(c => { c.stale = true; }); }
-function seek(t) { state.t = Math.min(END, Math.max(0, t)); redraw(); }
-function play(on) {
-  if (on && state.t >= END) state.t = 0;
-  state.playing = on; state.last = 0;
-  $("play").textContent = on ? "pause" : "play";
-  redraw();
-}
-function stepFrames(count) {
-  play(false);
-  const clip = shown()[0] || CLIPS[0], [k, fraction] = locate(clip, state.t);
-  const to = k + count + (count < 0 && fraction > 1e-6 ? 1 : 0);
-  seek(clip.time[Math.min(clip.time.length - 1, Math.max(0, to))]);
-}
-
-function tick(now) {
-  const began = performance.now();
-  if (state.playing) {
-    const passed = state.last ? Math.min(0.1, (now - state.last) / 1000) : 0;
-    state.last = now;
-    state.t += passed * FULL * SPEEDS[$("speed").value];
-    if (state.t >= END) { state.t = $("loop").checked ? 0 : END; if (!$("loop").checked) play(false); }
-    state.dirty = true;
-  }
-  if (state.dirty) {
-    state.dirty = false;
-    drawStage(state.t, { forces: $("forces").checked, contacts: $("contacts").checked, names: $("names").checked,
-      length: 70 * 10 ** +$("arrows").value });
-    charts.forEach(c => c.draw(state.t, $("log").checked));
-    $("push-peaks").textContent = charts[1].peaks.length ? "; \u25b2 peaks beyond the axis" : "";
-    $("time").value = state.t;
-    $("time").setAttribute("aria-valuetext", `${short(state.t)}`);
-    $("clock").textContent = `t = ${state.t.toPrecision(4)} of ${withUnit(END, DATA.units.time)}`;
-    state.frames++; state.work += performance.now() - began;
-  }
-  requestAnimationFrame(tick);
+function paint(t) {
+  drawStage(t, { forces: $("forces").checked, contacts: $("contacts").checked, names: $("names").checked,
+    length: 70 * 10 ** +$("arrows").value });
 }
 
 function buildModels() {
@@ -110,28 +68,11 @@ function zoom(factor, x, y) {
   redraw();
 }
 
-function flip(id) { const box = $(id); if (box) { box.checked = !box.checked; box.dispatchEvent(new Event("change")); } }
-function faster(by) { const s = $("speed"); s.value = Math.min(SPEEDS.length - 1, Math.max(0, +s.value + by)); }
-
 const KEYS = {
-  " ": () => play(!state.playing), Home: () => seek(0), End: () => { play(false); seek(END); },
-  "+": () => faster(1), "=": () => faster(1), "-": () => faster(-1),
-  c: () => flip("contacts"), f: () => flip("forces"), n: () => flip("names"), g: () => flip("log"), l: () => flip("loop"),
-  z: () => zoom(1.25), x: () => zoom(0.8), r: () => { view.whole = true; redraw(); }, t: () => $("theme").click(),
+  c: () => flip("contacts"), f: () => flip("forces"), n: () => flip("names"), g: () => flip("log"),
+  z: () => zoom(1.25), x: () => zoom(0.8), r: () => { view.whole = true; redraw(); },
   m: () => arrange(!layout.beside), b: () => bringNext(),
 };
-
-function onKey(event) {
-  if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const key = event.key.length === 1 ? event.key.toLowerCase() : event.key, focus = event.target;
-  const ours = focus === document.body || focus === $("stage") || focus === $("time");
-  if (!ours && (key === " " || key === "Home" || key === "End" || key.startsWith("Arrow") || focus.tagName === "SELECT")) return;
-  if (key === "ArrowLeft" || key === "ArrowRight") stepFrames((key === "ArrowLeft" ? -1 : 1) * (event.shiftKey ? 10 : 1));
-  else if (key >= "1" && key <= "9") flip(`model-${key - 1}`);
-  else if (KEYS[key]) KEYS[key]();
-  else return;
-  event.preventDefault();
-}
 
 // A drag moves the view, and a click brings the panel's model to the front.
 function onStage() {
@@ -149,29 +90,17 @@ function onStage() {
 }
 
 function start() {
-  $("title").textContent = document.title;
+  startClock();
   layout.most = () => Math.min(0.6 * window.innerHeight, 600);
-  $("time").max = END;
-  SPEEDS.forEach((s, i) => element("option", `${short(s * FULL)} per s`, $("speed"), { value: i, selected: s === 1 }));
   $("beside").onchange = $("single").onchange = () => arrange($("beside").checked);
   $("gap-title").textContent = `least gap of each contact${inUnit("length")}, along time`;
   $("push-title").textContent = DATA.push ? `${DATA.push} of each contact${inUnit("force")}, along time` : "";
   $("push-figure").hidden = !DATA.push;
-  if (window.matchMedia("(prefers-color-scheme: dark)").matches) root.classList.add("dark");
   buildModels(); paintTheme(); arrange(CLIPS.length > 1);
-  $("theme").onclick = () => { root.classList.toggle("dark"); paintTheme(); };
-  $("play").onclick = () => play(!state.playing);
-  $("back").onclick = () => stepFrames(-1);
-  $("ahead").onclick = () => stepFrames(1);
-  $("time").oninput = () => { play(false); seek(+$("time").value); };
   for (const id of ["contacts", "forces", "names"]) $(id).onchange = () => redraw();
-  $("log").onchange = () => redraw(true);
   $("arrows").oninput = () => redraw();
-  document.addEventListener("keydown", onKey);
-  window.addEventListener("resize", () => redraw(true));
   onStage();
-  requestAnimationFrame(tick);
-  if (!reduced) play(true);
+  begin();
 }
 
 start();

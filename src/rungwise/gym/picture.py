@@ -1,0 +1,53 @@
+"""Pictures of an episode, as arrays of pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.util import find_spec
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.gym.settings import GymError
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene
+from rungwise.simulation.state import State
+from rungwise.viewing.arrows import View, view_of
+from rungwise.viewing.clip import still
+from rungwise.viewing.draw import draw_frame
+
+PIXELS, INCHES = 480, 4.8
+"""Height and width of a picture; at this size its lines are as thick as in the package's other pictures."""
+
+
+class Camera:
+    """Draws the states of one episode; the view grows when bodies leave it, and never shrinks."""
+
+    def __init__(self) -> None:
+        self._view: View | None = None
+
+    def picture(
+        self, scene: Scene, model: Rung, parameters: Mapping[str, float], state: State
+    ) -> NDArray[np.uint8]:
+        """Pixels (height, width, 3). Raises GymError where matplotlib is missing."""
+        if find_spec("matplotlib") is None:
+            raise GymError("render_mode: needs matplotlib (pip install 'rungwise[view]')")
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        clip = still(scene, model, parameters, state)
+        figure = Figure(figsize=(INCHES, INCHES), dpi=PIXELS / INCHES)
+        canvas = FigureCanvasAgg(figure)
+        self._view = _joined(self._view, view_of([clip], [state.time]))
+        draw_frame(figure.add_axes((0.0, 0.0, 1.0, 1.0)), [clip], state.time, self._view)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
+
+
+def _joined(before: View | None, now: View) -> View:
+    """A view with room for both, in which forces have the scale of the greater ones."""
+    if before is None:
+        return now
+    (a, b, c, d), (e, f, g, h) = before.extent, now.extent
+    extent = (min(a, e), min(b, f), max(c, g), max(d, h))
+    return View(extent, min(before.per_force, now.per_force), max(before.longest, now.longest))

@@ -1,0 +1,261 @@
+"""Judges: the same inputs in another simulator, and where and why the motions part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.outcome import Code
+from rungwise.plain import cut
+from rungwise.scene.space import SpaceBound
+from rungwise.scene.space.model import library
+from rungwise.scene.values import shown
+from rungwise.simulation.spatial.frames import Frame
+from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.spatial.schedule import Clock
+from rungwise.simulation.spatial.values import Values
+from rungwise.wording import choices
+
+if TYPE_CHECKING:
+    import mujoco
+
+JUDGES = ("mujoco",)
+PARTS = 0.01
+"""Motions part where a body's centre is farther apart than this part of the scene's extent, or its axes
+turned by as many radians more."""
+SLIPS = 1e-6
+"""Speed over the fastest in the scene below which a contact sticks."""
+
+
+class ReplayError(InputError):
+    """A run cannot be replayed; the text is one line that says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A run beside the same inputs in a judge.
+
+    times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
+    their axes, whichever is more; parts: when the first body parts, nan if none does; body: its name;
+    reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal.
+    """
+
+    run: SpaceRun
+    judge: str
+    settings: str
+    times: Reals
+    apart: Reals
+    parts: float
+    body: str
+    reasons: tuple[str, ...]
+    outcome: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether the judge comes to the goal as well; without a goal, whether nothing parts."""
+        return self.outcome == "goal" if self.run.scene.file.goal else math.isnan(self.parts)
+
+    def __repr__(self) -> str:
+        return f"<Replay of {cut(self.run.scene.name)} in {self.judge}: {self.outcome}, {self._parting()}>"
+
+    def _parting(self) -> str:
+        most = float(self.apart.max(initial=0.0))
+        if math.isnan(self.parts):
+            return f"at most {most:.2g} apart"
+        return f"{self.body} parts at t = {self.parts:.4g}, {most:.2g} apart at most"
+
+    def __str__(self) -> str:
+        head = f"{self.run.scene.name}: {self.run.model.name} beside {self.judge} ({self.settings})"
+        lines = [head, f"  {self.judge} comes to: {self.outcome}", f"  {self._parting()}"]
+        return "\n".join([*lines, *(f"  {reason}" for reason in self.reasons)])
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, as `rungwise replay --json` prints them."""
+        return {
+            "scene": self.run.scene.name,
+            "model": self.run.model.name,
+            "judge": self.judge,
+            "settings": self.settings,
+            "outcome": self.outcome,
+            "parts": None if math.isnan(self.parts) else self.parts,
+            "body": self.body,
+            "apart": float(self.apart.max(initial=0.0)),
+            "reasons": list(self.reasons),
+        }
+
+
+@keywords
+def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> Replay:
+    """Give the inputs of a run to another simulator, from the same start, and compare the motions at the
+    run's frames. Velocities that the scene prescribes are set before each of the judge's steps.
+
+    `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. Raises
+    ReplayError for a planar run and for one that never began.
+    """
+    if in_ not in JUDGES:
+        raise ReplayError(f"in: unknown {shown(in_)}{choices(in_, JUDGES)}")
+    if not isinstance(run, SpaceRun):
+        raise ReplayError("run: is planar; only runs of scenes in space are replayed")
+    if run.space is None or len(run.frames) < 2:
+        raise ReplayError(f"run: did not begin: {run.reason}")
+    course = _Course(run, step)
+    states = [course.start(), *(course.at(frame.time) for frame in run.frames[1:])]
+    times = np.array([frame.time for frame in run.frames])
+    extent = float(run.space.model.stat.extent)
+    apart = np.array(
+        [_apart(course, frame, q, extent) for frame, (q, _) in zip(run.frames, states, strict=True)]
+    )
+    late = np.flatnonzero((apart > PARTS).any(axis=1))
+    parts, body, reasons = math.nan, "", list[str]()
+    if len(late):
+        k = int(late[0])
+        number = int(np.argmax(apart[k]))
+        parts, body = float(times[k]), run.scene.labels.bodies[number]
+        reasons = _reasons(course, run.frames[max(k - 1, 0)], states[max(k - 1, 0)])
+    return Replay(run, in_, course.settings, times, apart, parts, body, tuple(reasons), course.outcome())
+
+
+@dataclass
+class _Course:
+    """MuJoCo under the run's inputs."""
+
+    run: SpaceRun
+    step: float | None
+    data: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        scene, run = self.run.scene, self.run
+        self.bound: SpaceBound = scene.bind(run.parameters)
+        self.model = self.bound.model
+        if self.step is not None:
+            self.model.opt.timestep = self.step
+        self.data = library().MjData(self.model)
+        template = scene.template
+        columns = tuple(template.parameters.index(name) for name in template.inputs)
+        self.clock = Clock(run.inputs, run.frames[0].time, template.inputs, columns)
+        self.values = Values(scene, self.bound)
+        cone = "elliptic" if self.model.opt.cone else "pyramidal"
+        self.settings = f"step {self.model.opt.timestep:g}, {cone} cones"
+
+    def start(self) -> tuple[Reals, Reals]:
+        first = self.run.frames[0]
+        self.data.qpos[:], self.data.qvel[:], self.data.time = first.q, first.v, first.time
+        return first.q, first.v
+
+    def at(self, time: float) -> tuple[Reals, Reals]:
+        """Go on to a time; q and v there."""
+        mujoco, d, m = library(), self.data, self.model
+        own = float(m.opt.timestep)
+        while d.time < time - 1e-9 * own:
+            h = min(own, time - d.time)
+            self.clock.tell(d.time + h, self.values.told)
+            self.bound.tell(self.values.told)
+            d.ctrl[:] = self.bound.control
+            driven = ~np.isnan(self.bound.pace)
+            d.qvel[driven] = self.bound.pace[driven]
+            m.opt.timestep = h
+            mujoco.mj_step(m, d)
+            d.qvel[driven] = self.bound.pace[driven]
+            self.clock.go_on(d.time, False)
+        m.opt.timestep = own
+        return d.qpos.copy(), d.qvel.copy()
+
+    def outcome(self) -> str:
+        """What the scene's conditions say of MuJoCo's end."""
+        assert self.run.space is not None
+        d = self.data
+        self.values.place(d.time, d.qpos.copy(), d.qvel.copy(), self.run.space)
+        verdict = self.values.verdict()
+        return "missed" if verdict == Code.RUNNING else verdict.name.lower()
+
+
+def _apart(course: _Course, frame: Frame, q: Reals, extent: float) -> Reals:
+    """How far bodies are apart (b,)."""
+    mujoco, m = library(), course.model
+    places, turns = [], []
+    data = mujoco.MjData(m)
+    for each in (frame.q, q):
+        data.qpos[:] = each
+        mujoco.mj_kinematics(m, data)
+        places.append(data.xipos.copy())
+        turns.append(data.xquat.copy())
+    distance = np.linalg.norm(places[0] - places[1], axis=1) / extent
+    angle = 2.0 * np.arccos(np.clip(np.abs((turns[0] * turns[1]).sum(axis=1)), 0.0, 1.0))
+    return np.asarray(np.maximum(distance, angle))
+
+
+def _reasons(course: _Course, frame: Frame, state: tuple[Reals, Reals]) -> list[str]:
+    """What differs in the contacts just before the motions part."""
+    mujoco, m = library(), course.model
+    data = mujoco.MjData(m)
+    data.qpos[:], data.qvel[:] = state
+    mujoco.mj_forward(m, data)
+    labels = course.run.scene.labels.geoms
+    ours = _ours(frame, labels)
+    theirs = _theirs(m, data, labels)
+    fastest = max(float(np.abs(frame.v).max(initial=0.0)), float(np.abs(state[1]).max(initial=0.0)), 1e-12)
+    lines = []
+    for pair in sorted({*ours, *theirs}):
+        mine, other = ours.get(pair), theirs.get(pair)
+        if mine is None or mine["force"] == 0.0:
+            if other is not None and other["force"] > 0.0:
+                lines.append(f"{pair}: touches in MuJoCo alone, with {other['force']:.3g}")
+        elif other is None or other["force"] == 0.0:
+            lines.append(f"{pair}: touches here alone, with {mine['force']:.3g}")
+        else:
+            lines += _between(pair, mine, other, fastest)
+    if not lines:
+        lines.append("contacts are alike there: inertia and earlier differences part the motions")
+    return lines[:8]
+
+
+def _between(pair: str, mine: Mapping[str, float], other: Mapping[str, float], fastest: float) -> list[str]:
+    lines = []
+    if mine["mode"] == 1 and other["slip"] > SLIPS * fastest:
+        lines.append(
+            f"{pair}: sticks here, and slides at {other['slip']:.3g} in MuJoCo, whose friction is soft"
+        )
+    if other["depth"] > 0.0:
+        lines.append(
+            f"{pair}: bodies overlap by {other['depth']:.3g} in MuJoCo, {max(-mine['gap'], 0.0):.3g} here"
+        )
+    return lines
+
+
+def _ours(frame: Frame, labels: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    touch = frame.touch
+    for c, (a, b) in enumerate(touch.geoms):
+        own = found.setdefault(f"{labels[a]}|{labels[b]}", {"force": 0.0, "mode": 0.0, "gap": np.inf})
+        own["force"] += float(touch.force[c] @ touch.normal[c])
+        own["mode"] = max(own["mode"], float(touch.mode[c]))
+        own["gap"] = min(own["gap"], float(touch.gap[c]))
+    return found
+
+
+def _theirs(m: mujoco.MjModel, d: mujoco.MjData, labels: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    mujoco = library()
+    found: dict[str, dict[str, float]] = {}
+    force, velocity = np.zeros(6), np.zeros((2, 6))
+    for c in range(d.ncon):
+        contact = d.contact[c]
+        a, b = (int(g) for g in contact.geom)
+        own = found.setdefault(f"{labels[a]}|{labels[b]}", {"force": 0.0, "slip": 0.0, "depth": 0.0})
+        mujoco.mj_contactForce(m, d, c, force)
+        for side, geom in enumerate((a, b)):
+            body = int(m.geom_bodyid[geom])
+            mujoco.mj_objectVelocity(m, d, mujoco.mjtObj.mjOBJ_BODY, body, velocity[side], 0)
+            velocity[side, 3:] += np.cross(velocity[side, :3], contact.pos - d.xpos[body])
+        between = velocity[1, 3:] - velocity[0, 3:]
+        normal = contact.frame[:3]
+        own["force"] += float(force[0])
+        own["slip"] = max(own["slip"], float(np.linalg.norm(between - (between @ normal) * normal)))
+        own["depth"] = max(own["depth"], -float(contact.dist))
+    return found

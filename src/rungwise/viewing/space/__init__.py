@@ -1,0 +1,1 @@
+"""Pictures of runs in space: pages that play without a network, and live views."""

@@ -1,0 +1,47 @@
+// The films of this page, unpacked (see html.py).
+
+const DATA = JSON.parse($("data").textContent);
+
+function filmOf(c, index) {
+  const slot = new Int32Array(c.bodies.length).fill(-1);
+  c.moving.forEach((body, k) => { slot[body] = k; });
+  return {
+    ...c, index, slot, visible: true, solidity: 0.4,
+    colour: () => css(`--model-${index % PALETTE.length}`),
+    time: new Float32Array(bytes(c.time)),
+    pose: unpack(c.pose),
+    gap: new Float32Array(bytes(c.gap)),
+    push: new Float32Array(bytes(c.push)),
+    first: new Uint32Array(bytes(c.first)),
+    pair: new Uint16Array(bytes(c.pair)),
+    mode: new Uint8Array(bytes(c.mode)),
+    point: unpack(c.point),
+    normal: unpack(c.normal),
+    force: unpack(c.force),
+    friction: unpack(c.friction),
+  };
+}
+
+const CLIPS = DATA.clips.map(filmOf);
+const END = Math.max(...CLIPS.map(c => c.time[c.time.length - 1]));
+const shown = () => CLIPS.filter(c => c.visible);
+const layout = { beside: false, front: 0 };
+const inFront = () => shown().find(c => c.index === layout.front) || shown()[0];
+
+// Place and turn (x y z, w x y z) of a body between two frames.
+function poseOf(clip, body, k, fraction, out) {
+  const slot = clip.slot[body];
+  if (slot < 0) { for (let i = 0; i < 7; i++) out[i] = clip.rest[body][i]; return out; }
+  const stride = 7 * clip.moving.length, a = k * stride + 7 * slot, b = k + 1 < clip.time.length ? a + stride : a, p = clip.pose;
+  const side = p[a + 3] * p[b + 3] + p[a + 4] * p[b + 4] + p[a + 5] * p[b + 5] + p[a + 6] * p[b + 6] < 0 ? -1 : 1;
+  for (let i = 0; i < 7; i++) out[i] = p[a + i] + fraction * ((i < 3 ? 1 : side) * p[b + i] - p[a + i]);
+  const size = Math.hypot(out[3], out[4], out[5], out[6]);
+  for (let i = 3; i < 7; i++) out[i] /= size;
+  return out;
+}
+
+// The frame whose contacts are shown: the nearest.
+function frameAt(clip, t) {
+  const [k, fraction] = locate(clip, t);
+  return Math.min(k + (fraction > 0.5 ? 1 : 0), clip.time.length - 1);
+}

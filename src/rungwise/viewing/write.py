@@ -1,0 +1,38 @@
+"""Files of pictures, whole or not there."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from rungwise.errors import InputError
+
+
+class ViewError(InputError):
+    """A picture cannot be made; the text is one line that says why."""
+
+
+def write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
+    """Make the file beside its place and rename it there: it is whole or not there."""
+    file = Path(target)
+    draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        make(draft)
+        os.replace(draft, file)
+    except OSError as error:
+        raise ViewError(f"{field}: {file} cannot be written ({error.strerror or error})") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)
+    return file
+
+
+def needs_matplotlib(field: str) -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        raise ViewError(f"{field}: needs matplotlib (pip install 'rungwise[view]')") from None
