@@ -162,7 +162,6 @@ class SpaceSimulation:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
         else:
-            self._recorder.take(march, self.space, self._memory)
             self._judge()
             over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
             if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
@@ -171,7 +170,7 @@ class SpaceSimulation:
                     f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
                     f" {self.inputs[clock.segment].duration:g}"
                 )
-            self._recorder.take(march, self.space, self._memory(march))
+            self._recorder.take(march, self.space, self._memory)
         if self.outcome == Code.RUNNING and self._scheduled:
             if clock.is_over:
                 self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
