@@ -87,23 +87,22 @@ class SpaceSimulation:
         self._tol = math.inf if tol is None else tol
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
-        self.end = duration or (self._clock.end if self.inputs else bound.duration)
-        self._longest = (self.end if span is None else span) / LONGEST
+        self._scheduled = bool(self.inputs) and duration is None
         self.space = Space(
             bound.model, Laws(bound.law, bound.laws), bound.place, bound.motion, bound.control, bound.pace
         )
         self.march = March(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
+        if state is not None:
+            self._go_on(state, self.march, inputs is None)
+        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (self.end if span is None else span) / LONGEST
+        if state is not None and not state.time < self.end:
+            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
         self._recorder = Recorder(most, stride)
-        if state is not None:
-            if not state.time < self.end:
-                raise ModelError(
-                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
-                )
-            self._go_on(state, self.march, inputs is None)
         self.reason = overlapping(scene, self.space, self.march)
         if self.reason:
             self.outcome = Code.INVALID
@@ -155,8 +154,10 @@ class SpaceSimulation:
         """Take one step, and judge where it led."""
         clock, values = self._clock, self._values
         h = min(self._next, self.end - march.time, clock.left(march.time))
+        clock.tell(march.time + 0.5 * h, values.told)
+        self._bound.tell(values.told, ("speed",))
         clock.tell(march.time + h, values.told)
-        self._bound.tell(values.told)
+        self._bound.tell(values.told, ("control",))
         before = float(march.clock["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
@@ -169,7 +170,6 @@ class SpaceSimulation:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
         else:
-            self._recorder.take(march, self.space, self._memory)
             self._judge()
             over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
             if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
@@ -178,8 +178,12 @@ class SpaceSimulation:
                     f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
                     f" {self.inputs[clock.segment].duration:g}"
                 )
-        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
-            self.outcome = Code.MISSED if self.inputs and self.scene.file.goal else Code.TIMEOUT
+            self._recorder.take(march, self.space, self._memory)
+        if self.outcome == Code.RUNNING and self._scheduled:
+            if clock.is_over:
+                self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
+        elif self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+            self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
             self._recorder.take(march, self.space, self._memory, last=True)
             self._explain(march)

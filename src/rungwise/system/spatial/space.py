@@ -15,6 +15,7 @@ import numpy as np
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.system.moving import Moment, Size, fall_freely
+from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import Features, Seen, Solids, allocate_features, fill_contacts, keep
 from rungwise.system.spatial.reach import reaches
@@ -63,6 +64,7 @@ class Space:
         self.directions = directions(m)
         self.reaches = reaches(m)
         self.drives: Drives = drives(m)
+        self.boxes = Boxes(m)
         touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
         moving = touching & (m.body_weldid[m.geom_bodyid] != 0)
         self.room = ROOM * int(moving.sum()) + SPARE
@@ -211,8 +213,20 @@ class Space:
         import mujoco
 
         if q is not self._q and not np.array_equal(q, self._q):
-            self.data.qpos[:] = q
-            mujoco.mj_fwdPosition(self.model, self.data)
+            m, d = self.model, self.data
+            d.qpos[:] = q
+            if self.boxes.is_box.sum() < 2:
+                mujoco.mj_fwdPosition(m, d)
+            else:
+                mujoco.mj_kinematics(m, d)
+                mujoco.mj_comPos(m, d)
+                mujoco.mj_tendon(m, d)
+                mujoco.mj_makeM(m, d)
+                mujoco.mj_factorM(m, d)
+                mujoco.mj_collision(m, d)
+                self.boxes.mend(d)
+                mujoco.mj_makeConstraint(m, d)
+                mujoco.mj_transmission(m, d)
             self._least = None
         self._q = q
 
