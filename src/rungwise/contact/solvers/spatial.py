@@ -4,8 +4,8 @@ Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An 
 on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
 Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
 method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive
-definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
-problem as it was given.
+definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
+the problem as it was given.
 """
 
 from __future__ import annotations
