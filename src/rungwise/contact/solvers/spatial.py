@@ -28,7 +28,7 @@ from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 _MARGIN, _ENOUGH = 0.1, 0.5
 """Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
 tolerance of the whole. The first is chosen by trial, to a decade."""
-_NEAR = 1e-2
+_NEAR = 0.3
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
 """Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
