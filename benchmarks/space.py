@@ -90,8 +90,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
           f"{'halved':>6} {'overlap':>8} {'contacts':>8}")  # fmt: skip
     for f in found:
         print(
-            f"{f['scene']:8} {f['model']:18} {f['steps']:6} {f['steps_per_s']:8.0f} {f['mujoco_steps_per_s']:8.0f}"
-            f" {f['ratio']:6.2f} {f['within']:8.2%} {f['halved']:6} {f['overlap']:8.0e} {f['contacts']:8}"
+            f"{f['scene']:8} {f['model']:18} {f['steps']:6} {f['steps_per_s']:8.0f}"
+            f" {f['mujoco_steps_per_s']:8.0f} {f['ratio']:6.2f} {f['within']:8.2%} {f['halved']:6} {f['overlap']:8.0e} {f['contacts']:8}"
         )
     return 0
 

@@ -145,7 +145,7 @@ class Space:
         import mujoco
 
         self._at(q)
-        m, nothing = self.model, np.zeros(6)
+        m, nothing = self.model, None
         far = 10.0 * float(m.stat.extent)
         least = np.inf
         for i in self._geoms_of(a):
