@@ -22,7 +22,7 @@ from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.residual_in_space import residual_in_space
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
@@ -104,7 +104,7 @@ def solve_spatial(
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
         _give_back(groups, contacts, d, point.x, force, tau)
-        error = residual(p, n, contacts, limited, v, force, tau)
+        error = residual_in_space(p, n, contacts, limited, v, force, tau)
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
