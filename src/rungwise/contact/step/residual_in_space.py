@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
@@ -23,7 +24,7 @@ def residual_in_space(
     finite."""
     p, d = problem, problem.R.shape[1]
     first, touched = np.empty(contacts + limited + 1, np.int64), np.empty((contacts + limited) * n, np.int64)
-    _find_touched(p, n, contacts, limited, first, touched)
+    _find_touched(p, contacts, limited, np.zeros(n, np.bool_), first, touched)
     u, s = np.empty(contacts * d), np.empty(limited)
     velocity = _fill_rates(p, contacts, limited, first, touched, v, force, tau, u, s)
     largest = 0.0
@@ -56,21 +57,25 @@ def residual_in_space(
 
 
 @kernel
-def _find_touched(p: ContactProblem, n: int, contacts: int, limited: int, first: Ints, touched: Ints) -> None:
-    """Coordinates of each contact's rows, and of each limited row."""
+def _find_touched(
+    p: ContactProblem, contacts: int, limited: int, meets: NDArray[np.bool_], first: Ints, touched: Ints
+) -> None:
+    """Coordinates of each contact's rows, and of each limited row; `meets` (n,) is false before and after."""
     d, count = p.R.shape[1], 0
     for g in range(contacts + limited):
         first[g] = count
-        for j in range(n):
-            meets = False
-            if g < contacts:
-                for r in range(g * d, g * d + d):
-                    meets |= p.W[r, j] != 0.0
-            else:
-                meets = p.S[g - contacts, j] != 0.0
-            if meets:
+        if g < contacts:
+            for r in range(g * d, g * d + d):
+                for j in range(len(meets)):
+                    meets[j] |= p.W[r, j] != 0.0
+        else:
+            for j in range(len(meets)):
+                meets[j] |= p.S[g - contacts, j] != 0.0
+        for j in range(len(meets)):
+            if meets[j]:
                 touched[count] = j
                 count += 1
+                meets[j] = False
     first[contacts + limited] = count
 
 
@@ -152,11 +157,12 @@ def _balance(
     total, scale, lever = found[0], found[1], found[2]
     d = p.R.shape[1]
     for i in range(n):
-        total[i], scale[i], lever[i] = -p.c[i], abs(p.c[i]), 0.0
+        left, most = -p.c[i], abs(p.c[i])
         for j in range(n):
             term = p.H[i, j] * v[j]
-            total[i] += term
-            scale[i] = max(scale[i], abs(term))
+            left += term
+            most = max(most, abs(term))
+        total[i], scale[i], lever[i] = left, most, 0.0
     for k in range(contacts):
         for r in range(k * d, k * d + d):
             for e in range(first[k], first[k + 1]):
