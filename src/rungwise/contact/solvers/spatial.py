@@ -257,7 +257,7 @@ def _tell_modes(
         for i in range(k * d + 1, k * d + d):
             rubs += force[i] * force[i]
         inside = math.sqrt(rubs) < _INSIDE * p.mu[k] * force[k * d]
-        sticks = inside or _is_still(p, n, k, v, force)
+        sticks = inside or (p.mu[k] > 0.0 and _is_still(p, n, k, v, force))
         mode[k] = OPEN if force[k * d] <= 0.0 else STICK if sticks else FORWARD
     for r in range(limited):
         mode[contacts + r] = STICK if abs(tau[r]) < _INSIDE * p.F[r] else FORWARD
