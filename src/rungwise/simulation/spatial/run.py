@@ -144,6 +144,14 @@ class SpaceSimulation:
         self.wall_s += time.perf_counter() - began
         return self.outcome == Code.RUNNING
 
+    def steps_taken(self, count: int) -> int:
+        """Take at most so many steps; returns how many, fewer where the run has ended."""
+        for taken in range(count):
+            if self.outcome != Code.RUNNING or self.march is None:
+                return taken
+            self._take(self.march)
+        return count
+
     def _take(self, march: March) -> None:
         """Take one step, and judge where it led."""
         clock, values = self._clock, self._values
