@@ -108,8 +108,10 @@ class SpaceSimulation:
             self.outcome = Code.INVALID
             return
         self._values.read(self.march, self.space)
-        self._recorder.take(self.march, self.space, self._memory)
         self._judge()
+        self._recorder.take(self.march, self.space, self._memory)
+        if self.outcome != Code.RUNNING:
+            self._explain(self.march)
 
     def __repr__(self) -> str:
         return (
@@ -171,18 +173,8 @@ class SpaceSimulation:
             self._explain(march)
         else:
             self._judge()
-            over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
-            if self.outcome == Code.RUNNING and not clock.go_on(march.time, over):
-                self.outcome = Code.TIMEOUT
-                self.reason = (
-                    f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
-                    f" {self.inputs[clock.segment].duration:g}"
-                )
             self._recorder.take(march, self.space, self._memory)
-        if self.outcome == Code.RUNNING and self._scheduled:
-            if clock.is_over:
-                self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
-        elif self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
             self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
             self._recorder.take(march, self.space, self._memory, last=True)
@@ -224,12 +216,20 @@ class SpaceSimulation:
         return min(best, 0.0) if best > -math.inf else math.nan
 
     def _judge(self) -> None:
+        """Set the outcome where a condition decides it, or the schedule is over."""
         best, danger = self._margins
         goal, near = self._values.margins()
         self._margins = max(best, goal), max(danger, near)
-        verdict = self._values.verdict()
-        if verdict != Code.RUNNING:
-            self.outcome = verdict
+        self.outcome = self._values.verdict()
+        clock, values = self._clock, self._values
+        if self.outcome != Code.RUNNING:
+            return
+        if not clock.go_on(self.time, values.told, values.is_over):
+            on = self.inputs[clock.segment]
+            self.outcome = Code.TIMEOUT
+            self.reason = f"inputs.{clock.segment}.until: {on.until} did not hold within {on.duration:g}"
+        elif self._scheduled and clock.is_over:
+            self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
 
     def _explain(self, march: March) -> None:
         """Set the reason of the outcome."""
