@@ -247,6 +247,10 @@ class SpaceSimulation:
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
             )
 
+    def _notes(self) -> tuple[str, ...]:
+        """Remarks on the model and on the geometry of contacts."""
+        return self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+
     def result(self) -> SpaceRun:
         """The run as far as it has come."""
         march = self.march
@@ -270,7 +274,7 @@ class SpaceSimulation:
             frames=tuple(self._recorder.frames) if march is not None else (),
             space=self.space if march is not None else None,
             energy_gained=self._gained,
-            notes=self.notes if march is not None else (),
+            notes=self._notes() if march is not None else (),
         )
 
 
