@@ -29,6 +29,8 @@ from rungwise.wording import choices
 if TYPE_CHECKING:
     import mujoco
 
+    import rungwise
+
 MODELS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
 ROUNDED = 1e-12
@@ -137,6 +139,14 @@ class SpaceScene:
         names = self.template.names()
         stated = {name: getattr(self.file, name) for name in ("goal", "unsafe", "doomed")}
         return {name: names.condition(text, name) for name, text in stated.items() if text is not None}
+
+    def goal(
+        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
+    ) -> rungwise.Answers:
+        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
+        import rungwise
+
+        return rungwise.ask(self, "goal", states, parameters)
 
     def bind(self, given: Mapping[str, float] | None = None) -> SpaceBound:
         """The model at these parameters. Raises InvalidScene, naming the field, where it is impossible."""

@@ -63,15 +63,17 @@ class Clock:
             part = (time - self._opened) / on.duration if on.ramp and on.duration > 0.0 else 1.0
             told[column] = before + min(max(part, 0.0), 1.0) * (value - before)
 
-    def go_on(self, time: float, is_over: bool) -> bool:
-        """Go to the next segment where this one is over; False where its condition did not come to hold."""
+    def go_on(self, time: float, is_over: bool, told: Reals) -> bool:
+        """Go to the next segment where this one is over, its inputs told; False where its condition did not
+        come to hold. A segment of no duration only sets its inputs."""
         while self.segment < len(self.segments):
             on = self.segments[self.segment]
             spent = self.left(time) <= NEARLY * max(on.duration, abs(time))
-            if on.until is not None and spent and not is_over:
+            if on.until is not None and spent and not is_over and on.duration > 0.0:
                 return False
             if not spent and not is_over:
                 return True
+            self.tell(time, told)
             self._opened, self._before, is_over = time, {}, False
             self.segment += 1
         return True

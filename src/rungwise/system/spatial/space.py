@@ -28,6 +28,8 @@ ROOM, SPARE = 16, 64
 """Contacts that there is room for: so many for each geom that may touch something, and more."""
 AHEAD = 2.0
 """MuJoCo looks for contacts this many times farther than a step asks for, so that it is seldom told anew."""
+NEAR = 0.05
+"""How far contacts are looked for at first, over the length of the smallest geom."""
 
 
 class Laws(NamedTuple):
@@ -76,9 +78,9 @@ class Space:
             free=np.isnan(self.pace).astype(np.int64), centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._q, self._fetched = np.full(m.nq, np.nan), False
-        self._margin = 0.0
         self._least: float | None = None
-        self._see(0.05 * length)
+        self._near = AHEAD * NEAR * length
+        self.look_within(self._near)
         self._at(self.place)
         self.limits = _Limits(m)
         rows = int(self.data.ne + self.data.nf)
@@ -90,7 +92,7 @@ class Space:
             rows + len(self.drives.servos),
             length,
         )
-        self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
+        self.forget()
         self._slots, self._fresh = np.zeros(self.size.slots, np.int64), np.zeros(self.size.slots, np.int64)
         self._moment = np.zeros((m.nu, m.nv))
         self._row = np.zeros(m.nv)
@@ -164,8 +166,8 @@ class Space:
         import mujoco
 
         m, d = self.model, self.data
-        if reach > self._margin:
-            self._see(reach)
+        if reach > self.margin:
+            self.look_within(AHEAD * reach)
         self._at(moment.q)
         mujoco.mj_fullM(m, d, terms.inertia)
         if moment.inertia == 0.0:
@@ -187,13 +189,18 @@ class Space:
         count = self._fill_limits(rows, reach, count, terms)
         return self._slots[:count], self._fresh[:count]
 
-    def _see(self, reach: float) -> None:
-        """Look for contacts within `reach` from now on."""
-        m, self._margin = self.model, AHEAD * reach
-        m.geom_margin[:], m.pair_margin[:] = 0.5 * self._margin, self._margin
+    def forget(self) -> None:
+        """Know no contact, and look for contacts as near as at first."""
+        self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
+        self.look_within(self._near)
+
+    def look_within(self, margin: float) -> None:
+        """Look for contacts within a distance from now on."""
+        m, self.margin = self.model, margin
+        m.geom_margin[:], m.pair_margin[:] = 0.5 * margin, margin
         if m.njnt:
-            m.jnt_margin[:] = self._margin / self.lever[m.jnt_dofadr]
-        m.tendon_margin[:] = self._margin
+            m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
+        m.tendon_margin[:] = margin
         self._q = np.full(m.nq, np.nan)
 
     def _at(self, q: Reals) -> None:
