@@ -3,8 +3,8 @@
     python benchmarks/spatial_steps.py [--scene NAME …] [--steps N] [--h H …] [--save FOLDER]
 
 MuJoCo supplies inertia, loads and the geometry of contacts; a problem per step is assembled in numpy, with
-the forces of the last step as a start, and solved to a residual of 1e-8. A step without solution is halved,
-up to four times. Each scene runs with rigid contacts and with compliant ones (K = 1e6, C = 2e3).
+the forces of the last step as a start, and solved to a residual of 1e-8. A step without solution is halved, up
+to four times. Each scene runs with rigid contacts and with compliant ones (K = 1e6, C = 2e3).
 
   us        microseconds per solve: median, mean and 99th percentile, and the median of the last quarter
   solves/s  one over the mean

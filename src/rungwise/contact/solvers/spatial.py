@@ -1,11 +1,11 @@
 """A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
 
-Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves on, by
-the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and Newton's method in
-velocities (`spatial_newton`) in turn, and where that does not end by the
-proximal point method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive definite, three or four
-directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the problem as it was
-given.
+Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
+on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
+Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
+method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive
+definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
+problem as it was given.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
-"""Residual asked of an island, and residual that is enough where it took many steps, over the tolerance of the
-whole. The first is chosen by trial, to a decade."""
+"""Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
+tolerance of the whole. The first is chosen by trial, to a decade."""
 _NEAR = 1e-2
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
@@ -36,8 +36,8 @@ Chosen by trial."""
 _SUBPROBLEMS = 20
 """Most subproblems of the proximal point method; chosen by trial."""
 _PATH, _WINDOW, _STALLED = 40, 6, 0.7
-"""Most steps of the interior point method, which ends where product and residual are above this share of their
-values a window of steps earlier. Chosen by trial."""
+"""Most steps of the interior point method, which ends where product and residual are above this share of
+their values a window of steps earlier. Chosen by trial."""
 _FINISH, _NEARER = 1e-2, 0.3
 """Residual below which the proximal point method is tried from the path, and the factor by which the residual
 must fall before it is tried again. Chosen by trial."""
@@ -68,6 +68,7 @@ def solve_spatial(
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
     if islands < 0:
+        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
     groups = Groups(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
@@ -88,15 +89,25 @@ def solve_spatial(
         np.empty((count, d, 2 * d)), np.zeros(rows),
     )  # fmt: skip
     _take_start(groups, contacts, d, force, tau, point.x)
-    worst, low, first = GUESS, 0, 0
-    for i in range(islands):
-        span = Span(low, island[i, 0], first, island[i, 1])
-        low, first = span.high, span.last
-        worst = max(worst, _solve_island(bodies, groups, span, p.quantum[0], answers, points, duals, steps))
-    for i in range(n):
-        v[bodies.place[i]] = bodies.unit[i] * point.v[i]
-    _give_back(groups, contacts, d, point.x, force, tau)
-    error = residual(p, n, contacts, limited, v, force, tau)
+    worst, error = GUESS, math.inf
+    for polishes in (False, True):
+        low, first = 0, 0
+        for i in range(islands):
+            span = Span(low, island[i, 0], first, island[i, 1])
+            low, first = span.high, span.last
+            if polishes:
+                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, points[1], steps)
+            else:
+                worst = max(
+                    worst, _solve_island(bodies, groups, span, p.quantum[0], answers, points, duals, steps)
+                )
+        for i in range(n):
+            v[bodies.place[i]] = bodies.unit[i] * point.v[i]
+        _give_back(groups, contacts, d, point.x, force, tau)
+        error = residual(p, n, contacts, limited, v, force, tau)
+        # What rests is measured by its own speed in an island, by all speeds in the end.
+        if error <= TOLERANCE or worst == PIVOTING:
+            break
     status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
     if status != SOLVED:
         v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
@@ -150,7 +161,9 @@ def _solve_island(
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL
-    least = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    if not known:
+        respond(bodies, groups, span, answers)
+    least = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
     if least <= _ENOUGH * TOLERANCE:
         return PROXIMAL
     _put(groups, span, point, best)
@@ -168,7 +181,7 @@ def _solve_island(
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
-            found = approach(bodies, groups, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)

@@ -238,7 +238,7 @@ def assemble(bodies: Bodies, groups: Groups, span: Span, steps: Steps) -> bool:
 
 
 @kernel
-def find_step(bodies: Bodies, groups: Groups, span: Span, point: Point, steps: Steps) -> None:
+def find_step(groups: Groups, span: Span, point: Point, steps: Steps) -> None:
     """Fill dv and dx, from the map at the point and the last factors."""
     low, high, first, last = span
     n, d = high - low, groups.R.shape[1]
@@ -282,6 +282,11 @@ def measure(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: P
         speed, largest = max(speed, abs(groups.w[r])), max(largest, abs(x[r]))
     for g in range(first, last):
         row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        peak = 0.0
+        for entry in groups.W[at : at + groups.column[g + 1] - begin]:
+            peak = max(peak, entry * entry)
+        if peak > 0.0:
+            rest, floor = max(rest, peak), min(floor, peak)
         for i in range(row, end):
             bend = 0.0
             for j in range(row, end):
@@ -290,8 +295,6 @@ def measure(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: P
             for j in range(begin, groups.column[g + 1]):
                 speed = max(speed, abs(groups.W[at] * v[groups.touched[j]]))
                 at += 1
-        if groups.scale[g] > 0.0:
-            rest, floor = max(rest, groups.scale[g]), min(floor, groups.scale[g])
     if speed < _ROUNDING * rest * largest:
         speed = _REST * rest * largest
     if floor < math.inf:
@@ -357,7 +360,7 @@ def descend(
         if not prepare(bodies, groups, span, give, hold, steps):
             return done
         for attempt in range(1 + _CHORDS):
-            find_step(bodies, groups, span, point, steps)
+            find_step(groups, span, point, steps)
             length, newer = 1.0, math.inf
             for _ in range(_HALVINGS if attempt == 0 else 1):
                 _move(groups, span, point, length, steps, trial)

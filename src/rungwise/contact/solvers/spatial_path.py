@@ -198,7 +198,7 @@ def _find(
             aim[r] = -target * x[r] / inside - w[r]
             F[r] = repaired * (u[r] - w[r]) - aim[r]
             F[row] += (turning * w[r] / slip if slip > 0.0 else 0.0) * aim[r]
-    find_step(bodies, groups, span, point, steps)
+    find_step(groups, span, point, steps)
     dx = steps.dx
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]

@@ -3,9 +3,10 @@
 Algorithm: a sequence of subproblems, each by Newton's method in velocities (`spatial_newton`), in which
 forces yield in proportion to the residual that is left: redundant contacts, whose rates disagree by next to
 nothing, move their forces by amounts of their own size then. The proportion falls while subproblems are
-solved and rises when one is not. Sources: Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898; Yamashita
-and Fukushima, Computing Suppl. 15 (2001) 239-249, for weights in proportion to the residual. Accepts: what
-`spatial_newton` accepts. Promises: nothing; the residual is returned.
+solved and rises when one is not; where that does not help, sweeps go on from there. Sources: Rockafellar, SIAM
+J. Control Optim. 14 (1976) 877-898; Yamashita and Fukushima, Computing Suppl. 15 (2001) 239-249, for weights
+in proportion to the residual.
+Accepts: what `spatial_newton` accepts. Promises: nothing; the residual is returned.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import math
 
 from rungwise.contact.solvers.spatial_newton import Point, Span, Steps, descend, evaluate, measure
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups
+from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, sweep
 from rungwise.kernel import inner_kernel, kernel
 
 _STEPS = 8
@@ -24,7 +26,9 @@ _LIGHTER, _HEAVIER = 0.3, 10.0
 """Factors on the proportion after success and failure; chosen by trial."""
 _LEAST, _MOST = 1e-11, 0.1
 """Least and most yield of forces, over the yield of bodies and contact; chosen by trial, to a decade."""
-_WINDOW, _STALLED = 5, 0.5
+_SWEEPS = 8
+"""Sweeps where the heaviest subproblem ends on a kink; chosen by trial."""
+_WINDOW, _STALLED = 8, 0.5
 """The method ends where the least residual is above this share of its value so many subproblems earlier.
 Chosen by trial."""
 
@@ -33,6 +37,7 @@ Chosen by trial."""
 def approach(
     bodies: Bodies,
     groups: Groups,
+    answers: Answers,
     span: Span,
     quantum: float,
     tol: float,
@@ -61,6 +66,11 @@ def approach(
         found = residual_at(bodies, groups, span, quantum, point, steps)
         least = min(least, found)
         proportion *= _LIGHTER if left <= goal else _HEAVIER
+        if left > goal and hold >= _MOST:
+            sweep(groups, answers, span, _SWEEPS, point, steps.dx)
+            accelerate(bodies, groups, span, point)
+            found = residual_at(bodies, groups, span, quantum, point, steps)
+            least, proportion = min(least, found), 1.0
     return found
 
 

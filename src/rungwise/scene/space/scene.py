@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -84,10 +84,12 @@ class SpaceBound:
     step: float
     notes: tuple[str, ...] = ()
 
-    def tell(self, values: Reals) -> None:
-        """Set controls and speeds from parameters and t (p + 1,)."""
+    def tell(self, values: Reals, kinds: Sequence[str] = ("control", "speed")) -> None:
+        """Set controls and speeds, or one kind of them, from parameters and t (p + 1,)."""
         stack = np.zeros(STACK)
         for (kind, index), (start, stop) in zip(self.targets, self.told.table, strict=True):
+            if kind not in kinds:
+                continue
             target = self.control if kind == "control" else self.pace
             target[index] = evaluate(self.told.code, self.told.constants, start, stop, values, stack)
 

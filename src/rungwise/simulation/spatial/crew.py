@@ -75,8 +75,8 @@ class Ends(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """How a run ended; q (n_q,), v (n_v,) there, its memory (w,), and the ends of its segments, if kept.
-    Steps count from the beginning of the state's run, attempts and solves from the state."""
+    """How a run ended; q (n_q,), v (n_v,) there, its memory (w,), and the ends of its segments, if kept;
+    `fault` says why it did not begin. Steps count from the beginning of the state's run, attempts and solves from the state."""
 
     outcome: int
     time: float
@@ -91,6 +91,7 @@ class Sampled(NamedTuple):
     memory: Reals
     drive_work: float
     ends: Ends | None
+    fault: str = ""
 
 
 _own = threading.local()
@@ -109,7 +110,13 @@ def prepared(scene: SpaceScene, parameters: dict[str, float]) -> Prepared:
 
 def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
     """The runs, one after the other; none depends on earlier ones."""
-    return [_sampled(terms, sample) for sample in samples]
+    found = []
+    for sample in samples:
+        try:
+            found.append(_sampled(terms, sample))
+        except InputError as error:
+            found.append(nothing(terms.scene, str(error)))
+    return found
 
 
 def _sampled(terms: Terms, sample: Sample) -> Sampled:
@@ -120,7 +127,7 @@ def _sampled(terms: Terms, sample: Sample) -> Sampled:
     )  # fmt: skip
     march = simulation.march
     if march is None or simulation.outcome == Code.INVALID:
-        return nothing(terms.scene, Code.INVALID)
+        return nothing(terms.scene, simulation.reason)
     begun, solved = simulation.steps, int(march.clock["solves"])
     ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
     while simulation.outcome == Code.RUNNING:
@@ -137,11 +144,11 @@ def _sampled(terms: Terms, sample: Sample) -> Sampled:
     )  # fmt: skip
 
 
-def nothing(scene: SpaceScene, outcome: Code) -> Sampled:
+def nothing(scene: SpaceScene, why: str) -> Sampled:
     """A run that did not begin."""
     n_q, n_v = len(scene.template.coordinates), len(scene.template.velocities)
     q, v = np.full(n_q, np.nan), np.full(n_v, np.nan)
-    return Sampled(int(outcome), 0.0, np.nan, 0, 0, 0, 0, 0.0, q, v, np.zeros(0), 0.0, None)
+    return Sampled(int(Code.INVALID), 0.0, np.nan, 0, 0, 0, 0, 0.0, q, v, np.zeros(0), 0.0, None, why)
 
 
 class _Ends:

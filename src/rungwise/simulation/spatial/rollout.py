@@ -12,7 +12,6 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
-from rungwise.outcome import Code
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.arguments import Asked
 from rungwise.simulation.crew import threads_of
@@ -72,7 +71,7 @@ def rollout_in_space(
         [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
         for at in range(0, len(numbers), size)
     ]
-    found = [nothing(scene, Code.INVALID)] * m
+    found = [nothing(scene, "")] * m
     done = m - len(numbers)
     for part in spread(run_samples, terms, parts, len(numbers), processes):
         for sampled in part:
@@ -80,6 +79,7 @@ def rollout_in_space(
             done += 1
         if on_progress is not None:
             on_progress(done)
+    faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
     ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
 
     def of_sample(i: int) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def rollout_in_space(
         switches=np.array([each.switches for each in found], np.int64),
         worst_residual=np.array([each.residual for each in found]),
         final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
-        faults=wanted.faults, memory=ends.memory, _options=of_sample,
+        faults=faults, memory=ends.memory, _options=of_sample,
         _schedules=partial(wanted.schedule, scene), _theta=options["theta"], _ends=ends,
     )  # fmt: skip
 

@@ -90,22 +90,21 @@ class SpaceSimulation:
         self._tol = math.inf if tol is None else tol
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
-        self.end = duration or (self._clock.end if self.inputs else bound.duration)
-        self._longest = (self.end if span is None else span) / LONGEST
+        self._scheduled = bool(self.inputs) and duration is None
         self.march = March(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
-        if stride is None:
-            stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
-        self._recorder = Recorder(most, stride)
         if state is not None:
-            if not state.time < self.end:
-                raise ModelError(
-                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
-                )
             self._go_on(state, self.march, inputs is None)
         self._clock.go_on(self.march.time, False, self._values.told)
         bound.tell(self._values.told)
+        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (self.end if span is None else span) / LONGEST
+        if state is not None and not state.time < self.end:
+            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
+        if stride is None:
+            stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
+        self._recorder = Recorder(most, stride)
         self.reason = overlapping(scene, self.space, self.march)
         if self.reason:
             self.outcome = Code.INVALID
@@ -150,8 +149,10 @@ class SpaceSimulation:
         clock, values, march = self._clock, self._values, self.march
         assert march is not None
         h = min(self._next, self.end - march.time, clock.left(march.time))
+        clock.tell(march.time + 0.5 * h, values.told)
+        self._bound.tell(values.told, ("speed",))
         clock.tell(march.time + h, values.told)
-        self._bound.tell(values.told)
+        self._bound.tell(values.told, ("control",))
         before = float(march.clock["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
@@ -173,8 +174,11 @@ class SpaceSimulation:
                     f" {self.inputs[clock.segment].duration:g}"
                 )
             self._recorder.take(march, self.space, self.memory)
-        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
-            self.outcome = Code.MISSED if self.inputs and self.scene.file.goal else Code.TIMEOUT
+        if self.outcome == Code.RUNNING and self._scheduled:
+            if clock.is_over:
+                self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
+        elif self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+            self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
             self._recorder.take(march, self.space, self.memory, last=True)
             self._explain(march)

@@ -33,7 +33,12 @@ class Clock:
     @property
     def end(self) -> float:
         """When the schedule is over at the latest."""
-        return self.began + sum(segment.duration for segment in self.segments)
+        return self._opened + sum(segment.duration for segment in self.segments[self.segment :])
+
+    @property
+    def is_over(self) -> bool:
+        """Whether no segment is on."""
+        return self.segment >= len(self.segments)
 
     def memory(self) -> Reals:
         """The segment, when it began, and the inputs' values then (2 + u,)."""

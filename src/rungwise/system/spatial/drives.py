@@ -48,9 +48,12 @@ class Drives:
         force[self.servos] = self.middle[self.servos]
         return np.asarray(force @ moment)
 
-    def errors(self, control: Reals, length: Reals) -> Reals:
-        """K_p times the error of place, plus K_d times the speed wished for, of each servo (s,)."""
-        wish = self.constant(control)[self.servos] - self.middle[self.servos]
+    def errors(self, control: Reals, length: Reals, loads: bool) -> Reals:
+        """K_p times the error of place, plus K_d times the speed wished for, of each servo (s,); `loads`:
+        whether the middles of servos act beside it."""
+        wish = self.constant(control)[self.servos]
+        if loads:
+            wish -= self.middle[self.servos]
         return np.asarray(wish - self.gains[:, 0] * length[self.servos])
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.system.moving import Moment, Size, fall_freely
+from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import Features, Seen, Solids, allocate_features, fill_contacts, keep
 from rungwise.system.spatial.reach import reaches
@@ -65,6 +66,7 @@ class Space:
         self.directions = directions(m)
         self.reaches = reaches(m)
         self.drives: Drives = drives(m)
+        self.boxes = Boxes(m)
         touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
         moving = touching & (m.body_weldid[m.geom_bodyid] != 0)
         self.most = ROOM * int(moving.sum()) + SPARE
@@ -174,7 +176,7 @@ class Space:
             self._fill_metric(moment.q, terms)
         self._fill_loads(moment, terms)
         rows = d.efc_J.reshape(-1, m.nv)
-        self._fill_limited(rows, terms)
+        self._fill_limited(rows, terms, not moment.metric)
         count = 0
         if d.ncon:
             c = d.contact
@@ -208,8 +210,20 @@ class Space:
         import mujoco
 
         if q is not self._q and not np.array_equal(q, self._q):
-            self.data.qpos[:] = q
-            mujoco.mj_fwdPosition(self.model, self.data)
+            m, d = self.model, self.data
+            d.qpos[:] = q
+            if self.boxes.is_box.sum() < 2:
+                mujoco.mj_fwdPosition(m, d)
+            else:
+                mujoco.mj_kinematics(m, d)
+                mujoco.mj_comPos(m, d)
+                mujoco.mj_tendon(m, d)
+                mujoco.mj_makeM(m, d)
+                mujoco.mj_factorM(m, d)
+                mujoco.mj_collision(m, d)
+                self.boxes.mend(d)
+                mujoco.mj_makeConstraint(m, d)
+                mujoco.mj_transmission(m, d)
             self._least = None
         self._q = q
 
@@ -270,8 +284,9 @@ class Space:
             terms.damping[:] += (rows.T * m.tendon_damping) @ rows
             terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
 
-    def _fill_limited(self, rows: Reals, terms: Terms) -> None:
-        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts."""
+    def _fill_limited(self, rows: Reals, terms: Terms, loads: bool) -> None:
+        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
+        rung has loads."""
         d, drive = self.data, self.drives
         ne, nf, ns = int(d.ne), int(d.nf), len(drive.servos)
         if ne + nf + ns == 0:
@@ -291,7 +306,7 @@ class Space:
         terms.error[ne : ne + nf] = 0.0
         own = unit[ne + nf :]
         terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
-        wish = drive.errors(self.control, d.actuator_length)
+        wish = drive.errors(self.control, d.actuator_length, loads)
         # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
         stiff, damp = drive.gains.T
         with np.errstate(divide="ignore", invalid="ignore"):

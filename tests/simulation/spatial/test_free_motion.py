@@ -1,0 +1,82 @@
+"""Flight, bounces and tumbling in space, against closed forms and laws of conservation."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.models.ladder import Rung
+from rungwise.simulation.spatial.frames import Frame
+
+from .conftest import Make
+from .measure import DYNAMIC, FLOOR, NO_GRAVITY, Array, G, free, named, q, run, world
+
+INERTIA = np.array([2.0, 3.0, 4.0])
+TOP = '<body name="b"><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="2 3 4"/></body>'
+
+
+def momentum(frame: Frame) -> Array:
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, frame.q[3:7])
+    return np.asarray(turn.reshape(3, 3) @ (INERTIA * frame.v[3:6]))
+
+
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+@pytest.mark.parametrize("h", [1e-2, 5e-3])
+def test_a_thrown_ball_flies_on_the_parabola_of_the_scheme(make: Make, rung: Rung, h: float) -> None:
+    """Steps that take loads at their end fall short of the parabola by g t h / 2."""
+    start = {"velocities": {"b.x": 1.0, "b.z": 2.0, "b.ry": 3.0}}
+    found = run(make(world(free("b", "0 0 1", 'size=".1"')), start=start, duration=0.5), rung, step=h)
+    t = found.time
+    exact = np.array([t, 0.0, 1.0 + 2.0 * t - 0.5 * G * t * t])
+    np.testing.assert_allclose(q(found)[:3] - exact, [0.0, 0.0, -0.5 * G * t * h], atol=1e-12)
+    np.testing.assert_allclose(q(found)[3:], [np.cos(1.5 * t), 0.0, np.sin(1.5 * t), 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("restitution", [0.8, 1.0])
+def test_a_ball_bounces_to_the_square_of_its_restitution(make: Make, restitution: float) -> None:
+    scene = make(
+        world(FLOOR, free("b", "0 0 1.1", 'size=".1"')), contacts=[{"restitution": restitution}], duration=1.2
+    )
+    found = run(scene, rw.DYNAMIC_RIGID, step=5e-4)
+    height = found.trajectory.position.values[:, 2] - 0.1
+    tops = height[1:-1][(height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])]
+    assert tops[0] == pytest.approx(restitution**2, rel=2e-3)
+    assert found.energy_gained <= 1e-9
+
+
+def test_a_tumbling_body_keeps_energy_and_momentum_to_first_order_and_unit_quaternions(make: Make) -> None:
+    spin = {"b.rx": 1.0, "b.ry": 2.0, "b.rz": 3.0}
+    scene = make(world(TOP, before=NO_GRAVITY), start={"velocities": spin}, duration=0.5)
+    errors = []
+    for h in (4e-3, 2e-3):
+        found = run(scene, rw.DYNAMIC_RIGID, step=h)
+        first, last = found.frames[0], found.frames[-1]
+        lost = float(np.linalg.norm(momentum(last) - momentum(first)) / np.linalg.norm(momentum(first)))
+        errors.append((abs(last.energy / first.energy - 1.0), lost))
+        assert max(abs(float(np.linalg.norm(each.q[3:7])) - 1.0) for each in found.frames) < 1e-12
+    assert errors[0][0] < 5e-3 and errors[0][1] < 5e-3
+    np.testing.assert_allclose(np.array(errors[0]) / errors[1], 2.0, rtol=0.05)
+
+
+def test_a_body_that_spins_about_its_middle_axis_turns_over(make: Make) -> None:
+    """Dzhanibekov's effect; about its first and third axis it does not."""
+    turned = []
+    for axis, aside in (("rx", "ry"), ("ry", "rx"), ("rz", "rx")):
+        start = {"velocities": {f"b.{axis}": 10.0, f"b.{aside}": 0.01}}
+        scene = make(world(TOP, before=NO_GRAVITY), start=start, duration=4.0)
+        found = run(scene, rw.DYNAMIC_RIGID, step=4e-3)
+        column = 3 + ("rx", "ry", "rz").index(axis)
+        turned.append(float(found.trajectory.velocity.values[:, column].min()))
+    assert turned[1] < -9.0
+    assert turned[0] > 9.9 and turned[2] > 9.9
+
+
+def test_a_tumbling_body_comes_to_the_same_end_as_in_finer_steps_to_first_order(make: Make) -> None:
+    start = {"velocities": {"b.rx": 1.0, "b.ry": 2.0, "b.rz": 3.0}}
+    scene = make(world(TOP, before=NO_GRAVITY), start=start, duration=0.5)
+    ends = [q(run(scene, rw.DYNAMIC_COMPLIANT, step=h)) for h in (4e-3, 2e-3, 1e-3)]
+    ratio = np.linalg.norm(ends[0] - ends[1]) / np.linalg.norm(ends[1] - ends[2])
+    assert ratio == pytest.approx(2.0, rel=0.1)

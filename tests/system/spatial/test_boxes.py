@@ -1,0 +1,64 @@
+"""Contacts of boxes face to face, where MuJoCo alone finds one of two edges every tenth time."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from rungwise.system.spatial.boxes import Boxes
+
+WALL, BOX = np.array([0.1, 0.2, 0.09]), np.array([0.1, 0.1, 0.1])
+MODEL = """<mujoco><worldbody><body pos="0 0 .1"><geom type="box" size=".1 .2 .09"/></body>
+<body><freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>"""
+
+
+def placed(model: mujoco.MjModel, gap: float, turn: np.ndarray) -> mujoco.MjData:
+    """Contacts of the box that stands beside the wall, turned by a vector (3,)."""
+    data = mujoco.MjData(model)
+    data.qpos[:3] = 0.2 + gap, 0.02, 0.1
+    angle = float(np.linalg.norm(turn))
+    mujoco.mju_axisAngle2Quat(data.qpos[3:], turn / max(angle, 1e-300), angle)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    return data
+
+
+def test_boxes_face_to_face_have_four_contacts_however_little_they_are_turned() -> None:
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    model.geom_margin[:] = 0.05
+    boxes, draw, mended = Boxes(model), np.random.default_rng(0), 0
+    for _ in range(300):
+        turn = draw.normal(size=3) * 10.0 ** draw.uniform(-16.0, -6.0)
+        gap = draw.choice([-1.0, 1.0]) * 10.0 ** draw.uniform(-16.0, -4.0)
+        data = placed(model, gap, turn)
+        before = data.ncon
+        boxes.mend(data)
+        mended += before == 1
+        assert data.ncon == 4
+        for contact in data.contact:
+            np.testing.assert_allclose(contact.frame[:3], [1.0, 0.0, 0.0], atol=1e-5)
+            frame = contact.frame.reshape(3, 3)
+            np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+            corner = np.array([-0.1, *(contact.pos - [0.2 + gap, 0.02, 0.1])[1:]])
+            place = corner + np.cross(turn, corner) + [0.2 + gap, 0.02, 0.1]
+            assert contact.dist == pytest.approx(place[0] - WALL[0], abs=1e-9)
+        assert sorted(round(contact.pos[1], 3) for contact in data.contact) == [-0.08, -0.08, 0.12, 0.12]
+    assert mended > 10
+
+
+def test_boxes_edge_to_edge_keep_their_one_contact() -> None:
+    model = mujoco.MjModel.from_xml_string(MODEL)
+    model.geom_margin[:] = 0.05
+    data = mujoco.MjData(model)
+    turned = np.zeros(4)
+    data.qpos[:3] = 0.24, 0.02, 0.3
+    mujoco.mju_euler2Quat(turned, np.array([0.5, 0.7, 0.3]), "xyz")
+    data.qpos[3:] = turned
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_collision(model, data)
+    before = [(contact.dist, *contact.pos) for contact in data.contact]
+    Boxes(model).mend(data)
+    assert [(contact.dist, *contact.pos) for contact in data.contact] == before
