@@ -156,6 +156,10 @@ class Question:
         gaps, collides, poses = self._place.geometry(states)
         return Geometry(contacts=contacts, gaps=gaps, collides=collides, bodies=bodies, poses=poses)
 
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap at a state, and by how much; empty where none do. Raises StateError."""
+        return self._place.overlap(state)
+
 
 def _place(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) -> _Place | SpacePlace:
     """The scene at these parameters, ready to be asked."""
@@ -215,6 +219,16 @@ class _Place:
         collides = np.any(gaps < -(slack(self.workspace) + rows.overlaps), axis=1)
         angles = np.arctan2(poses[..., 3:], poses[..., 2:3])
         return gaps, collides, np.concatenate([poses[..., :2], angles], axis=-1)
+
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap most at a state; empty where none do."""
+        gaps, collides, _ = self.geometry(state)
+        k = int(gaps[0].argmin()) if collides[0] else 0
+        return (
+            f"{' and '.join(self.scene.template.contacts[k])} overlap by {-gaps[0, k]:.3g}"
+            if collides[0]
+            else ""
+        )
 
     def answers(self, rows: Rows, terms: list[Term]) -> tuple[Reals, Reals, Reals]:
         """Values of terms (m, k), gaps (m, c), poses (m, b, 4)."""

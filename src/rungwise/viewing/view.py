@@ -53,9 +53,12 @@ def view(
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
     listed_runs = _listed(runs)
-    if listed_runs and all(isinstance(one, SpaceRun) for one in listed_runs):
-        return _in_space([one for one in listed_runs if isinstance(one, SpaceRun)], html, png, gif)
     sources = [_source(one) for one in listed_runs]
+    spatial = [one for one in sources if isinstance(one, SpaceRun)]
+    if spatial:
+        if len(spatial) < len(sources):
+            raise ViewError("runs: runs in space and planar runs go to pages of their own")
+        return _in_space(spatial, html, png, gif)
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -66,7 +69,7 @@ def view(
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
         return _sets(found, html, png)
     try:
-        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet)]
+        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet | SpaceRun)]
     except SceneError as error:
         raise ViewError(str(error)) from None
     _same_bodies(clips)
@@ -106,7 +109,7 @@ def _listed(runs: object) -> list[object]:
     raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(runs)}")
 
 
-def _source(source: object) -> Run | FeasibleSet | Path:
+def _source(source: object) -> Run | SpaceRun | FeasibleSet | Path:
     """The set in a folder of a set, the run of a plan; a run, or the folder of one, as it is."""
     if not isinstance(source, Source):
         raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(source)}")
@@ -123,8 +126,6 @@ def _source(source: object) -> Run | FeasibleSet | Path:
             if not source.found:
                 raise ViewError(f"plan: there is none. {source.reason}")
             return source.replay()
-        if isinstance(source, SpaceRun):
-            raise ViewError("runs: runs in space and planar runs go to pages of their own")
         return source
     except ViewError:
         raise

@@ -76,7 +76,8 @@ class Ends(NamedTuple):
 
 class Sampled(NamedTuple):
     """How a run ended; q (n_q,), v (n_v,) there, its memory (w,), and the ends of its segments, if kept;
-    `fault` says why it did not begin. Steps count from the beginning of the state's run, attempts and solves from the state."""
+    `fault` says why it did not begin. Steps count from the beginning of the state's run, all else that is
+    counted from the state."""
 
     outcome: int
     time: float
@@ -129,6 +130,7 @@ def _sampled(terms: Terms, sample: Sample) -> Sampled:
     if march is None or simulation.outcome == Code.INVALID:
         return nothing(terms.scene, simulation.reason)
     begun, solved = simulation.steps, int(march.clock["solves"])
+    worked = float(march.clock["drive_work"])
     ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
     while simulation.outcome == Code.RUNNING:
         simulation.take()
@@ -140,7 +142,7 @@ def _sampled(terms: Terms, sample: Sample) -> Sampled:
         outcome=int(simulation.outcome), time=march.time, margin=simulation.margin, steps=simulation.steps,
         attempts=march.attempts, solves=int(march.clock["solves"]) - solved, switches=simulation.segment,
         residual=march.residual, q=march.q.copy(), v=march.v.copy(), memory=simulation.memory(),
-        drive_work=float(march.clock["drive_work"]), ends=None if ends is None else ends.done(),
+        drive_work=float(march.clock["drive_work"]) - worked, ends=None if ends is None else ends.done(),
     )  # fmt: skip
 
 

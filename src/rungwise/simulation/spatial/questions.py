@@ -110,6 +110,16 @@ class SpacePlace:
             poses[i] = np.hstack([data.xpos, data.xquat])
         return gaps, collides, poses
 
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap most at a state; empty where none do."""
+        row = self._rows(state)[0]
+        allowed = OVERLAP * self.space.size.length + 2.0 * (
+            0.0 if row.memory is None else self._recalled(row.memory)
+        )
+        gap, a, b = min(self.space.overlaps(row.q), default=(0.0, 0, 0))
+        names = [self.scene.labels.bodies[int(self.space.solids.body[geom])] for geom in (a, b)]
+        return f"{names[0]} and {names[1]} overlap by {-gap:.3g}" if gap < -allowed else ""
+
     def _rows(self, states: States) -> list[_Row]:
         """States, their quaternions unit ones. Raises StateError."""
         template = self.scene.template

@@ -262,9 +262,7 @@ class Space:
             load += d.qfrc_spring + d.qfrc_gravcomp
         self._fill_yielding(terms)
         if m.nu:
-            mujoco.mju_sparse2dense(
-                self._moment, d.actuator_moment, d.moment_rownnz, d.moment_rowadr, d.moment_colind
-            )
+            _dense_moments(d, self._moment)
             load += self.drives.load(self.control, self._moment)
         if self.solids.free.all():
             mujoco.mj_solveM(m, d, terms.fall[None], terms.load[None])
@@ -355,6 +353,26 @@ class _Limits:
 
     def slot(self, kind: int, number: int, row: Reals) -> int:
         return self.keys[kind, number, int(row.sum() > 0.0)]
+
+
+def moments(model: mujoco.MjModel, q: Reals) -> Reals:
+    """What each actuator does to each velocity (a, n_v) at q."""
+    import mujoco
+
+    data, found = mujoco.MjData(model), np.zeros((model.nu, model.nv))
+    data.qpos[:] = q
+    mujoco.mj_fwdPosition(model, data)
+    if model.nu:
+        _dense_moments(data, found)
+    return found
+
+
+def _dense_moments(data: mujoco.MjData, found: Reals) -> None:
+    import mujoco
+
+    mujoco.mju_sparse2dense(
+        found, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
 
 
 def directions(model: mujoco.MjModel) -> int:
