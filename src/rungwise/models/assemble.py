@@ -58,7 +58,7 @@ def assemble(
         _fill_metric(terms, free, n, problem)
     else:  # (1) balance
         _fill_balance(rung, h * theta, eps, terms, free, n, v, speed, problem)
-    bounced = False
+    bounced, driven = False, _is_driven(speed)
     d = terms.contact_stiffness.shape[1]
     for k in range(contacts):
         problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0  # (3) friction
@@ -71,7 +71,7 @@ def assemble(
             problem.R[k, :, :] = 0.0
             problem.w[k * d : k * d + d] = 0.0
             # (2) Signorini
-            g = approach(k * d, terms, v, speed, free, n, eps)
+            g = approach(k * d, terms, v, speed, free, n, eps) if terms.restitution[k] > 0.0 else 0.0
             if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
                 problem.w[k * d] = terms.restitution[k] * g
                 bounced = True
@@ -79,8 +79,9 @@ def assemble(
                 problem.w[k * d] = terms.gap[k] / h
             elif terms.gap[k] < -terms.rounding[0]:
                 problem.w[k * d] = terms.gap[k] / max(h, terms.pause[0])
-        for r in range(k * d, k * d + d):
-            problem.w[r] += carried(terms.rows, r, speed)
+        if driven:
+            for r in range(k * d, k * d + d):
+                problem.w[r] += carried(terms.rows, r, speed)
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
@@ -89,11 +90,21 @@ def assemble(
         if math.isinf(stiff):  # (4) joints
             drifts = terms.account[r] == JOINT and not rung[0].metric
             problem.w_s[r] = -terms.error[r, 0] / (max(h, 0.5 * terms.pause[0]) if drifts else h)
-        problem.w_s[r] += carried(terms.limited, r, speed)
+        if driven:
+            problem.w_s[r] += carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
         for i in range(n):
             problem.S[r, i] = terms.limited[r, free[i]]
     return bounced
+
+
+@kernel
+def _is_driven(speed: Reals) -> bool:
+    """Whether something moves at a speed that is prescribed."""
+    driven = False
+    for i in range(speed.shape[0]):
+        driven |= speed[i] != 0.0
+    return driven
 
 
 @kernel
@@ -117,16 +128,16 @@ def _fill_balance(
     speed: Reals,
     problem: ContactProblem,
 ) -> None:
-    inertia = eps / step
+    inertia, driven = eps / step, _is_driven(speed)
     momentum = inertia if rung[0].inertia > 0.0 else 0.0
     for i in range(n):
         a = free[i]
         problem.c[i] = terms.load[a] if rung[0].loads else 0.0
-        for b in range(v.shape[0]):
+        for b in range(v.shape[0] if momentum > 0.0 else 0):
             problem.c[i] += momentum * terms.inertia[a, b] * v[b]
-            if speed[b] != 0.0:
-                resist = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
-                problem.c[i] -= resist * speed[b]
+        for b in range(v.shape[0] if driven else 0):
+            resist = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+            problem.c[i] -= resist * speed[b]
         for j in range(n):
             b = free[j]
             problem.H[i, j] = (

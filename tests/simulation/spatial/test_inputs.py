@@ -58,6 +58,19 @@ def test_a_state_in_the_middle_of_a_schedule_goes_on_with_it_bit_for_bit(make: M
     assert other.time == pytest.approx(1.1) and q(other)[0] == whole.states[80].q[0]
 
 
+def test_segments_of_no_length_and_conditions_that_hold_already_end_at_once(make: Make) -> None:
+    schedule = [
+        {"inputs": {"u": 3.0}, "duration": 0.0},
+        {"inputs": {"u": 5.0}, "duration": 1.0, "until": "t >= 0"},
+        {"duration": 0.1},
+    ]
+    found = run(driven(make), rw.KINEMATIC, inputs=schedule)
+    assert (found.outcome.name, found.steps) == ("timeout", 10)
+    assert q(found)[0] == pytest.approx(0.3, abs=1e-12)
+    unmet = run(driven(make), rw.KINEMATIC, inputs=[{"duration": 0.0, "until": "p.j > 1"}])
+    assert (unmet.steps, unmet.reason) == (0, "inputs.0.until: p.j > 1 did not hold within 0")
+
+
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_pile_in_contact_goes_on_bit_for_bit(rung: Rung) -> None:
     scene = rw.load("stack")

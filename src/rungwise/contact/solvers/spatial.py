@@ -4,8 +4,8 @@ Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An 
 on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
 Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
 method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive
-definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from the
-problem as it was given.
+definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
+the problem as it was given.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem
-from rungwise.contact.step.residual import residual
+from rungwise.contact.step.residual_in_space import residual_in_space
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
 """Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
 tolerance of the whole. The first is chosen by trial, to a decade."""
-_NEAR = 1e-2
+_NEAR = 0.3
 """Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
 _TURNS, _SWEEPS, _STEPS = 2, 4, 6
 """Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
@@ -38,7 +38,7 @@ _SUBPROBLEMS = 20
 _PATH, _WINDOW, _STALLED = 40, 6, 0.7
 """Most steps of the interior point method, which ends where product and residual are above this share of
 their values a window of steps earlier. Chosen by trial."""
-_FINISH, _NEARER = 1e-2, 0.3
+_FINISH, _NEARER = 1e-2, 0.1
 """Residual below which the proximal point method is tried from the path, and the factor by which the residual
 must fall before it is tried again. Chosen by trial."""
 _INSIDE = 1.0 - 1e-9
@@ -68,7 +68,7 @@ def solve_spatial(
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
     if islands < 0:
-        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
+        v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
     groups = Groups(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
@@ -104,13 +104,13 @@ def solve_spatial(
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
         _give_back(groups, contacts, d, point.x, force, tau)
-        error = residual(p, n, contacts, limited, v, force, tau)
+        error = residual_in_space(p, n, contacts, limited, v, force, tau)
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
     status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
     if status != SOLVED:
-        v[:n], force[:], tau[:] = 0.0, 0.0, 0.0
+        v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
     _tell_modes(p, contacts, limited, force, tau, mode)
     return status, error, worst
 

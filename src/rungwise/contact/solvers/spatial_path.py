@@ -86,7 +86,7 @@ def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Dua
             return False
         centring, repaired = 0.0, 1.0
         for predicts in (True, False):
-            _find(bodies, groups, span, centring * product, repaired, turning, point, duals, steps)
+            _find(groups, span, centring * product, repaired, turning, point, duals, steps)
             length = _longest(groups, span, point.x, duals, steps)
             if predicts and product > 0.0:
                 ahead, _ = product_ahead(groups, span, point.x, duals, min(1.0, length), steps)
@@ -160,7 +160,6 @@ def _linearise(
 
 @kernel
 def _find(
-    bodies: Bodies,
     groups: Groups,
     span: Span,
     target: float,

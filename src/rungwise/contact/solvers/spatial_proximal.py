@@ -3,9 +3,9 @@
 Algorithm: a sequence of subproblems, each by Newton's method in velocities (`spatial_newton`), in which
 forces yield in proportion to the residual that is left: redundant contacts, whose rates disagree by next to
 nothing, move their forces by amounts of their own size then. The proportion falls while subproblems are
-solved and rises when one is not; where that does not help, sweeps go on from there. Sources: Rockafellar, SIAM
-J. Control Optim. 14 (1976) 877-898; Yamashita and Fukushima, Computing Suppl. 15 (2001) 239-249, for weights
-in proportion to the residual.
+solved and rises when one is not; where that does not help, sweeps go on from there. Sources: Rockafellar,
+SIAM J. Control Optim. 14 (1976) 877-898; Yamashita and Fukushima, Computing Suppl. 15 (2001) 239-249, for
+weights in proportion to the residual.
 Accepts: what `spatial_newton` accepts. Promises: nothing; the residual is returned.
 """
 
@@ -18,7 +18,7 @@ from rungwise.contact.solvers.spatial_rows import Bodies, Groups
 from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, sweep
 from rungwise.kernel import inner_kernel, kernel
 
-_STEPS = 8
+_STEPS = 16
 """Most Newton steps of a subproblem; chosen by trial."""
 _SETTLED = 0.1
 """Map of a solved subproblem, over the map at its centre. Chosen by trial."""

@@ -5,9 +5,9 @@ where coordinates of different units meet: each balance row against its own term
 the greatest contact force L could have in it, velocities against U, the largest velocity term of the contact
 rows but no less than the problem's quantum, forces against L. Signorini is the natural map min(u_n / U,
 lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
-lambda_n / L (exact cone). L is at least `_FLOOR` of the force that would change a contact's speed by U, so
+lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U, so
 that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
-causes, it is `_REST` of that change, so that things may rest.
+causes, it is `REST` of that change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import math
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Reals, kernel
 
-_FLOOR = 1e-6
+FLOOR = 1e-6
 """Least L, over the force that would change a contact's speed by U. Chosen by trial, to a decade."""
-_ROUNDING, _REST = 1e-14, 1e-3
+ROUNDING, REST = 1e-14, 1e-3
 """U over the change of speed that L causes: U is rounding below the first, about a hundred roundings, and is
 then raised to the second. Both chosen by trial, to a decade."""
 
@@ -47,27 +47,27 @@ def residual(
     for r in range(limited):
         velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     for k in range(contacts):
-        largest = _at_least(_FLOOR * velocity, p, p.W, k * d, n, largest)
+        largest = _at_least(FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
-        largest = _at_least(_FLOOR * velocity, p, p.S, r, n, largest)
+        largest = _at_least(FLOOR * velocity, p, p.S, r, n, largest)
     worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
-        worst = _worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))  # (2), (3)
+        worst = worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))  # (2), (3)
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
             s += p.S[r, i] * v[i]
         # (4) joints, (5) drives
         x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
-        worst = _worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
+        worst = worse(worst, abs(x - min(max(x - s * per_velocity, -bound), bound)) + 0.0 * s)
     return worst
 
 
 @kernel
-def _worse(a: float, b: float) -> float:
+def worse(a: float, b: float) -> float:
     """The larger of two violations; inf when b is not a number (max and min may drop it)."""
     if b <= a:
         return a
@@ -93,8 +93,8 @@ def _rest(velocity: float, p: ContactProblem, rows: Reals, r: int, n: int, force
     speed = 0.0
     for i in range(n):
         push = rows[r, i] * rows[r, i] * force
-        if velocity * p.H[i, i] < _ROUNDING * push:
-            speed = max(speed, _REST * push / p.H[i, i])
+        if velocity * p.H[i, i] < ROUNDING * push:
+            speed = max(speed, REST * push / p.H[i, i])
     return speed
 
 
@@ -135,7 +135,7 @@ def _balance(
             total -= p.S[r, i] * tau[r]
         scale = max(scale, lever * largest)
         if not abs(total) <= worst * scale:
-            worst = _worse(worst, abs(total) / scale)
+            worst = worse(worst, abs(total) / scale)
     return worst
 
 
@@ -153,7 +153,7 @@ def _contact(
             u += p.W[first + i, j] * v[j]
         u *= per_velocity
         if i == 0:
-            worst = _worse(0.0, abs(min(u, normal)) + 0.0 * u)  # (2) Signorini
+            worst = worse(0.0, abs(min(u, normal)) + 0.0 * u)  # (2) Signorini
         else:
             length += (force[first + i] * per_force - u) ** 2
     length = math.sqrt(length)  # (3) friction
@@ -166,4 +166,4 @@ def _contact(
             u += p.W[first + i, j] * v[j]
         x = force[first + i] * per_force
         total += (x - shrink * (x - u * per_velocity)) ** 2
-    return _worse(worst, math.sqrt(total))
+    return worse(worst, math.sqrt(total))

@@ -24,9 +24,7 @@ from rungwise.simulation.core.step import (
     SUPPORTED,
     UNSOLVED,
     UNSUPPORTED,
-    accept_forces,
-    account,
-    end_velocities,
+    accept,
     forget,
     solve_step,
 )
@@ -126,7 +124,7 @@ class March:
                     h * min(max(CAUTION * math.sqrt(tol / error), LEAST), MOST) if error > 0.0 else MOST * h
                 )
                 if error <= tol or moved <= tol:
-                    self._accept(h, v)
+                    self._accept(h)
                     return wish
                 h = wish
                 continue
@@ -202,25 +200,14 @@ class March:
             terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
         state.passive[:] = terms.load
 
-    def _accept(self, h: float, v: Reals) -> None:
-        record, contacts = self._record, self._contacts
-        state, scratch = self.state, self.scratch
-        accept_forces(record, h, self.terms, contacts, state, scratch, self.problem)
-        account(record, h, self.terms, contacts, state, scratch, state.v)
+    def _accept(self, h: float) -> None:
+        self.clock["time"] = self.time
+        sunk = accept(self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem)
         self.system.accept()
-        clock = self.clock
-        self.residual = max(self.residual, float(clock["residual"]))
-        self.q = self._trial
-        end_velocities(float(clock["theta"]), state, v)
-        slots = scratch.slots[:contacts]
-        state.impulse[slots] += h * state.force[slots]
-        self.time += h
-        clock["time"] = self.time
-        clock["steps"] += 1
-        if self.rung.compliant:
-            sunk = np.abs(state.deformation[slots, 0]).max(initial=0.0)
-            if sunk > SINKING * self.system.size.length:
-                self.outcome = Code.MODEL_INVALID
+        self.residual = max(self.residual, float(self.clock["residual"]))
+        self.q, self.time = self._trial, self.time + h
+        if self.rung.compliant and sunk > SINKING * self.system.size.length:
+            self.outcome = Code.MODEL_INVALID
 
     def _explain(self, status: int) -> None:
         """Set the outcome: a jam or a missing support if proved, else not converged."""

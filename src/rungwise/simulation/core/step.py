@@ -231,10 +231,31 @@ def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> 
 
 
 @kernel
-def end_velocities(theta: float, state: State, v_new: Reals) -> None:
-    """Hand on the velocities (n_v,) at the end of a step that has `v_new` at theta."""
-    for i in range(v_new.shape[0]):
-        state.v[i] = end_velocity(theta, state.v[i], v_new[i], state.prescribed[i] == 1)
+def accept(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> float:
+    """Take over the solved step: forces, deformations, work, impulses, velocities at its end, and time.
+
+    Returns the greatest normal deformation."""
+    clock, deepest = state.clock[0], 0.0
+    accept_forces(rung, h, terms, contacts, state, scratch, problem)
+    account(rung, h, terms, contacts, state, scratch, state.v)
+    for i in range(state.v.shape[0]):
+        state.v[i] = end_velocity(clock.theta, state.v[i], scratch.v_new[i], state.prescribed[i] == 1)
+    for k in range(contacts):
+        slot = scratch.slots[k]
+        deepest = max(deepest, abs(state.deformation[slot, 0]))
+        for i in range(state.force.shape[1]):
+            state.impulse[slot, i] += h * state.force[slot, i]
+    clock.time += h
+    clock.steps += 1
+    return deepest
 
 
 @kernel
@@ -335,10 +356,9 @@ def account(
     clock = state.clock[0]
     n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
     momentum = rung[0].inertia > 0.0
+    _push(terms, contacts * d, scratch.contact_force, state.reaction)
     for i in range(n):
-        contact = 0.0
-        for r in range(contacts * d):
-            contact += terms.rows[r, i] * scratch.contact_force[r]
+        contact = state.reaction[i]
         limited, support, joint = 0.0, 0.0, 0.0
         for r in range(clock.limited):
             force = terms.limited[r, i] * scratch.limited_force[r]
@@ -349,15 +369,15 @@ def account(
             else:
                 joint += force
         elastic = 0.0
-        inertial = 0.0
         for j in range(n):
             elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
             support -= terms.damping[i, j] * scratch.v_new[j]
-            if momentum:
-                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
-                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
+            inertial = 0.0
+            for j in range(n if momentum else 0):
+                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
+                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
             drive = inertial - state.passive[i] - contact - support - joint
         lever = scratch.v_new[i]
         if momentum:
@@ -369,3 +389,13 @@ def account(
         clock.contact_work += h * lever * contact
         clock.support_work += h * lever * support
         clock.joint_work += h * lever * joint
+
+
+@kernel
+def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
+    """Write what forces along the first rows do to each coordinate into `push` (n,)."""
+    push[:] = 0.0
+    for r in range(rows):
+        if force[r] != 0.0:
+            for i in range(push.shape[0]):
+                push[i] += terms.rows[r, i] * force[r]

@@ -39,7 +39,7 @@ def _parts(march: March, space: Space) -> list[NDArray[Any]]:
     return [
         state.clock.view(np.float64), state.deformation, state.modes, state.force, state.impulse,
         scratch.limited_force, scratch.limited_mode, march.terms.fall, kept.geoms, kept.place, kept.along,
-        kept.world,
+        kept.world, kept.used,
     ]  # fmt: skip
 
 

@@ -165,17 +165,14 @@ class _Course:
             m.opt.timestep = h
             mujoco.mj_step(m, d)
             d.qvel[driven] = self.bound.pace[driven]
-            self.clock.go_on(d.time, self._is_over(), self.values.told)
+            self.clock.go_on(d.time, self.values.told, self._holds)
         m.opt.timestep = own
         return d.qpos.copy(), d.qvel.copy()
 
-    def _is_over(self) -> bool:
-        """Whether the condition that ends the segment holds at MuJoCo's state; forces are not known there."""
-        k, d = self.clock.segment, self.data
-        if k >= len(self.run.inputs) or self.run.inputs[k].until is None:
-            return False
+    def _holds(self, k: int) -> bool:
+        """Whether the condition of segment k holds at MuJoCo's state; forces are not known there."""
         assert self.run.space is not None
-        self.values.place(d.time, d.qpos.copy(), d.qvel.copy(), self.run.space)
+        self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
         return self.values.is_over(k)
 
     def outcome(self) -> str:

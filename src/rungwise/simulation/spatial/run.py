@@ -96,8 +96,6 @@ class SpaceSimulation:
         self._values = Values(scene, bound, until)
         if state is not None:
             self._go_on(state, self.march, inputs is None)
-        self._clock.go_on(self.march.time, False, self._values.told)
-        bound.tell(self._values.told)
         self.end = duration or (self._clock.end if self.inputs else bound.duration)
         self._longest = (self.end if span is None else span) / LONGEST
         if state is not None and not state.time < self.end:
@@ -110,8 +108,10 @@ class SpaceSimulation:
             self.outcome = Code.INVALID
             return
         self._values.read(self.march, self.space)
-        self._recorder.take(self.march, self.space, self.memory)
         self._judge()
+        self._recorder.take(self.march, self.space, self.memory)
+        if self.outcome != Code.RUNNING:
+            self._explain(self.march)
 
     def __repr__(self) -> str:
         return (
@@ -144,6 +144,14 @@ class SpaceSimulation:
         self.wall_s += time.perf_counter() - began
         return self.outcome == Code.RUNNING
 
+    def steps_taken(self, count: int) -> int:
+        """Take at most so many steps; returns how many, fewer where the run has ended."""
+        for taken in range(count):
+            if self.outcome != Code.RUNNING or self.march is None:
+                return taken
+            self.take()
+        return count
+
     def take(self) -> None:
         """Take one step of a run that goes on, and judge where it led."""
         clock, values, march = self._clock, self._values, self.march
@@ -166,18 +174,8 @@ class SpaceSimulation:
             self._explain(march)
         else:
             self._judge()
-            over = clock.segment < len(self.inputs) and values.is_over(clock.segment)
-            if self.outcome == Code.RUNNING and not clock.go_on(march.time, over, values.told):
-                self.outcome = Code.TIMEOUT
-                self.reason = (
-                    f"inputs.{clock.segment}.until: {self.inputs[clock.segment].until} did not hold within"
-                    f" {self.inputs[clock.segment].duration:g}"
-                )
             self._recorder.take(march, self.space, self.memory)
-        if self.outcome == Code.RUNNING and self._scheduled:
-            if clock.is_over:
-                self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
-        elif self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
             self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
             self._recorder.take(march, self.space, self.memory, last=True)
@@ -231,12 +229,20 @@ class SpaceSimulation:
         return min(best, 0.0) if best > -math.inf else math.nan
 
     def _judge(self) -> None:
+        """Set the outcome where a condition decides it, or the schedule is over."""
         best, danger = self._margins
         goal, near = self._values.margins()
         self._margins = max(best, goal), max(danger, near)
-        verdict = self._values.verdict()
-        if verdict != Code.RUNNING:
-            self.outcome = verdict
+        self.outcome = self._values.verdict()
+        clock, values = self._clock, self._values
+        if self.outcome != Code.RUNNING:
+            return
+        if not clock.go_on(self.time, values.told, values.is_over):
+            on = self.inputs[clock.segment]
+            self.outcome = Code.TIMEOUT
+            self.reason = f"inputs.{clock.segment}.until: {on.until} did not hold within {on.duration:g}"
+        elif self._scheduled and clock.is_over:
+            self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
 
     def _explain(self, march: March) -> None:
         """Set the reason of the outcome."""

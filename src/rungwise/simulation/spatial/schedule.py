@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -68,17 +68,19 @@ class Clock:
             part = (time - self._opened) / on.duration if on.ramp and on.duration > 0.0 else 1.0
             told[column] = before + min(max(part, 0.0), 1.0) * (value - before)
 
-    def go_on(self, time: float, is_over: bool, told: Reals) -> bool:
-        """Go to the next segment where this one is over, its inputs told; False where its condition did not
-        come to hold. A segment of no duration only sets its inputs."""
-        while self.segment < len(self.segments):
+    def go_on(self, time: float, told: Reals, holds: Callable[[int], bool]) -> bool:
+        """Go to the segment that is on at a time; `holds` says whether the condition of segment k does. False
+        where a segment is spent and its condition does not hold."""
+        while not self.is_over:
             on = self.segments[self.segment]
             spent = self.left(time) <= NEARLY * max(on.duration, abs(time))
-            if on.until is not None and spent and not is_over and on.duration > 0.0:
+            ends = on.until is not None and holds(self.segment)
+            if spent and on.until is not None and not ends:
                 return False
-            if not spent and not is_over:
+            if not spent and not ends:
                 return True
-            self.tell(time, told)
-            self._opened, self._before, is_over = time, {}, False
+            if spent:
+                self.tell(time, told)
+            self._opened, self._before = time, {}
             self.segment += 1
         return True

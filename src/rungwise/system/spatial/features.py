@@ -33,13 +33,14 @@ class Features(Block):
     place: Reals
     along: Reals
     world: Reals
+    used: Ints
 
 
 def allocate_features(slots: int) -> Features:
     """Slots without features."""
     return Features(
         geoms=np.full((slots, 2), FREE), place=np.zeros((slots, 6)), along=np.zeros((slots, 6)),
-        world=np.zeros((slots, 11)),
+        world=np.zeros((slots, 11)), used=np.zeros(1, np.int64),
     )  # fmt: skip
 
 
@@ -93,8 +94,9 @@ def fill_contacts(
     are, or -1 if there are more than `most`.
     """
     count, d, n = 0, terms.contact_stiffness.shape[1], terms.load.shape[0]
-    for s in range(found.geoms.shape[0]):
+    for s in range(found.used[0]):
         found.geoms[s, 0] = FREE
+    found.used[0] = 0
     for c in range(seen.dist.shape[0]):
         if seen.address[c] < 0 or not seen.dist[c] <= reach:
             continue
@@ -102,7 +104,8 @@ def fill_contacts(
             continue
         if count == most:
             return -1
-        slot = _slot_of(c, seen, solids, kept, found, most)
+        slot = _slot_of(c, seen, solids, kept, found)
+        found.used[0] = max(found.used[0], slot + 1)
         fresh[count] = kept.geoms[slot, 0] == FREE
         slots[count] = slot
         _fill_rows(c, count, slot, seen, solids, kept, found, bool(fresh[count]), d, n, terms)
@@ -115,13 +118,14 @@ def fill_contacts(
 @kernel
 def keep(kept: Features, found: Features) -> None:
     """The features found are those of the step before the next."""
-    for s in range(kept.geoms.shape[0]):
+    for s in range(max(kept.used[0], found.used[0])):
         for i in range(2):
             kept.geoms[s, i] = found.geoms[s, i]
         for i in range(6):
             kept.place[s, i], kept.along[s, i] = found.place[s, i], found.along[s, i]
         for i in range(11):
             kept.world[s, i] = found.world[s, i]
+    kept.used[0] = found.used[0]
 
 
 @kernel
@@ -133,12 +137,13 @@ def _is_free(row: Reals, free: Ints, n: int) -> bool:
 
 
 @kernel
-def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features, most: int) -> int:
+def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features) -> int:
     """The slot of the nearest feature of the same geoms that no other contact has taken, or a free one."""
     a, b = seen.geom[c, 0], seen.geom[c, 1]
     best, empty = FREE, FREE
     near = NEAR * min(solids.size[a], solids.size[b])
-    for s in range(most):
+    used = max(kept.used[0], found.used[0])
+    for s in range(used):
         if found.geoms[s, 0] != FREE:
             continue
         if kept.geoms[s, 0] == FREE:
@@ -147,7 +152,9 @@ def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features
             apart = min(_apart(c, 0, s, seen, solids, kept), _apart(c, 1, s, seen, solids, kept))
             if apart < near:
                 best, near = s, apart
-    return best if best != FREE else empty
+    if best != FREE:
+        return best
+    return empty if empty != FREE else used
 
 
 @kernel

@@ -69,7 +69,7 @@ class Space:
         self.boxes = Boxes(m)
         touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
         moving = touching & (m.body_weldid[m.geom_bodyid] != 0)
-        self.most = ROOM * int(moving.sum()) + SPARE
+        self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
@@ -86,6 +86,8 @@ class Space:
         self._at(self.place)
         self.limits = _Limits(m)
         rows = int(self.data.ne + self.data.nf)
+        # As many slots again: a contact may be new while the feature that it displaces still has its slot.
+        self.most = 2 * self.room
         self.size = Size(
             m.nq,
             m.nv,
@@ -98,6 +100,14 @@ class Space:
         self._slots, self._fresh = np.zeros(self.size.slots, np.int64), np.zeros(self.size.slots, np.int64)
         self._moment = np.zeros((m.nu, m.nv))
         self._row = np.zeros(m.nv)
+        self._all_free = bool(self.solids.free.all())
+        self._springs = bool(
+            m.jnt_stiffness.any()
+            or m.body_gravcomp.any()
+            or m.tendon_stiffness.any()
+            or m.tendon_damping.any()
+        )
+        self._filled: Terms | None = None
         self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
 
     def start(self) -> tuple[Reals, Reals]:
@@ -137,7 +147,7 @@ class Space:
         import mujoco
 
         self._at(q)
-        m, nothing = self.model, np.zeros(6)
+        m, nothing = self.model, None
         far = 10.0 * float(m.stat.extent)
         least = np.inf
         for i in self._geoms_of(a):
@@ -182,12 +192,12 @@ class Space:
             c = d.contact
             seen = Seen(c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address, rows)
             count = fill_contacts(
-                seen, self.solids, self.kept, self._found, reach, self.most, terms, self._slots, self._fresh
+                seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
             )
             if count < 0:
-                raise InputError(f"scene: more than {self.most} contacts are within {reach:.3g} at once")
+                raise InputError(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
         else:
-            self._found.geoms[:] = -1
+            self._found.geoms[:], self._found.used[0] = -1, 0
         count = self._fill_limits(rows, reach, count, terms)
         return self._slots[:count], self._fresh[:count]
 
@@ -257,14 +267,16 @@ class Space:
             load -= (1.0 - eps) * self._row
         else:
             load -= self._row
-        if m.ntendon or m.njnt:
+        if self._springs:
             mujoco.mj_passive(m, d)
             load += d.qfrc_spring + d.qfrc_gravcomp
-        self._fill_yielding(terms)
+        if terms is not self._filled or self._springs:
+            self._fill_yielding(terms)
+            self._filled = terms
         if m.nu:
             _dense_moments(d, self._moment)
             load += self.drives.load(self.control, self._moment)
-        if self.solids.free.all():
+        if self._all_free:
             mujoco.mj_solveM(m, d, terms.fall[None], terms.load[None])
         else:
             fall_freely(terms, self.pace)

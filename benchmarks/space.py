@@ -1,0 +1,99 @@
+"""Steps of whole runs in space, beside MuJoCo's own in the same process, and what is asked of every step.
+
+    python benchmarks/space.py [--scenes stack pile] [--steps 8000] [--rounds 8] [--json]
+
+Each round takes steps on the rung and then as many in MuJoCo from the same start, so that both see the same
+machine. MuJoCo steps the same model with its own settings: Newton, elliptic cones, its step the scene's.
+
+  steps/s   of the rung, collision, assembly, solution, judgement and integration included
+  ratio     over MuJoCo's steps/s, median of the rounds
+  within    share of the steps taken whose residual is within 1e-8; halved: steps that were shortened
+  overlap   greatest overlap that a rigid step added, over the size of the smallest geom
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from statistics import median
+from typing import Any
+
+import mujoco
+
+import rungwise as rw
+from rungwise.outcome import Code
+
+TOLERANCE = 1e-8
+NEVER = 1e9
+ENDS = ("goal", "unsafe", "doomed")
+"""Conditions that would end a run before all steps are taken."""
+
+
+def measure(name: str, model: str, steps: int, rounds: int) -> dict[str, Any]:
+    """One scene on one rung; `steps` in all, over the rounds."""
+    told = json.loads(rw.load(name).stored)
+    scene = rw.load({key: value for key, value in told.items() if key not in ENDS})
+    run = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
+    march, space = run.march, run.space
+    own = scene.bind().model
+    own.opt.cone, own.opt.timestep = mujoco.mjtCone.mjCONE_ELLIPTIC, run.step
+    data = mujoco.MjData(own)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = march.q, march.v, space.control
+    run.steps_taken(5)
+    each, ours, theirs = steps // rounds, [], []
+    within = halved = 0
+    overlap = 0.0
+    for _ in range(rounds):
+        took, taken = 0.0, 0
+        while taken < each and run.outcome == Code.RUNNING:
+            before, deep = march.time, space.least_gap(march.q)
+            began = time.perf_counter()
+            run.steps_taken(1)
+            took += time.perf_counter() - began
+            taken += 1
+            within += float(march.clock["residual"]) <= TOLERANCE
+            halved += march.time - before < 0.99 * run.step
+            overlap = max(overlap, min(deep, 0.0) - min(space.least_gap(march.q), 0.0))
+        ours.append(took / max(taken, 1))
+        began = time.perf_counter()
+        for _ in range(each):
+            mujoco.mj_step(own, data)
+        theirs.append((time.perf_counter() - began) / each)
+    total = int(march.clock["steps"]) - 5
+    return {
+        "scene": name, "model": model, "steps": total, "steps_per_s": 1.0 / median(ours),
+        "mujoco_steps_per_s": 1.0 / median(theirs),
+        "ratio": median(b / a for a, b in zip(ours, theirs, strict=True)),
+        "within": within / max(total, 1), "halved": halved, "overlap": overlap / space.size.length,
+        "outcome": run.outcome.name.lower(), "contacts": int((space.kept.geoms[:, 0] >= 0).sum()),
+    }  # fmt: skip
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--scenes", nargs="+", default=["stack", "pile"])
+    parser.add_argument("--models", nargs="+", default=["dynamic-rigid", "dynamic-compliant"])
+    parser.add_argument("--steps", type=int, default=8000)
+    parser.add_argument("--rounds", type=int, default=8)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    chosen = parser.parse_args(arguments)
+    found = [measure(s, m, chosen.steps, chosen.rounds) for s in chosen.scenes for m in chosen.models]
+    if chosen.json:
+        print(json.dumps(found))
+        return 0
+    print(f"{'scene':8} {'model':18} {'steps':>6} {'steps/s':>8} {'MuJoCo':>8} {'ratio':>6} {'within':>8} "
+          f"{'halved':>6} {'overlap':>8} {'contacts':>8}")  # fmt: skip
+    for f in found:
+        both = f"{f['steps_per_s']:8.0f} {f['mujoco_steps_per_s']:8.0f} {f['ratio']:6.2f}"
+        rest = f"{f['within']:8.2%} {f['halved']:6} {f['overlap']:8.0e} {f['contacts']:8}"
+        print(f"{f['scene']:8} {f['model']:18} {f['steps']:6} {both} {rest}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,198 @@
+"""The residual of `residual`, for problems in space: many rows, each of which touches few coordinates.
+
+Definitions are those of `residual`, which says why they are so; here the coordinates that a contact touches
+are found once, and rates are computed once. Results agree up to the rounding of sums.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+
+
+@allocating_kernel
+def residual_in_space(
+    problem: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals
+) -> float:
+    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
+    finite."""
+    p, d = problem, problem.R.shape[1]
+    first, touched = np.empty(contacts + limited + 1, np.int64), np.empty((contacts + limited) * n, np.int64)
+    _find_touched(p, contacts, limited, np.zeros(n, np.bool_), first, touched)
+    u, s = np.empty(contacts * d), np.empty(limited)
+    velocity = _fill_rates(p, contacts, limited, first, touched, v, force, tau, u, s)
+    largest = 0.0
+    for r in range(contacts * d):
+        largest = max(largest, abs(force[r]))
+    for r in range(limited):
+        largest = max(largest, abs(tau[r]))
+    at_rest = velocity
+    for g in range(contacts + limited):
+        rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
+        velocity = max(velocity, _rest(at_rest, p, rows[r], touched[first[g] : first[g + 1]], largest))
+    for g in range(contacts + limited):
+        rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
+        largest = _at_least(FLOOR * velocity, p, rows[r], touched[first[g] : first[g + 1]], largest)
+    found = np.empty((3, n))
+    worst = _balance(p, n, contacts, limited, first, touched, v, force, tau, largest, found)  # (1) balance
+    # Where all velocities, or all forces, are zero, nothing is left to be measured.
+    per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
+    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    for k in range(contacts):
+        at = k * d
+        worst = worse(
+            worst, _contact(p.mu[k], u[at : at + d], force[at : at + d], per_velocity, per_force)
+        )  # (2), (3)
+    for r in range(limited):
+        # (4) joints, (5) drives
+        x, bound = tau[r] * per_force, p.F[r] * per_force if per_force > 0.0 else math.inf
+        worst = worse(worst, abs(x - min(max(x - s[r] * per_velocity, -bound), bound)) + 0.0 * s[r])
+    return worst
+
+
+@kernel
+def _find_touched(
+    p: ContactProblem, contacts: int, limited: int, meets: NDArray[np.bool_], first: Ints, touched: Ints
+) -> None:
+    """Coordinates of each contact's rows, and of each limited row; `meets` (n,) is false before and after."""
+    d, count = p.R.shape[1], 0
+    for g in range(contacts + limited):
+        first[g] = count
+        if g < contacts:
+            for r in range(g * d, g * d + d):
+                for j in range(len(meets)):
+                    meets[j] |= p.W[r, j] != 0.0
+        else:
+            for j in range(len(meets)):
+                meets[j] |= p.S[g - contacts, j] != 0.0
+        for j in range(len(meets)):
+            if meets[j]:
+                touched[count] = j
+                count += 1
+                meets[j] = False
+    first[contacts + limited] = count
+
+
+@kernel
+def _fill_rates(
+    p: ContactProblem,
+    contacts: int,
+    limited: int,
+    first: Ints,
+    touched: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    u: Reals,
+    s: Reals,
+) -> float:
+    """Write (W v + R lambda + w) and (S v + R_s tau + w_s); returns the largest term, at least the problem's
+    quantum."""
+    d, greatest = p.R.shape[1], p.quantum[0]
+    for k in range(contacts):
+        for i in range(d):
+            r, yielded = k * d + i, 0.0
+            total = p.w[r]
+            greatest = max(greatest, abs(total))
+            for e in range(first[k], first[k + 1]):
+                term = p.W[r, touched[e]] * v[touched[e]]
+                greatest = max(greatest, abs(term))
+                total += term
+            for j in range(d):
+                yielded += p.R[k, i, j] * force[k * d + j]
+            greatest = max(greatest, abs(yielded))
+            u[r] = total + yielded
+    for r in range(limited):
+        total, yielded = p.w_s[r], p.R_s[r] * tau[r]
+        greatest = max(greatest, abs(total), abs(yielded))
+        for e in range(first[contacts + r], first[contacts + r + 1]):
+            term = p.S[r, touched[e]] * v[touched[e]]
+            greatest = max(greatest, abs(term))
+            total += term
+        s[r] = total + yielded
+    return greatest
+
+
+@kernel
+def _rest(velocity: float, p: ContactProblem, row: Reals, touched: Ints, force: float) -> float:
+    speed = 0.0
+    for j in touched:
+        push = row[j] * row[j] * force
+        if velocity * p.H[j, j] < ROUNDING * push:
+            speed = max(speed, REST * push / p.H[j, j])
+    return speed
+
+
+@kernel
+def _at_least(speed: float, p: ContactProblem, row: Reals, touched: Ints, force: float) -> float:
+    yields = 0.0
+    for j in touched:
+        if row[j] * row[j] * force > speed * p.H[j, j]:
+            return force
+        yields = max(yields, row[j] * row[j] / p.H[j, j])
+    return max(force, speed / yields) if yields > 0.0 else force
+
+
+@kernel
+def _balance(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    first: Ints,
+    touched: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+    largest: float,
+    found: Reals,
+) -> float:
+    """`found` (3, n) holds sums, their largest terms, and the largest entries of rows."""
+    total, scale, lever = found[0], found[1], found[2]
+    d = p.R.shape[1]
+    for i in range(n):
+        left, most = -p.c[i], abs(p.c[i])
+        for j in range(n):
+            term = p.H[i, j] * v[j]
+            left += term
+            most = max(most, abs(term))
+        total[i], scale[i], lever[i] = left, most, 0.0
+    for k in range(contacts):
+        for r in range(k * d, k * d + d):
+            for e in range(first[k], first[k + 1]):
+                j = touched[e]
+                lever[j] = max(lever[j], abs(p.W[r, j]))
+                total[j] -= p.W[r, j] * force[r]
+    for r in range(limited):
+        for e in range(first[contacts + r], first[contacts + r + 1]):
+            j = touched[e]
+            lever[j] = max(lever[j], abs(p.S[r, j]))
+            total[j] -= p.S[r, j] * tau[r]
+    worst = 0.0
+    for i in range(n):
+        most = max(scale[i], lever[i] * largest)
+        if not abs(total[i]) <= worst * most:
+            worst = worse(worst, abs(total[i]) / most)
+    return worst
+
+
+@kernel
+def _contact(mu: float, u: Reals, force: Reals, per_velocity: float, per_force: float) -> float:
+    d, normal = len(u), force[0] * per_force
+    worst, length = worse(0.0, abs(min(u[0] * per_velocity, normal)) + 0.0 * u[0]), 0.0  # (2) Signorini
+    for i in range(1, d):
+        length += (force[i] * per_force - u[i] * per_velocity) ** 2
+    length = math.sqrt(length)  # (3) friction
+    radius = mu * max(normal, 0.0)
+    shrink = 1.0 if length <= radius else radius / length
+    total = 0.0
+    for i in range(1, d):
+        x = force[i] * per_force
+        total += (x - shrink * (x - u[i] * per_velocity)) ** 2
+    return worse(worst, math.sqrt(total))
