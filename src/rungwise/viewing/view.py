@@ -10,7 +10,6 @@ from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.planning.plan import Plan, load_plan
 from rungwise.scene import SceneError
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.sets.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
@@ -54,12 +53,12 @@ def view(
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
     listed_runs = _listed(runs)
-    in_space = [one for one in listed_runs if _is_in_space(one)]
-    if in_space:
-        if len(in_space) < len(listed_runs):
-            raise ViewError("runs: runs in space and planar runs go to pages of their own")
-        return _in_space(in_space, html, png, gif)
     sources = [_source(one) for one in listed_runs]
+    spatial = [one for one in sources if _is_in_space(one)]
+    if spatial:
+        if len(spatial) < len(sources):
+            raise ViewError("runs: runs in space and planar runs go to pages of their own")
+        return _in_space(spatial, html, png, gif)
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -70,7 +69,7 @@ def view(
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
         return _sets(found, html, png)
     try:
-        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet)]
+        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet | SpaceRun)]
     except SceneError as error:
         raise ViewError(str(error)) from None
     _same_bodies(clips)
@@ -90,9 +89,7 @@ def view(
 
 
 def _is_in_space(source: object) -> bool:
-    if isinstance(source, Plan) and source.found:
-        return isinstance(source.scene, SpaceScene)
-    return isinstance(source, SpaceRun) or (isinstance(source, str | Path) and holds_space(source))
+    return isinstance(source, SpaceRun) or (isinstance(source, Path) and holds_space(source))
 
 
 def _in_space(
@@ -101,8 +98,7 @@ def _in_space(
     if png is not None or gif is not None:
         raise ViewError("view: runs in space go to html only")
     try:
-        replays: list[Any] = [run.replay() if isinstance(run, Plan) else run for run in runs]
-        films = [film_of(each) for each in replays]
+        films = [film_of(run) for run in runs]
         text = space_page(films)
     except InputError as error:
         raise ViewError(str(error)) from None

@@ -60,7 +60,8 @@ class March:
 
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
-    `residual` is the worst of all steps; `clock` is the state's, as Python reads it fastest.
+    `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
+    Python reads it fastest.
     """
 
     system: System
@@ -77,6 +78,7 @@ class March:
     terms: Terms = field(init=False)
     problem: ContactProblem = field(init=False)
     clock: np.void = field(init=False)
+    attempts: int = field(init=False, default=0)
     _contacts: int = field(init=False, default=0)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
@@ -143,6 +145,7 @@ class March:
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
+        self.attempts += 1
         self._drive()
         self.clock["tried"] = h
         least = -math.inf

@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.system.moving import Moment, fall_freely
-from rungwise.system.spatial.drives import Drives
+from rungwise.system.spatial.drives import Drives, fill_moments
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -81,9 +81,7 @@ class Loads:
             self._fill_yielding(d, terms)
             self._filled = terms
         if m.nu:
-            mujoco.mju_sparse2dense(
-                self.moment, d.actuator_moment, d.moment_rownnz, d.moment_rowadr, d.moment_colind
-            )
+            fill_moments(d, self.moment)
             load += self.drives.load(control, self.moment)
 
     def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:

@@ -32,6 +32,8 @@ ROOM, SPARE = 16, 64
 """Contacts that there is room for: so many for each geom that may touch something, and more."""
 AHEAD = 2.0
 """MuJoCo looks for contacts this many times farther than a step asks for, so that it is seldom told anew."""
+NEAR = 0.05
+"""How far contacts are looked for at first, over the length of the smallest geom."""
 
 
 class Laws(NamedTuple):
@@ -80,9 +82,9 @@ class Space:
             free=np.isnan(self.pace).astype(np.int64), centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._q = np.full(m.nq, np.nan)
-        self._margin = 0.0
         self._least: float | None = None
-        self._see(0.05 * length)
+        self._near = AHEAD * NEAR * length
+        self.look_within(self._near)
         self._at(self.place)
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.most = 2 * self.room
@@ -93,7 +95,7 @@ class Space:
         self.noise = Noise()
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
         self._from = self._filled = self.place
-        self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
+        self.forget()
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
 
     def start(self) -> tuple[Reals, Reals]:
@@ -162,8 +164,8 @@ class Space:
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         m, d = self.model, self.data
-        if reach > self._margin:
-            self._see(reach)
+        if reach > self.margin:
+            self.look_within(AHEAD * reach)
         self._at(moment.q)
         self.loads.fill(d, moment, self.control, self.pace, terms)
         rows = d.efc_J.reshape(-1, m.nv)
@@ -194,13 +196,18 @@ class Space:
             self._from = moment.q
         self._filled = moment.q
 
-    def _see(self, reach: float) -> None:
-        """Look for contacts within `reach` from now on."""
-        m, self._margin = self.model, AHEAD * reach
-        m.geom_margin[:], m.pair_margin[:] = 0.5 * self._margin, self._margin
+    def forget(self) -> None:
+        """Know no contact, and look for contacts as near as at first."""
+        self.kept, self._found = allocate_features(self.most), allocate_features(self.most)
+        self.look_within(self._near)
+
+    def look_within(self, margin: float) -> None:
+        """Look for contacts within a distance from now on."""
+        m, self.margin = self.model, margin
+        m.geom_margin[:], m.pair_margin[:] = 0.5 * margin, margin
         if m.njnt:
-            m.jnt_margin[:] = self._margin / self.lever[m.jnt_dofadr]
-        m.tendon_margin[:] = self._margin
+            m.jnt_margin[:] = margin / self.lever[m.jnt_dofadr]
+        m.tendon_margin[:] = margin
         self._q = np.full(m.nq, np.nan)
 
     def _at(self, q: Reals) -> None:
