@@ -53,9 +53,10 @@ from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.inputs import Schedule, ScheduleError, Segment
 from .simulation.options import ModelError
-from .simulation.questions import Answers, Geometry, States, ask, geometry
+from .simulation.questions import Answers, Geometry, ask, geometry
 from .simulation.result import Run
 from .simulation.rollout import Rollouts, rollout
+from .simulation.rows import States
 from .simulation.run import Simulation, simulate
 from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.diagnose import NOTHING
-from rungwise.planning.worlds import World, differing, mixed
+from rungwise.planning.diagnose import NOTHING, differing
+from rungwise.planning.worlds import World
 
 PUSH = rw.load("push")
 SLOW, FAST = {"v": 0.01}, {"v": 0.6}
@@ -64,12 +64,12 @@ def test_changing_all_ingredients_gives_the_other_world() -> None:
     names = differing(one, other)
     assert set(names) == {"friction", "support", "compliance", "inertia", "other numbers"}
     for taken, world in ((frozenset[str](), one), (frozenset(names), other)):
-        hybrid = mixed(one, other, taken)
+        hybrid = one.mixed(other, taken)
         runs = [
             rw.simulate(each.scene, each.model, parameters=each.parameters, inputs=push(0.02), tol=1e-5)
             for each in (
                 hybrid,
-                World(mixed(world, world, frozenset()).scene, world.parameters, world.model, 1e-5),
+                World(world.mixed(world, frozenset()).scene, world.parameters, world.model, 1e-5),
             )
         ]
         assert np.allclose(runs[0].state.q, runs[1].state.q, atol=1e-9)

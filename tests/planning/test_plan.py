@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.task import tightened
+from rungwise.planning.tighten import tightened
 
 PUSH = rw.load("push")
 

@@ -2,20 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_any_scene, number, parameters_of
+from rungwise.cli.arguments import (
+    JsonOption,
+    SetOption,
+    load_any_scene,
+    load_plan_file,
+    number,
+    parameters_of,
+)
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
+
+if TYPE_CHECKING:
+    from rungwise.simulation.spatial.result import SpaceRun
+
+PLANAR = "scene: is planar; only scenes in space are replayed in another simulator"
 
 
 def replay(
-    scene: SceneArgument,
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE|PLAN",
+            help="Name of a scene that ships, path of a YAML, MJCF or URDF file, or a saved plan (JSON).",
+        ),
+    ],
     judge: Annotated[str, typer.Option("--in", help="The other simulator: mujoco.")] = "mujoco",
     model: Annotated[
-        str, typer.Option("--model", help="Rung of the run that is replayed.")
-    ] = "dynamic-compliant",
+        str | None,
+        typer.Option(
+            "--model",
+            help="Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given.",
+        ),
+    ] = None,
     values: SetOption = None,
     duration: Annotated[
         float | None, typer.Option("--time", parser=number, metavar="NUMBER", help="End of the run.")
@@ -32,19 +55,53 @@ def replay(
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
-    """Run a scene in space, give the same inputs to another simulator, and say where and why the two part."""
-    from rungwise.scene import Scene
-    from rungwise.simulation.run import simulate
+    """Run a scene or a plan in space, give the same inputs to another simulator, and say where and why the
+    two part."""
     from rungwise.simulation.spatial.replay import replay as judged
 
     with plain_errors():
-        loaded = load_any_scene(scene)
-        if isinstance(loaded, Scene):
-            refuse("scene: is planar; only scenes in space are replayed in another simulator")
-        parameters = parameters_of(loaded, values)
-        run = simulate(loaded, model, parameters=parameters, duration=duration, tol=tol)
+        run = _planned(scene, model, values, duration, tol)
+        if run is None:
+            run = _run(scene, model, values, duration, tol)
         if run.outcome.name == "invalid":
             refuse(run.reason)
         found = judged(run, in_=judge, step=step)
     show_json(found.summary()) if as_json else show(str(found))
     return 0 if found.ok else 1
+
+
+def _planned(
+    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
+) -> SpaceRun | None:
+    """The run of a saved plan; None for a scene."""
+    from rungwise.simulation.spatial.result import SpaceRun
+
+    if Path(source).suffix.lower() != ".json":
+        return None
+    if values:
+        refuse("set: a plan has its own parameters")
+    plan = load_plan_file(Path(source))
+    run = plan.replay(model, tol=tol, duration=duration)
+    if not isinstance(run, SpaceRun):
+        refuse(PLANAR)
+    return run
+
+
+def _run(
+    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
+) -> SpaceRun:
+    """The run of a scene."""
+    from rungwise.scene.space import SpaceScene
+    from rungwise.simulation.run import simulate
+
+    loaded = load_any_scene(source)
+    if not isinstance(loaded, SpaceScene):
+        refuse(PLANAR)
+    run: SpaceRun = simulate(
+        loaded,
+        model or "dynamic-compliant",
+        parameters=parameters_of(loaded, values),
+        duration=duration,
+        tol=tol,
+    )
+    return run

@@ -15,7 +15,8 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.planning.task import Task, guarded_scene, size_of_objects, task_of
+from rungwise.planning.objects import moved_in_plane
+from rungwise.planning.task import Task, guarded_scene, task_of
 from rungwise.scene import Scene, load
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import check_options, count, moving_rung
@@ -139,7 +140,7 @@ def read_settings(
     low, high, rate = _bounds(loaded, task, given.get("bounds"))
     step, tol, _, theta = check_options(given.get("step"), given.get("tol"), None, given.get("theta", 1.0))
     if step is None and tol is None:
-        tol = ACCURACY * size_of_objects(loaded, records)
+        tol = ACCURACY * moved_in_plane(loaded, records).size
     hold, holds = _times(given, _longest(task, float(records.world[0]["duration"])))
     ramp = given.get("ramp")
     return Settings(

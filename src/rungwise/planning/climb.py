@@ -32,7 +32,9 @@ from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.robust import made_robust
 from rungwise.planning.task import Task, TaskError, fields_of, instances, task_of
 from rungwise.planning.verify import CONFIDENCE, bound_below
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import count
 from rungwise.wording import choices
@@ -56,7 +58,7 @@ class ScheduleOfStagesError(InputError):
 
 @keywords
 def plan(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     *,
     from_: Rung | str | None = None,
     to: Rung | str = DYNAMIC_COMPLIANT,
@@ -163,7 +165,7 @@ def _rate(robust: float | None) -> float | None:
     return rate
 
 
-def _provable(scene: Scene, rate: float, samples: int) -> None:
+def _provable(scene: Scene | SpaceScene, rate: float, samples: int) -> None:
     """Raise TaskError where nothing varies, or so many samples cannot prove the rate."""
     if not fields_of(scene).uncertain:
         raise TaskError("task.uncertain: is empty; name what varies")

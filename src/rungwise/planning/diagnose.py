@@ -7,7 +7,6 @@ and larger sets are tried: the cause is mixed.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import combinations
@@ -21,13 +20,19 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief
-from rungwise.planning.evidence import Motion, Parting, end, evidence
+from rungwise.planning.evidence import Motion, Parting, W, end, evidence
+from rungwise.planning.objects import moved
+from rungwise.planning.space_evidence import space_end, space_evidence
+from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.words import Told, ending, places, sentence
-from rungwise.planning.worlds import BALANCE, World, differing, mixed
-from rungwise.scene import Scene, SceneError, load
+from rungwise.planning.worlds import BALANCE, INGREDIENTS, World
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.result import SpaceRun
 
 CLOSES = 0.2
 """The part of the distance between two motions that may be left for a change to count as the cause."""
@@ -113,7 +118,7 @@ def table(found: Sequence[Diagnosis]) -> list[str]:
 
 @keywords
 def diagnose(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     before: Rung | str,
     after: Rung | str,
     *,
@@ -129,15 +134,27 @@ def diagnose(
     the error allowed per step, 1e-4 of the size of objects if not given. Raises SceneError for wrong input.
     """
     loaded = load(scene)
-    weights, size = weights_of(loaded, loaded.parameters(parameters))
-    accuracy = 1e-4 * size if tol is None else tol
-    a = World(loaded, loaded.parameters(parameters), rung(before), accuracy)
-    others = parameters if other_parameters is None else other_parameters
-    b = World(loaded, loaded.parameters(others), rung(after), accuracy if other_tol is None else other_tol)
-    return compare(a, b, inputs, weights, size)
+    own = moved(loaded, loaded.parameters(parameters))
+    accuracy = 1e-4 * own.size if tol is None else tol
+    other_accuracy = accuracy if other_tol is None else other_tol
+    one = loaded.parameters(parameters)
+    other = one if other_parameters is None else loaded.parameters(other_parameters)
+    if isinstance(loaded, SpaceScene):
+        first, second = rung(before), rung(after)
+        return compare(
+            SpaceWorld(loaded, one, first, accuracy), SpaceWorld(loaded, other, second, other_accuracy),
+            inputs, own.weights, own.size,
+        )  # fmt: skip
+    a, b = World(loaded, one, rung(before), accuracy), World(loaded, other, rung(after), other_accuracy)
+    return compare(a, b, inputs, own.weights, own.size)
 
 
-def compare(a: World, b: World, inputs: Sequence[Segment], weights: Reals, size: float) -> Diagnosis:
+def differing(a: W, b: W) -> tuple[str, ...]:
+    """The ingredients in which two worlds differ."""
+    return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
+
+
+def compare(a: W, b: W, inputs: Sequence[Segment], weights: Reals, size: float) -> Diagnosis:
     """Why the motion in world b differs from the motion in world a; weights (n,) of coordinates, and the size
     of what moves."""
     names = differing(a, b)
@@ -150,34 +167,43 @@ def compare(a: World, b: World, inputs: Sequence[Segment], weights: Reals, size:
         causes, left = _least(a, b, names, inputs, weights, motions, distance, until)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
-    parting = Parting((a, b), (first, last), time, body, size)
+    details = _evidence(Parting((a, b), (first, last), time, body, size), causes)
     return Diagnosis(
         before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
-        distance=distance, details=evidence(parting, causes), ends=tuple(end(run) for run in runs),
+        distance=distance, details=details, ends=tuple(_end(run) for run in runs),
         outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol),
     )  # fmt: skip
 
 
+def _evidence(parting: Parting[Any], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+    in_space = isinstance(parting.worlds[0], SpaceWorld)
+    return space_evidence(parting, causes) if in_space else evidence(parting, causes)
+
+
+def _end(run: Run | SpaceRun) -> dict[str, Any]:
+    return space_end(run) if isinstance(run, SpaceRun) else end(run)
+
+
 def both(
-    a: World, b: World, inputs: Sequence[Segment], weights: Reals
-) -> tuple[tuple[Run, Run], tuple[Motion, Motion], float]:
+    a: W, b: W, inputs: Sequence[Segment], weights: Reals
+) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
     """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
     which they are compared, when both runs have ended."""
     runs = _run(a, inputs), _run(b, inputs)
     until = max(run.time for run in runs)
     whole = frozenset(differing(a, b))
-    motions = [_motion(mixed(a, b, taken), inputs, weights, until) for taken in (frozenset[str](), whole)]
+    motions = [_motion(a.mixed(b, taken), inputs, weights, until) for taken in (frozenset[str](), whole)]
     return runs, (motions[0], motions[1]), until
 
 
-def _name(world: World, other: World) -> str:
+def _name(world: World | SpaceWorld, other: World | SpaceWorld) -> str:
     """The rung, with the accuracy where the other world is on the same rung."""
     same = world.model == other.model and world.tol != other.tol
     return f"{world.model.name} @ {world.tol:g}" if same else world.model.name
 
 
 def _least(
-    a: World, b: World, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
+    a: W, b: W, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
     motions: dict[frozenset[str], Motion], distance: float, until: float,
 ) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
     """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals; and
@@ -188,7 +214,7 @@ def _least(
         for taken in combinations(names, size):
             key = frozenset(taken)
             if key not in motions:
-                motions[key] = _motion(mixed(a, b, key), inputs, weights, until)
+                motions[key] = _motion(a.mixed(b, key), inputs, weights, until)
             part = distances(motions[key], last, until)[0] / distance
             left[" + ".join(taken)] = part
             if part <= CLOSES:
@@ -199,16 +225,16 @@ def _least(
     return tuple(names), left
 
 
-def _run(world: World, inputs: Sequence[Segment]) -> Run:
-    run: Run = simulate(
+def _run(world: World | SpaceWorld, inputs: Sequence[Segment]) -> Run | SpaceRun:
+    run: Run | SpaceRun = simulate(
         world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol
     )
-    if run.workspace is None:
+    if (run.space if isinstance(run, SpaceRun) else run.workspace) is None:
         raise SceneError(run.reason)
     return run
 
 
-def _motion(world: World, inputs: Sequence[Segment], weights: Reals, until: float) -> Motion:
+def _motion(world: World | SpaceWorld, inputs: Sequence[Segment], weights: Reals, until: float) -> Motion:
     """The motion up to this time: what comes after both runs have ended, at their goals or elsewhere, does
     not matter."""
     data = _run(world, inputs).trajectory
@@ -230,14 +256,3 @@ def _parting(a: Motion, b: Motion, until: float, threshold: float) -> tuple[floa
     first = int(np.argmax(away > threshold)) if (away > threshold).any() else int(np.argmax(away))
     apart = np.abs(a.at(times[first : first + 1]) - b.at(times[first : first + 1]))[0]
     return float(times[first]), int(np.argmax(apart))
-
-
-def weights_of(scene: Scene, parameters: dict[str, float]) -> tuple[Reals, float]:
-    """Weights (n,) of coordinates: levers of objects, 0 for others; and the size of what moves."""
-    records, names = scene.bind(parameters).records, scene.template.coordinates
-    objects = np.array([scene.file.bodies[name.split(".")[0]].role == "object" for name in names])
-    bodies = {k for k, name in enumerate(scene.template.bodies) if scene.file.bodies[name].role == "object"}
-    reaches = [
-        float(s["reach"]) for s in records.shapes if int(s["body"]) in bodies and math.isfinite(s["reach"])
-    ]
-    return np.where(objects, records.coordinates["lever"], 0.0), max(reaches, default=1.0)

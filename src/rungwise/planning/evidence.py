@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
 from rungwise.kernel import Reals
+from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.worlds import (
     ACCURACY,
     BALANCE,
@@ -57,22 +58,25 @@ class Motion:
         return np.asarray(self.data["mode"].values[rows])
 
 
+W = TypeVar("W", World, SpaceWorld)
+
+
 @dataclass(frozen=True)
-class Parting:
+class Parting(Generic[W]):
     """Two worlds, their motions, when and at which body they part, and the size of what moves."""
 
-    worlds: tuple[World, World]
+    worlds: tuple[W, W]
     motions: tuple[Motion, Motion]
     time: float
     body: str
     size: float
 
 
-def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+def evidence(parting: Parting[World], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name."""
     known = {
-        BALANCE: _speeds, FRICTION: _contact, SUPPORT: _support, COMPLIANCE: _overlap, INERTIA: _coasting,
-        RESTITUTION: _bounce, ACCURACY: _accuracy, OTHER: _parameters,
+        BALANCE: speeds, FRICTION: _contact, SUPPORT: _support, COMPLIANCE: _overlap, INERTIA: _coasting,
+        RESTITUTION: _bounce, ACCURACY: accuracy, OTHER: parameters,
     }  # fmt: skip
     return {cause: known[cause](parting) for cause in causes if cause in known}
 
@@ -120,12 +124,12 @@ def _giving(run: Run) -> list[str]:
     return [run.scene.template.coordinates[int(k)] for k in at]
 
 
-def _of_body(parting: Parting) -> NDArray[np.bool_]:
+def _of_body(parting: Parting[Any]) -> NDArray[np.bool_]:
     names = parting.worlds[0].scene.template.coordinates
     return np.array([name.split(".")[0] == parting.body for name in names])
 
 
-def _speeds(parting: Parting) -> dict[str, Any]:
+def speeds(parting: Parting[Any]) -> dict[str, Any]:
     """How fast the body is where the motions part."""
     own = _of_body(parting)
     found = []
@@ -137,7 +141,7 @@ def _speeds(parting: Parting) -> dict[str, Any]:
     return {"speed": found}
 
 
-def _contact(parting: Parting) -> dict[str, Any]:
+def _contact(parting: Parting[World]) -> dict[str, Any]:
     """The contact that was in different modes for longest before the motions part, and since when; or, where
     none was, one that was closed. The parted body's own count twice."""
     labels = [str(label) for label in parting.motions[0].data.point.values]
@@ -162,7 +166,7 @@ def _contact(parting: Parting) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _frictions(parting: Parting, label: str) -> list[float]:
+def _frictions(parting: Parting[World], label: str) -> list[float]:
     """Friction of a contact in both worlds; 1 for a travel limit, which has none to speak of."""
     names = ["|".join(pair) for pair in parting.worlds[0].scene.template.contacts]
     if label not in names:
@@ -173,7 +177,7 @@ def _frictions(parting: Parting, label: str) -> list[float]:
     ]
 
 
-def _support(parting: Parting) -> dict[str, Any]:
+def _support(parting: Parting[World]) -> dict[str, Any]:
     """What of the support of the body differs: its greatest force, its lever of torque, its centre, damping
     and dry friction."""
     found = [_resistance(world, parting.body) for world in parting.worlds]
@@ -198,7 +202,7 @@ def _resistance(world: World, body: str) -> dict[str, float]:
     return found
 
 
-def _overlap(parting: Parting) -> dict[str, Any]:
+def _overlap(parting: Parting[World]) -> dict[str, Any]:
     """The deepest overlap where contacts yield, and whose."""
     deepest, whose = [], []
     yields = [world.model.compliant for world in parting.worlds]
@@ -210,7 +214,7 @@ def _overlap(parting: Parting) -> dict[str, Any]:
     return {"contact": contacts[whose[int(np.argmax(deepest))]], "overlap": deepest, "yields": yields}
 
 
-def _coasting(parting: Parting) -> dict[str, Any]:
+def _coasting(parting: Parting[World]) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
     energies, ways = [], []
@@ -224,7 +228,7 @@ def _coasting(parting: Parting) -> dict[str, Any]:
     return {"energy": energies, "coasted": ways}
 
 
-def _is_driven(parting: Parting, motion: Motion) -> NDArray[np.bool_]:
+def _is_driven(parting: Parting[World], motion: Motion) -> NDArray[np.bool_]:
     """For each frame (k,) whether a robot or an object touches the body."""
     data, bodies = motion.data, parting.worlds[0].scene.file.bodies
     columns = []
@@ -236,7 +240,7 @@ def _is_driven(parting: Parting, motion: Motion) -> NDArray[np.bool_]:
     return np.asarray((data["mode"].values[:, columns] != OPEN).any(axis=1))
 
 
-def _bounce(parting: Parting) -> dict[str, Any]:
+def _bounce(parting: Parting[World]) -> dict[str, Any]:
     """The hardest impact after which bodies parted, of either run and before the motions part, if there is
     one: whose, how fast they met, and parted. Bodies that touch from the start have no speed at which they
     met."""
@@ -262,11 +266,11 @@ def _bounce(parting: Parting) -> dict[str, Any]:
     return {"contact": contacts[contact], "time": time, "run": run, **speeds, "left": rebound}
 
 
-def _accuracy(parting: Parting) -> dict[str, Any]:
+def accuracy(parting: Parting[Any]) -> dict[str, Any]:
     return {"tol": [world.tol for world in parting.worlds]}
 
 
-def _parameters(parting: Parting) -> dict[str, Any]:
+def parameters(parting: Parting[Any]) -> dict[str, Any]:
     """Parameters that differ."""
     one, other = (world.parameters for world in parting.worlds)
     return {name: [one[name], other[name]] for name in one if name in other and one[name] != other[name]}

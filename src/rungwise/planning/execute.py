@@ -16,9 +16,9 @@ from rungwise.outcome import Code
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.lift import Work, begin
 from rungwise.planning.plan import Plan
-from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage
+from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage, predictor_of
 from rungwise.planning.shoot import Search, run_moves, shoot
-from rungwise.planning.task import task_of
+from rungwise.planning.task import in_plane, task_of
 from rungwise.planning.tree import grow
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.run import Simulation
@@ -40,7 +40,7 @@ class Replanner:
 
     def __init__(self, plan: Plan, stage: Stage, tol: float, threads: int | None = None) -> None:
         self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
-        self._task = task_of(plan.scene, plan.parameters)
+        self._task = task_of(in_plane(plan.scene), plan.parameters)
         self._work = begin(self._task, Budget(), 0, threads)
         self._nominal = self._work.predictor(Stage(stage.model, COARSE))
 
@@ -49,7 +49,7 @@ class Replanner:
     ) -> tuple[Code, tuple[Segment, ...]]:
         """How it ends in the world with these parameters and errors of inputs, and what was executed."""
         work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
-        world = Predictor(
+        world = predictor_of(
             self._plan.scene, self._stage, self._tol, parameters, Budget(), self._threads, quick=False
         )
         start = State.of(self._plan.scene, parameters=parameters)
@@ -79,7 +79,7 @@ class Replanner:
         memory = Memory(now.memory[0], digest(scene), self._stage.model, 1.0, ())
         state = State(scene.template.coordinates, now.q[0], now.v[0], float(now.time[0]), memory)
         begun = Simulation(
-            self._task.search,
+            in_plane(self._task.search),
             self._stage.model,
             parameters=self._task.parameters,
             state=state,

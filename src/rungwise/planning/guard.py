@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import accumulate
 
+from rungwise.planning.objects import roles_of
 from rungwise.planning.plan import Plan
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.rollout import rollout
@@ -53,5 +54,5 @@ def _touches(plan: Plan, k: int, begins: float) -> list[tuple[float, str]]:
 
 def _pairs(plan: Plan) -> list[tuple[str, str]]:
     """Robots and objects that may touch."""
-    roles = {name: body.role for name, body in plan.scene.file.bodies.items()}
+    roles = roles_of(plan.scene, plan.parameters)
     return [pair for pair in plan.scene.template.contacts if {roles[n] for n in pair} == {"robot", "object"}]

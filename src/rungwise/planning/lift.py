@@ -12,7 +12,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.moves import Moves
-from rungwise.planning.predict import Budget, Places, Predictor, Stage
+from rungwise.planning.predict import Budget, Places, Predictor, Stage, predictor_of
 from rungwise.planning.shoot import Search, shoot
 from rungwise.planning.task import Task, TaskError
 from rungwise.planning.transit import Transit
@@ -47,7 +47,7 @@ class Work:
     nearest: float = np.inf
 
     def predictor(self, stage: Stage) -> Predictor:
-        return Predictor(
+        return predictor_of(
             self.task.search, stage, stage.tol * self.size, self.task.parameters, self.budget, self.threads
         )
 
@@ -62,21 +62,16 @@ class Work:
 
     def away(self, aim: Reals) -> Callable[[Places], Reals]:
         """Distances (m,) from a place of the objects."""
-        weights = self.task.weights
-        return lambda places: np.linalg.norm((places.q - aim) * weights, axis=1)
+        return lambda places: self.task.away(places.q, aim)
 
 
 def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
     """Where planning starts. Raises TaskError where bodies overlap at the start."""
     moves = Moves(task)
     start = State.of(task.scene, parameters=task.parameters)
-    geometry = moves.question.geometry(start)
-    if geometry.collides[0]:
-        k = int(geometry.gaps[0].argmin())
-        raise TaskError(
-            f"start: {' and '.join(geometry.contacts[k])} overlap by {-geometry.gaps[0, k]:.3g};"
-            " change the parameters of the start"
-        )
+    overlap = moves.question.overlap(start)
+    if overlap:
+        raise TaskError(f"start: {overlap}; change the parameters of the start")
     return Work(
         task=task, moves=moves, transit=Transit(task, moves.question),
         question=Question(task.search, "goal", task.parameters), budget=budget,

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.boundary import Boundary, boundary
 from rungwise.planning.predict import Places
 from rungwise.planning.task import Carrier, Task, TaskError
+from rungwise.scene.records import Records
 from rungwise.simulation.questions import Question
 
 APART = 1e-9
@@ -49,13 +51,16 @@ class Moves:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.question = Question(task.scene, None, task.parameters)
-        self._records = task.scene.bind(task.parameters).records
         self._targets = [self._pushed(carrier) for carrier in task.carriers]
         self._free = task.free
         self.size = 3 * len(task.carriers) + len(self._free) + (0 if task.carriers else 1)
         self.periodic = np.zeros(self.size, bool)
         self.periodic[: 3 * len(task.carriers) : 3] = True
         self._ramped = bool(np.isfinite(task.rate[self._free]).any())
+
+    @cached_property
+    def _records(self) -> Records:
+        return self.task.planar.bind(self.task.parameters).records
 
     @property
     def segments(self) -> int:
@@ -169,7 +174,7 @@ class Moves:
 
     def _pushed(self, carrier: Carrier) -> list[_Target]:
         """The objects that a carrier may push at."""
-        scene, template = self.task.scene, self.task.scene.template
+        scene, template = self.task.planar, self.task.scene.template
         targets = []
         for index, name in enumerate(template.bodies):
             pair = {name, carrier.body}

@@ -17,13 +17,15 @@ from rungwise.planning.geometric import GOALS, Placing, jumps
 from rungwise.planning.lift import Work
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import Stage
+from rungwise.planning.task import in_plane
 from rungwise.planning.ways import PlannerMissing
 from rungwise.planning.words import UNTOUCHED
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.run import simulate
 
-NOTHING = "nothing found"
+NOTHING, IN_SPACE = "nothing found", "left out: places are not sought in space"
 SURE = 1e-3
 """What is lacking of a goal of which no place was found, if it is to be said that there is none."""
 LOOKS = 100
@@ -42,12 +44,15 @@ def nowhere(work: Work) -> str:
     not decide, or where very little is lacking. Bodies may overlap as far as contacts yield on compliant
     rungs."""
     q, seed = work.start.q[0], work.seed
-    placing = Placing(work.task, work.task.scene, q, yields=True)
-    if not placing.asks or work.task.scene.template.joints or jumps(work.task.scene.file.goal or ""):
+    if isinstance(work.task.scene, SpaceScene):
+        return ""
+    scene, search = work.task.planar, in_plane(work.task.search)
+    placing = Placing(work.task, scene, q, yields=True)
+    if not placing.asks or scene.template.joints or jumps(scene.file.goal or ""):
         return ""
     found = placing.goals(np.random.default_rng(seed))
     if len(found.places) or found.lack < SURE:
-        reserved = Placing(work.task, work.task.search, q, yields=True).goals(np.random.default_rng(seed))
+        reserved = Placing(work.task, search, q, yields=True).goals(np.random.default_rng(seed))
         if len(reserved.places) or reserved.lack < SURE:
             return ""
         reserve = work.task.numbers["task.reserve"]
@@ -62,8 +67,10 @@ def nowhere(work: Work) -> str:
 def place(work: Work, without: str = "") -> Placed:
     """Places of all bodies on a way to the goal, as if the body `without` were not there."""
     none, q = np.zeros((0, len(work.start.q[0]))), work.start.q[0]
+    if isinstance(work.task.search, SpaceScene):
+        return Placed(none, IN_SPACE)
     placing = Placing(work.task, work.task.search, q, without)
-    if work.task.scene.template.joints:
+    if work.task.planar.template.joints:
         return Placed(none, "left out: bodies are joined")
     if not placing.asks:
         return Placed(none, "left out: places do not decide the goal")
@@ -84,7 +91,7 @@ def in_the_way(work: Work) -> str:
     left out, or the time is over."""
     if place(work).how != NOTHING:
         return ""
-    obstacles = [name for name, body in work.task.scene.file.bodies.items() if body.role == "obstacle"]
+    obstacles = [name for name, body in work.task.planar.file.bodies.items() if body.role == "obstacle"]
     alone = [name for name in obstacles if len(place(work, name).way)]
     return (
         f"no way for the bodies was found{', ' + ' or '.join(alone) + ' being in the way' if alone else ''}"
@@ -97,7 +104,7 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     There the inputs stay as they were at the start, for as long as one move may take: that a plan of places
     has no inputs is what breaks. None where the goal is reached so, or no object had to move that no robot
     touches on its way."""
-    names, scene = work.task.scene.template.inputs, work.task.scene
+    names, scene = work.task.scene.template.inputs, work.task.planar
     hold = Segment(dict(zip(names, work.task.before.tolist(), strict=True)), work.task.duration[1])
     run = simulate(
         scene, stage.model, parameters=work.task.parameters, tol=stage.tol * work.size, inputs=[hold]
@@ -134,7 +141,7 @@ def _own(scene: Scene, body: str) -> list[int]:
 
 def _moved(work: Work, way: Reals, body: str) -> dict[str, float]:
     """How far a body moves along a way, in the metric of the task, and how far of it a robot touches it."""
-    scene = work.task.scene
+    scene = work.task.planar
     tolerance = float(scene.bind(work.task.parameters).records.world[0]["tolerance"])
     robots = {name for name, each in scene.file.bodies.items() if each.role == "robot"}
     contacts = [k for k, pair in enumerate(scene.template.contacts) if body in pair and robots & set(pair)]

@@ -22,13 +22,17 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnose import Diagnosis, table
+from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Stage
-from rungwise.scene import Scene, SceneError, load
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.questions import geometry
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State, digest
 
 if TYPE_CHECKING:
@@ -87,7 +91,7 @@ class Plan:
     `reason` says why there is no plan, else it is empty.
     """
 
-    scene: Scene
+    scene: Scene | SpaceScene
     parameters: dict[str, float]
     segments: tuple[Segment, ...] = ()
     labels: tuple[str, ...] = ()
@@ -136,7 +140,7 @@ class Plan:
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
-    ) -> Run:
+    ) -> Run | SpaceRun:
         """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
         options as for `simulate`. Raises PlanError where there is no plan, or one of places only, and what
         `simulate` raises."""
@@ -144,7 +148,7 @@ class Plan:
             raise PlanError(f"plan: there is none. {self.reason}")
         if not self.stage.model.moves:
             raise PlanError(f"plan: {PLACES_ONLY}")
-        run: Run = simulate(
+        run: Run | SpaceRun = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
             frames=frames, stride=stride, save_hard=save_hard,
@@ -202,8 +206,8 @@ class Plan:
         """How long the way of each object's centre is, from place to place."""
         start = State.of(self.scene, parameters=self.parameters).q
         found = geometry(self.scene, np.array([start, *self.waypoints]), self.parameters)
-        lengths = np.linalg.norm(np.diff(found.poses[..., :2], axis=0), axis=-1).sum(axis=0)
-        roles = {name: body.role for name, body in self.scene.file.bodies.items()}
+        lengths = np.linalg.norm(np.diff(found.poses[..., :-1], axis=0), axis=-1).sum(axis=0)
+        roles = roles_of(self.scene)
         return {
             name: float(length)
             for name, length in zip(found.bodies, lengths, strict=True) if roles[name] == "object"
@@ -263,10 +267,13 @@ class Plan:
 
     def text(self) -> str:
         """The plan with its scene as JSON, as it is saved."""
-        content = self.summary() | {
-            "scene_file": json.loads(self.scene.file.model_dump_json(exclude_unset=True))
-        }
+        content = self.summary() | {"scene_file": json.loads(self._scene_file())}
         return json_text(content, indent=1)
+
+    def _scene_file(self) -> str:
+        if isinstance(self.scene, SpaceScene):
+            return self.scene.stored
+        return self.scene.file.model_dump_json(exclude_unset=True)
 
     @keywords
     def save(self, file: str | Path) -> Path:
@@ -282,7 +289,7 @@ class Plan:
 
 
 @keywords
-def load_plan(file: str | Path, scene: Scene | None = None) -> Plan:
+def load_plan(file: str | Path, scene: Scene | SpaceScene | None = None) -> Plan:
     """A saved plan, of the scene that was saved with it or of one that is given. Raises FileNotFoundError,
     and PlanError for a file that holds none or for another scene."""
     if not isinstance(file, str | os.PathLike):
@@ -296,14 +303,14 @@ def load_plan(file: str | Path, scene: Scene | None = None) -> Plan:
         raise PlanError(f"plan: {name} holds no plan that was saved") from None
 
 
-def plan_of(text: str, scene: Scene | None = None, name: str = "the text") -> Plan:
+def plan_of(text: str, scene: Scene | SpaceScene | None = None, name: str = "the text") -> Plan:
     """The plan in a text that `Plan.text` made. Raises PlanError, which names what it was read from."""
     try:
         data = json.loads(text)
         if data["format"] != FORMAT:
             raise ValueError
         own = load(data["scene_file"]) if scene is None else scene
-        if scene is not None and digest(scene) != data["digest"]:
+        if (scene is not None or isinstance(own, SpaceScene)) and digest(own) != data["digest"]:
             raise PlanError(f"plan: {name} belongs to another version of {data['scene']}")
         return _from_values(own, data)
     except PlanError:
@@ -314,7 +321,7 @@ def plan_of(text: str, scene: Scene | None = None, name: str = "the text") -> Pl
         raise PlanError(f"plan: {name} holds no plan that was saved") from None
 
 
-def _from_values(scene: Scene, data: dict[str, Any]) -> Plan:
+def _from_values(scene: Scene | SpaceScene, data: dict[str, Any]) -> Plan:
     from rungwise.models.ladder import rung
 
     stage = None
@@ -336,7 +343,7 @@ def _from_values(scene: Scene, data: dict[str, Any]) -> Plan:
     )  # fmt: skip
 
 
-def is_reached(run: Run) -> bool:
+def is_reached(run: Run | SpaceRun) -> bool:
     return run.outcome.code == Code.GOAL
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import os
 import time as clock
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,16 +17,24 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
-from rungwise.simulation.crew import Crew
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.crew import Crew, threads_of
+from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.run import JAM
+from rungwise.simulation.spatial.batch import BUDGET
+from rungwise.simulation.spatial.crew import Sample, Sampled, Terms, run_samples, spread
+from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.state import Memory, State, digest
 
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
 """Outcomes after which a plan may go on with its next move."""
 
-LONGEST, SHORT = 1000, 1e-1
+LONGEST, SHORT, LONGEST_IN_SPACE = 1000, 1e-1, 300
 """Most steps of one move, and the part of the accuracy by which something must be able to move: a search does
-not wait for what goes on more slowly."""
+not wait for what goes on more slowly. In space a step takes a hundred times as long."""
+FOLLOWED = (Segment({}, 0.0),)
+"""Stands for the schedule of a run that was followed, whichever it was."""
 
 
 @dataclass(frozen=True)
@@ -106,9 +115,32 @@ class Budget:
         return not self.ended
 
 
-class Predictor:
-    """Runs of a scene at fixed parameters on one stage, in compiled threads that are kept; quick ones end
-    where they would take long (see `LONGEST`)."""
+class Predictor(Protocol):
+    """Runs of a scene at fixed parameters on one stage."""
+
+    scene: Any
+    stage: Stage
+    budget: Budget
+
+    def run(
+        self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
+        until: tuple[str | None, ...] | None = None,
+    ) -> Ends:  # fmt: skip
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+
+
+def predictor_of(
+    scene: Scene | SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
+    threads: int | None = None, *, quick: bool = True,
+) -> Predictor:  # fmt: skip
+    """Runs with an error `tol` allowed per step; quick ones end where they take long (see `LONGEST`)."""
+    if isinstance(scene, SpaceScene):
+        return SpacePredictor(scene, stage, tol, parameters, budget, threads, quick=quick)
+    return PlanarPredictor(scene, stage, tol, parameters, budget, threads, quick=quick)
+
+
+class PlanarPredictor:
+    """Runs of a planar scene, in compiled threads that are kept."""
 
     def __init__(
         self, scene: Scene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
@@ -153,3 +185,63 @@ class Predictor:
                 self.scene, self.stage.model, (), self._parameters, until=until, ramps=ramps, **options
             )
         return self._crews[ramps, until]
+
+
+class SpacePredictor:
+    """Runs of a scene in space, over processes that are kept; few are made in this one."""
+
+    def __init__(
+        self, scene: SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
+        threads: int | None = None, *, quick: bool = True,
+    ) -> None:  # fmt: skip
+        self.scene, self.stage, self.budget = scene, stage, budget
+        self._parameters, self._digest = parameters, digest(scene)
+        self._processes = min(threads_of(threads), os.cpu_count() or 1)
+        options = {"tol": tol, "step": None, "theta": 1.0}
+        self._terms = Terms(scene, stage.model, options, LONGEST_IN_SPACE if quick else BUDGET, False)
+        self._width = len(SpaceSimulation(scene, stage.model, parameters=parameters, frames=3).memory())
+
+    def run(
+        self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
+        until: tuple[str | None, ...] | None = None,
+    ) -> Ends:  # fmt: skip
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+        m, s = durations.shape
+        names, ramps, until = self.scene.template.inputs, ramps or (False,) * s, until or (None,) * s
+        samples = [
+            Sample(
+                self._parameters, self._state(places, i),
+                tuple(
+                    Segment(dict(zip(names, level, strict=True)), duration, until[k], ramps[k])
+                    for k, (level, duration) in enumerate(
+                        zip(levels[i].tolist(), durations[i].tolist(), strict=True)
+                    )
+                ),
+            )
+            for i in range(m)
+        ]  # fmt: skip
+        size = max(1, min(16, math.ceil(m / self._processes / 2)))
+        parts = [samples[at : at + size] for at in range(0, m, size)]
+        found = [
+            each for part in spread(run_samples, self._terms, parts, m, self._processes) for each in part
+        ]
+        return self._ends(found)
+
+    def _state(self, places: Places, i: int) -> State:
+        memory = None
+        if len(places.memory):
+            memory = Memory(places.memory[i], self._digest, self.stage.model, 1.0, FOLLOWED)
+        q, v, time = places.q[i], places.v[i], float(places.time[i])
+        return State(self.scene.template.coordinates, q, v, time, memory)
+
+    def _ends(self, found: list[Sampled]) -> Ends:
+        outcome = np.array([each.outcome for each in found], np.int64)
+        self.budget.take(self.stage, sum(each.attempts for each in found), outcome)
+        nothing = np.full(self._width, np.nan)
+        memory = np.array([each.memory if len(each.memory) else nothing for each in found])
+        ends = Places(
+            np.array([each.q for each in found]), np.array([each.v for each in found]),
+            np.array([each.time for each in found]), memory.reshape(len(found), self._width),
+        )  # fmt: skip
+        switches = np.array([each.switches for each in found], np.int64)
+        return Ends(outcome, ends, switches, np.array([each.drive_work for each in found]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +14,15 @@ from numpy.typing import NDArray
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
-from rungwise.scene import Bound, InvalidScene, Scene, load
+from rungwise.planning.objects import moved_in_plane, moved_in_space, roles_of
+from rungwise.planning.tighten import tightened
+from rungwise.scene import Bound, InvalidScene, Scene
+from rungwise.scene import scene as planar
 from rungwise.scene.expression import STACK
-from rungwise.scene.names import OF_CONTACTS
 from rungwise.scene.numbers import evaluate_numbers
+from rungwise.scene.read import load
 from rungwise.scene.records import SERVO, SPEED, Records
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.task import Task as TaskFields
 from rungwise.scene.task import numbers_of
 from rungwise.simulation import options
@@ -67,11 +70,13 @@ class Task:
     scene: the scene as given; search: the same with the goal tightened by the reserve, and with the
     conditions to keep out of as unsafe; parameters: of the instance; low, high, rate (u,): of the inputs;
     duration: least and greatest of a move without transit; moves: least and greatest number; weights (n,):
-    of coordinates in distances, 0 for robots; numbers: of the task, by their paths.
+    of coordinates in distances, 0 for robots; numbers: of the task, by their paths; size: how far the
+    largest object reaches from its centre; is_slow: whether robots push so slowly that nothing coasts;
+    turns (r, 4): columns of quaternions.
     """
 
-    scene: Scene
-    search: Scene
+    scene: Scene | SpaceScene
+    search: Scene | SpaceScene
     parameters: dict[str, float]
     low: Reals
     high: Reals
@@ -81,6 +86,9 @@ class Task:
     carriers: tuple[Carrier, ...]
     weights: Reals
     numbers: dict[str, float]
+    size: float
+    is_slow: bool
+    turns: Ints
 
     @property
     def free(self) -> Ints:
@@ -101,27 +109,23 @@ class Task:
         return held
 
     @property
-    def is_slow(self) -> bool:
-        """Whether robots push objects on supports at given speeds v so slowly that these coast by no more
-        than a part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
-        records = self.scene.bind(self.parameters).records
-        roles = [self.scene.file.bodies[name].role for name in self.scene.template.bodies]
-        objects = {k for k, role in enumerate(roles) if role == "object"}
-        if self.by_place or not self.carriers or not objects <= set(records.supports["body"].tolist()):
-            return False
-        fastest = max(carrier.speed for carrier in self.carriers)
-        stops = records.supports["force"] / records.bodies["mass"][records.supports["body"]]
-        return bool((0.5 * fastest**2 <= COASTS * self.size * stops).all())
+    def planar(self) -> Scene:
+        """The scene, where it is planar. Raises TaskError for one in space."""
+        return in_plane(self.scene)
 
     def allows(self, levels: Reals) -> NDArray[np.bool_]:
         """Whether inputs (..., u) keep their bounds, up to rounding."""
         slack = ROUNDING * (np.abs(self.low) + np.abs(self.high))
         return np.asarray(((levels >= self.low - slack) & (levels <= self.high + slack)).all(axis=-1))
 
-    @property
-    def size(self) -> float:
-        """How far the largest object reaches from its centre."""
-        return size_of_objects(self.scene, self.scene.bind(self.parameters).records)
+    def away(self, q: Reals, aim: Reals) -> Reals:
+        """Distances (m,) of objects at places (m, n) from where they are at `aim` (n,)."""
+        change = q - aim
+        for columns in self.turns:
+            other = q[:, columns] + aim[columns]  # a quaternion and its negative are the same turn
+            nearer = np.linalg.norm(other, axis=1) < np.linalg.norm(change[:, columns], axis=1)
+            change[np.ix_(nearer, columns)] = other[nearer]
+        return np.asarray(np.linalg.norm(change * self.weights, axis=1))
 
     def cost(self, time: Reals | float, work: Reals | float, moves: Ints | int) -> Reals:
         """The task's cost of plans of these durations and this work of drives."""
@@ -129,14 +133,7 @@ class Task:
         return np.asarray(weights[0] * time + weights[1] * work + weights[2] * moves)
 
 
-def size_of_objects(scene: Scene, records: Records) -> float:
-    """How far the largest object reaches from its centre; 1 without a finite one."""
-    roles = [scene.file.bodies[name].role for name in scene.template.bodies]
-    reaches = [float(s["reach"]) for s in records.shapes if roles[int(s["body"])] == "object"]
-    return max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
-
-
-def task_of(scene: Scene, parameters: Mapping[str, float] | None = None) -> Task:
+def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = None) -> Task:
     """The task of a scene at one instance. Raises TaskError and SceneError."""
     fields = fields_of(scene)
     if scene.file.goal is None:
@@ -144,25 +141,51 @@ def task_of(scene: Scene, parameters: Mapping[str, float] | None = None) -> Task
     if not scene.template.inputs:
         raise TaskError("inputs: the scene has none; name the parameters that a plan may change over time")
     values = scene.parameters(parameters)
-    bound = scene.bind(values)
-    numbers = _numbers(fields, bound.records)
-    carriers = tuple(_carrier(scene, name, bound, numbers) for name in fields.transit)
+    numbers = numbers_at(scene, values)
+    carriers: tuple[Carrier, ...] = ()
+    if isinstance(scene, SpaceScene):
+        bound = scene.bind(values)
+        own, slow, longest = moved_in_space(bound), False, bound.duration
+    else:
+        plane = scene.bind(values)
+        carriers = tuple(_carrier(scene, name, plane, numbers) for name in fields.transit)
+        own, longest = moved_in_plane(scene, plane.records), float(plane.records.world[0]["duration"])
+        slow = _is_slow(scene, plane.records, carriers, own.size)
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
-    duration = (0.0, float(bound.records.world[0]["duration"]))
-    if fields.duration is not None:
-        duration = _pair(numbers, "task.duration")
+    duration = (0.0, longest) if fields.duration is None else _pair(numbers, "task.duration")
+    weights = [numbers.get(f"task.weights.{name}", 0.0) for name in scene.template.coordinates]
     return Task(
         scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
-        moves=(int(fields.moves[0]), int(fields.moves[1])),
-        carriers=carriers,
-        weights=_weights(scene, fields, bound.records, numbers),
+        moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
+        weights=np.array(weights) if fields.weights else own.weights, size=own.size, is_slow=slow,
+        turns=own.turns,
     )  # fmt: skip
 
 
-def fields_of(scene: Scene) -> TaskFields:
+def _is_slow(scene: Scene, records: Records, carriers: tuple[Carrier, ...], size: float) -> bool:
+    """Whether robots push objects on supports at given speeds v so slowly that these coast by no more than a
+    part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
+    roles = roles_of(scene)
+    objects = {k for k, name in enumerate(scene.template.bodies) if roles[name] == "object"}
+    by_place = any(carrier.by_place for carrier in carriers)
+    if by_place or not carriers or not objects <= set(records.supports["body"].tolist()):
+        return False
+    fastest = max(carrier.speed for carrier in carriers)
+    stops = records.supports["force"] / records.bodies["mass"][records.supports["body"]]
+    return bool((0.5 * fastest**2 <= COASTS * size * stops).all())
+
+
+def in_plane(scene: Scene | SpaceScene) -> Scene:
+    """A planar scene. Raises TaskError for one in space."""
+    if not isinstance(scene, Scene):
+        raise TaskError(f"scene: {scene.name} is in space; this is known for planar scenes only")
+    return scene
+
+
+def fields_of(scene: Scene | SpaceScene) -> TaskFields:
     """The scene's task as written. Raises TaskError where there is none."""
     if scene.file.task is None:
         raise TaskError("task: the scene has none; add what a planner may do (see the scene's reference)")
@@ -171,7 +194,7 @@ def fields_of(scene: Scene) -> TaskFields:
 
 @keywords
 def instances(
-    scene: Scene | str | Path | Mapping[str, Any], seed: int, count: int = 1
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], seed: int, count: int = 1
 ) -> list[dict[str, float]]:
     """Parameters of `count` instances of the scene's task, drawn from `seed`. Raises TaskError where too few
     draws fit the task's `where` with bodies apart."""
@@ -188,12 +211,12 @@ def instances(
 
 
 def drawn(
-    scene: Scene, table: str, given: Mapping[str, float], rng: np.random.Generator
+    scene: Scene | SpaceScene, table: str, given: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, float] | None:
     """The parameters given, with those of a table of the task ("instances", "uncertain") drawn; None where
     one falls out of its range."""
     fields, values = fields_of(scene), dict(given)
-    numbers = _numbers(fields, scene.bind(given).records)
+    numbers = numbers_at(scene, given)
     for name, spread in getattr(fields, table).items():
         if spread.uniform is not None:
             values[name] = float(rng.uniform(*_pair(numbers, f"task.{table}.{name}.uniform")))
@@ -206,7 +229,7 @@ def drawn(
     return values
 
 
-def _fits(scene: Scene, values: dict[str, float], where: str | None) -> bool:
+def _fits(scene: Scene | SpaceScene, values: dict[str, float], where: str | None) -> bool:
     """Whether an instance can start: bodies are apart, and the condition holds."""
     try:
         start = State.of(scene, parameters=values)
@@ -217,15 +240,12 @@ def _fits(scene: Scene, values: dict[str, float], where: str | None) -> bool:
     return where is None or bool(ask(scene, where, start, values).holds[0])
 
 
-def numbers_at(scene: Scene, parameters: Mapping[str, float]) -> dict[str, float]:
+def numbers_at(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> dict[str, float]:
     """The numbers of the scene's task, by their paths, at these parameters."""
-    return _numbers(fields_of(scene), scene.bind(parameters).records)
-
-
-def _numbers(fields: TaskFields, records: Records) -> dict[str, float]:
-    """The numbers of a task, by their paths."""
-    paths = [place.path for place in numbers_of(fields)]
-    return dict(zip(paths, records.task["value"].tolist(), strict=True))
+    if isinstance(scene, SpaceScene):
+        return scene.task_numbers(parameters)
+    paths = [place.path for place in numbers_of(fields_of(scene))]
+    return dict(zip(paths, scene.bind(parameters).records.task["value"].tolist(), strict=True))
 
 
 def _pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:
@@ -236,7 +256,9 @@ def _pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:
     return low, high
 
 
-def _bounds(scene: Scene, fields: TaskFields, numbers: Mapping[str, float]) -> tuple[Reals, Reals, Reals]:
+def _bounds(
+    scene: Scene | SpaceScene, fields: TaskFields, numbers: Mapping[str, float]
+) -> tuple[Reals, Reals, Reals]:
     """Bounds and rates (u,) of the scene's inputs."""
     rows = []
     for name in scene.template.inputs:
@@ -254,23 +276,14 @@ def _bounds(scene: Scene, fields: TaskFields, numbers: Mapping[str, float]) -> t
     return low_, high_, rate
 
 
-def _weights(scene: Scene, fields: TaskFields, records: Records, numbers: Mapping[str, float]) -> Reals:
-    """Weights (n,) of coordinates in distances: as given, or 1 for places and the radius of gyration for
-    angles of objects."""
-    names = scene.template.coordinates
-    if fields.weights:
-        return np.array([numbers.get(f"task.weights.{name}", 0.0) for name in names])
-    of_object = [scene.file.bodies[name.split(".")[0]].role == "object" for name in names]
-    return np.where(of_object, records.coordinates["lever"], 0.0)
-
-
-def _search_scene(scene: Scene, fields: TaskFields, reserve: float) -> Scene:
+def _search_scene(scene: Scene | SpaceScene, fields: TaskFields, reserve: float) -> Scene | SpaceScene:
     """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
     goal = scene.file.goal
     assert goal is not None
-    given = scene.file.model_dump(exclude_unset=True)
-    given["goal"] = tightened(goal, reserve)
-    return load(given | _unsafe(scene, fields))
+    changes = {"goal": tightened(goal, reserve)} | _unsafe(scene, fields)
+    if isinstance(scene, SpaceScene):
+        return scene.changed(**changes)
+    return planar.load(scene.file.model_dump(exclude_unset=True) | changes)
 
 
 def guarded_scene(scene: Scene) -> Scene:
@@ -278,59 +291,13 @@ def guarded_scene(scene: Scene) -> Scene:
     fields = scene.file.task
     if fields is None or not fields.keep_out:
         return scene
-    return load(scene.file.model_dump(exclude_unset=True) | _unsafe(scene, fields))
+    return planar.load(scene.file.model_dump(exclude_unset=True) | _unsafe(scene, fields))
 
 
-def _unsafe(scene: Scene, fields: TaskFields) -> dict[str, str]:
+def _unsafe(scene: Scene | SpaceScene, fields: TaskFields) -> dict[str, str]:
     """The unsafe condition, joined with what to keep out of; empty where there is neither."""
     conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
     return {"unsafe": " or ".join(conditions)} if conditions else {}
-
-
-def tightened(condition: str, reserve: float) -> str:
-    """The condition with the bound of each comparison nearer by this part of its size.
-
-    `a <= b` becomes `a <= b - reserve * abs(b)` where a depends on the state and b does not, and so on;
-    inside "not" it turns around. Comparisons with no side, or two sides, that depend on the state stay.
-    """
-    tree = ast.parse(condition.strip(), mode="eval").body
-    return ast.unparse(_tightened(tree, reserve))
-
-
-def _tightened(node: ast.expr, part: float) -> ast.expr:
-    match node:
-        case ast.BoolOp(op, parts):
-            return ast.BoolOp(op, [_tightened(each, part) for each in parts])
-        case ast.UnaryOp(ast.Not(), inner):
-            return ast.UnaryOp(ast.Not(), _tightened(inner, -part))
-        case ast.Compare(left, operators, rights):
-            sides = [left, *rights]
-            each = [_nearer(a, op, b, part) for a, op, b in zip(sides, operators, rights, strict=False)]
-            return each[0] if len(each) == 1 else ast.BoolOp(ast.And(), each)
-    return node
-
-
-def _nearer(left: ast.expr, operator: ast.cmpop, right: ast.expr, part: float) -> ast.expr:
-    """The comparison, its bound nearer by this part of its size."""
-    below = isinstance(operator, ast.Lt | ast.LtE)
-    if _varies(left) and not _varies(right):
-        right = _moved(right, -part if below else part)
-    elif _varies(right) and not _varies(left):
-        left = _moved(left, part if below else -part)
-    return ast.Compare(left, [operator], [right])
-
-
-def _moved(bound: ast.expr, part: float) -> ast.expr:
-    size = ast.Call(ast.Name("abs", ast.Load()), [bound], [])
-    change = ast.BinOp(ast.Constant(abs(part)), ast.Mult(), size)
-    return ast.BinOp(bound, ast.Add() if part > 0.0 else ast.Sub(), change)
-
-
-def _varies(node: ast.expr) -> bool:
-    """Whether an expression depends on the state: it names a coordinate, a function of bodies, or t."""
-    names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
-    dotted = any(isinstance(each, ast.Attribute) for each in ast.walk(node))
-    return dotted or bool(names & {"t", "speed", *OF_CONTACTS})
 
 
 def _carrier(scene: Scene, name: str, bound: Bound, numbers: Mapping[str, float]) -> Carrier:

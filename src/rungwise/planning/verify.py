@@ -22,10 +22,12 @@ from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.task import TaskError, fields_of
 from rungwise.planning.trials import Trials, trials_at
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.wording import choices
 
 CONFIDENCE = 0.95
@@ -87,11 +89,11 @@ class Verification:
             f" of {self.samples} reached the goal, {self.lower:.3f} to {self.upper:.3f} at 95 %>"
         )
 
-    def replay(self, sample: Sample) -> Run:
+    def replay(self, sample: Sample) -> Run | SpaceRun:
         """The run of a sample once more; with re-planning, of what was executed."""
         trials = Trials(self.plan, moving_rung(self.model), self.tol, self.mode, self.seed)
         inputs = trials.executed(self._points[sample.number])
-        run: Run = simulate(
+        run: Run | SpaceRun = simulate(
             self.plan.scene, self.model, parameters=sample.parameters, tol=self.tol, inputs=inputs
         )
         return run
@@ -171,6 +173,10 @@ def _in_mode(plan: Plan, model: Rung, mode: str, tol: float) -> tuple[Plan, Rung
     """What is executed: the plan, with guarded moves if they are asked for. Raises TaskError."""
     if mode not in MODES:
         raise TaskError(f"mode: unknown {shown(mode)}{choices(mode, MODES)}")
+    if mode == RE_PLANNING and isinstance(plan.scene, SpaceScene):
+        raise TaskError(
+            f"mode: {RE_PLANNING} is not known for scenes in space; valid: {OPEN_LOOP}, {GUARDED}"
+        )
     has_guards = any(segment.until for segment in plan.segments)
     if mode == OPEN_LOOP and has_guards:
         raise TaskError(f"mode: the plan has guarded moves; valid: {GUARDED}, {RE_PLANNING}")
@@ -186,6 +192,8 @@ def _runner(trials: Trials, address: str | None) -> tuple[_Runner, Callable[[], 
     """What runs samples, and what closes it: threads, or the workers of a cluster."""
     if address is None:
         return trials.run, lambda: None
+    if isinstance(trials.plan.scene, SpaceScene):
+        raise TaskError("cluster: scenes in space run in processes of this machine")
     request = {
         "model": trials.model.name, "inertia": trials.model.inertia, "tol": trials.tol, "mode": trials.mode,
         "seed": trials.seed,

@@ -32,7 +32,7 @@ WORDS = {
     OTHER: "bodies, places or drives are others",
 }
 """Each cause as a phrase."""
-MODES = {"open": "was open", "stick": "stuck", "forward": "slid", "backward": "slid"}
+MODES = {"open": "was open", "stick": "stuck", "forward": "slid", "backward": "slid", "slip": "slid"}
 """Modes of a contact, as it is told what happened."""
 
 
@@ -91,7 +91,13 @@ def _alone(numbers: Mapping[str, Any]) -> str:
 
 def _balance(told: Told) -> str:
     (one, other), on, body = told.numbers["speed"], told.on, told.body
-    return f"another motion was admissible: {body} moves at {one:.3g} {on[0]}, at {other:.3g} {on[1]}"
+    said = f"another motion was admissible: {body} moves at {one:.3g} {on[0]}, at {other:.3g} {on[1]}"
+    weights = told.numbers.get("weight", (0.0, 0.0))
+    if (weights[0] > 0.0) != (weights[1] > 0.0):
+        said += f"; {on[int(weights[1] == 0.0)]} its weight of {max(weights):.3g} is left out"
+    for pairs, where in zip(told.numbers.get("alone", ()), on, strict=False):
+        said += f"; {', '.join(pairs)} touch{'es' * (len(pairs) == 1)} {where} alone" if pairs else ""
+    return said
 
 
 def _friction(told: Told) -> str:

@@ -78,6 +78,22 @@ class World:
         names, bodies = self.scene.template.coordinates, self.scene.file.bodies
         return np.flatnonzero([bodies[name.split(".")[0]].role == "object" for name in names])
 
+    def mixed(self, other: World, taken: frozenset[str]) -> World:
+        """This world, with the ingredients `taken` from the other, and without conditions."""
+
+        def of(ingredient: str) -> World:
+            return other if ingredient in taken else self
+
+        base, tol = of(OTHER), of(ACCURACY).tol
+        if of(BALANCE).model.metric:
+            return World(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
+        model = Rung(
+            "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
+            compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
+        )  # fmt: skip
+        scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
+        return World(scene, base.parameters, model, tol)
+
     def _support(self) -> Any:
         """What resists the motion of objects: friction of supports, damping and dry friction."""
         supports, coordinates = self.records.supports, self.records.coordinates[self.objects]
@@ -94,28 +110,6 @@ class World:
         kinds = ("bodies", "shapes", "vertices", "potentials", "terms", "joints", "measures")
         gravity = [float(records.world[0][name]) for name in ("gravity_x", "gravity_y")]
         return [gravity, coordinates.tobytes(), *(getattr(records, kind).tobytes() for kind in kinds)]
-
-
-def differing(a: World, b: World) -> tuple[str, ...]:
-    """The ingredients in which two worlds differ."""
-    return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
-
-
-def mixed(a: World, b: World, taken: frozenset[str]) -> World:
-    """The world a, with the ingredients `taken` from b, and without conditions."""
-
-    def of(ingredient: str) -> World:
-        return b if ingredient in taken else a
-
-    base, tol = of(OTHER), of(ACCURACY).tol
-    if of(BALANCE).model.metric:
-        return World(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
-    model = Rung(
-        "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
-        compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
-    )  # fmt: skip
-    scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
-    return World(scene, base.parameters, model, tol)
 
 
 def _resolved(base: World, friction: World, support: World, give: World, bounce: World) -> Scene:

@@ -59,10 +59,12 @@ class Term:
     dimension: Dimension | None
 
 
-def terms_of(text: str, names: Names, of_coordinate: tuple[Dimension, ...]) -> tuple[list[Term], Combination]:
-    """The comparisons of a condition that compiles, and how they are combined; `of_coordinate` are the
-    dimensions of the coordinates."""
-    dimensions = _of_values(names, of_coordinate)
+def terms_of(
+    text: str, names: Names, of_coordinate: tuple[Dimension, ...], of_velocity: tuple[Dimension, ...]
+) -> tuple[list[Term], Combination]:
+    """The comparisons of a condition that compiles, and how they are combined; with the dimensions of
+    coordinates and velocities."""
+    dimensions = _of_values(names, of_coordinate, of_velocity)
     terms: list[Term] = []
 
     def taken(node: ast.expr) -> Combination:
@@ -83,12 +85,14 @@ def terms_of(text: str, names: Names, of_coordinate: tuple[Dimension, ...]) -> t
     return terms, taken(ast.parse(text.strip(), mode="eval").body)
 
 
-def _of_values(names: Names, of_coordinate: tuple[Dimension, ...]) -> list[Dimension | None]:
+def _of_values(
+    names: Names, of_coordinate: tuple[Dimension, ...], of_velocity: tuple[Dimension, ...]
+) -> list[Dimension | None]:
     """Dimensions of the values that programs read, in their order (see `Template`)."""
     contacts = len(names.contacts)
     of_contacts = dict(zip(OF_CONTACTS, (LENGTH, FORCE, IMPULSE), strict=True))
     found: list[Dimension | None] = [None] * len(names.parameters)
-    found += [TIME, *of_coordinate, *(each.times(TIME, -1) for each in of_coordinate)]
+    found += [TIME, *of_coordinate, *of_velocity]
     for function in OF_CONTACTS:
         found += [of_contacts[function]] * contacts
     return [*found, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.scene import Scene, SceneError
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.crew import names_of, outside
-from rungwise.simulation.inputs import ScheduleError
-from rungwise.simulation.questions import States, rows_of
-from rungwise.simulation.state import FARTHEST, State, StateError, check_state
+from rungwise.simulation.inputs import ScheduleError, Segment, condition
+from rungwise.simulation.rows import States, rows_of
+from rungwise.simulation.state import FARTHEST, State, StateError, check_state, rates_of
 from rungwise.wording import choices
 
 
@@ -55,23 +56,24 @@ class Count:
 
 
 class Begins(NamedTuple):
-    """Where samples begin: `bodies` (r, 2 n + 1) as of `Samples`, and the states given, if any."""
+    """Where samples begin: `bodies` (r, n_q + n_v + 1), places, velocities and time, and the states given, if
+    any."""
 
     bodies: Reals
     states: list[State]
 
-    def state(self, scene: Scene, row: int) -> State:
+    def state(self, scene: Scene | SpaceScene, row: int) -> State:
         if self.states:
             return self.states[row]
         n = len(scene.template.coordinates)
-        q, v = self.bodies[row, :n], self.bodies[row, n : 2 * n]
+        q, v = self.bodies[row, :n], self.bodies[row, n:-1]
         return State(scene.template.coordinates, q, v, float(self.bodies[row, -1]))
 
 
-def begins_of(scene: Scene, states: States, many: Count) -> Begins:
-    n = len(scene.template.coordinates)
+def begins_of(scene: Scene | SpaceScene, states: States, many: Count) -> Begins:
     if isinstance(states, np.ndarray):
-        bodies = np.hstack([rows_of(states, n), np.zeros((len(states), 1))])
+        rows = rows_of(states, len(scene.template.coordinates), len(rates_of(scene)))
+        bodies = np.hstack([rows, np.zeros((len(states), 1))])
         many.agree("states", len(bodies), StateError)
         return Begins(bodies, [])
     listed = [states] if isinstance(states, State) else states
@@ -100,7 +102,7 @@ def durations_of(
 
 
 def levels_of(
-    scene: Scene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
+    scene: Scene | SpaceScene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
 ) -> Reals:
     """Inputs (m or 1, s, u), inf where a value given is none, nan where an input stays as it is."""
     names = scene.template.inputs
@@ -135,7 +137,7 @@ def levels_of(
 
 
 def points_of(
-    scene: Scene, parameters: Mapping[str, ArrayLike] | None, many: Count
+    scene: Scene | SpaceScene, parameters: Mapping[str, ArrayLike] | None, many: Count
 ) -> tuple[tuple[str, ...], Reals]:
     """Names of parameters, and their values (m or 1, k)."""
     if not isinstance(parameters, Mapping | None):
@@ -168,8 +170,9 @@ def ramps_of(ramp: bool | Sequence[bool], segments: int) -> tuple[bool, ...]:
 
 
 def faults_of(
-    scene: Scene, over: Sequence[str], points: Reals, lengths: Reals, levels: Reals, begins: Begins | None
-) -> dict[int, str]:
+    scene: Scene | SpaceScene, over: Sequence[str], points: Reals, lengths: Reals, levels: Reals,
+    begins: Begins | None,
+) -> dict[int, str]:  # fmt: skip
     """Samples with wrong values, and a line on the first of each."""
     m, faults = len(points), dict[int, str]()
 
@@ -180,12 +183,13 @@ def faults_of(
                 faults.setdefault(i, f"sample {i}: {line(row)}")
 
     if begins is not None:
-        names, n = scene.template.coordinates, len(scene.template.coordinates)
+        names = scene.template.coordinates
+        labels = [f"q.{name}" for name in names] + [f"v.{name}" for name in rates_of(scene)] + ["time"]
         bad = ~np.isfinite(begins.bodies) | (np.abs(begins.bodies) > FARTHEST)
         note(
             bad,
             lambda at: (
-                f"states.{'q' if at[1] < n else 'v'}.{names[at[1] % n]}: must be finite and within"
+                f"states.{labels[at[1]]}: must be finite and within"
                 f" -{FARTHEST:g}..{FARTHEST:g}, not {begins.bodies[at]:g}"
             ),
         )
@@ -213,3 +217,62 @@ def _not_finite(name: str, at: tuple[int, ...]) -> str:
 
 def _out_of_range(name: str, values: Reals, low: float, high: float, at: tuple[int, ...]) -> str:
     return f"inputs.{name}: {values[at]:g} is outside {low:g} to {high:g}, in segment {at[1]}"
+
+
+class Asked(NamedTuple):
+    """What a rollout is asked for: names of parameters `over` and points (m, k); durations (m or 1, s);
+    inputs (m or 1, s, u); conditions and ramps of segments; where samples begin; and samples with wrong
+    values."""
+
+    over: tuple[str, ...]
+    points: Reals
+    lengths: Reals
+    levels: Reals
+    until: tuple[str | None, ...]
+    ramps: tuple[bool, ...]
+    begins: Begins | None
+    faults: dict[int, str]
+
+    def schedule(self, scene: Scene | SpaceScene, i: int) -> tuple[Segment, ...]:
+        """The segments of a sample."""
+        duration = self.lengths[min(i, len(self.lengths) - 1)]
+        level, names = self.levels[min(i, len(self.levels) - 1)], scene.template.inputs
+        return tuple(
+            Segment(
+                {name: float(x) for name, x in zip(names, row, strict=True) if x == x}, float(each), text,
+                bool(self.ramps[k]),
+            )
+            for k, (each, row, text) in enumerate(zip(duration, level, self.until, strict=True))
+        )  # fmt: skip
+
+    def state(self, scene: Scene | SpaceScene, i: int) -> State | None:
+        """Where a sample begins; None at the scene's start."""
+        return None if self.begins is None else self.begins.state(scene, min(i, len(self.begins.bodies) - 1))
+
+    def options(self, scene: Scene | SpaceScene, i: int) -> dict[str, Any]:
+        """What `simulate` takes to run a sample."""
+        parameters = dict(zip(self.over, self.points[i].tolist(), strict=True))
+        schedule, state = self.schedule(scene, i), self.state(scene, i)
+        return {"parameters": parameters, "state": state, "inputs": schedule}
+
+
+def asked(
+    scene: Scene | SpaceScene, states: States | None, inputs: ArrayLike | Mapping[str, ArrayLike] | None,
+    durations: ArrayLike | None, until: Sequence[str | None] | None, ramp: bool | Sequence[bool],
+    parameters: Mapping[str, ArrayLike] | None,
+) -> Asked:  # fmt: skip
+    """The arguments of `rollout`, checked. Raises SceneError, StateError and ScheduleError for wrong shapes
+    and names."""
+    many = Count()
+    lengths = durations_of(durations, inputs, many)
+    segments = lengths.shape[1]
+    levels = levels_of(scene, inputs, segments, many)
+    over, points = points_of(scene, parameters, many)
+    begins = None if states is None else begins_of(scene, states, many)
+    m = 1 if many.m is None else many.m
+    points = np.ascontiguousarray(np.broadcast_to(points, (m, len(over))))
+    texts, ramps = until_of(until, segments), ramps_of(ramp, segments)
+    for k, text in enumerate(texts):
+        condition(scene, text, f"until.{k}")
+    faults = faults_of(scene, over, points, lengths, levels, begins)
+    return Asked(over, points, lengths, levels, texts, ramps, begins, faults)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,22 +15,22 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC
 from rungwise.plain import brief
-from rungwise.scene import Scene, SceneError, load
+from rungwise.scene import Scene, SceneError
 from rungwise.scene.expression import STACK, Programs
-from rungwise.scene.names import Names
-from rungwise.scene.terms import ANGLE, LENGTH, Combination, Dimension, Term, terms_of
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
+from rungwise.scene.terms import ANGLE, LENGTH, TIME, Combination, Dimension, Term, terms_of
 from rungwise.scene.values import shown
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer, read
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory
-from rungwise.simulation.state import FARTHEST, State, StateError, check_state, digest, memory_of
+from rungwise.simulation.rows import States, finite_rows, scale_of
+from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
 from rungwise.system.planar.place import start, turns
 
-States: TypeAlias = "State | Sequence[State] | Reals"
-"""One state, many, or an array: places (m, n) of all coordinates, at rest, or places and velocities
-(m, 2 n), at t = 0."""
-LARGEST = 700.0
-"""Largest logarithm of a scale, whatever the powers: its exponential is finite."""
+if TYPE_CHECKING:
+    from rungwise.simulation.spatial.questions import SpacePlace
+
 SMALLEST = 5e-324
 """Smallest number greater than 0."""
 
@@ -63,7 +63,8 @@ class Answers:
 class Geometry:
     """Where bodies are at states: gaps (m, c) between the bodies of `contacts`, negative where they overlap;
     collides (m,): whether bodies overlap, more than they did in the state's own run; poses (m, b, 3) of
-    `bodies`: x, y of the centre and the angle, in -pi..pi."""
+    `bodies`: x, y of the centre and the angle, in -pi..pi; in space (m, b, 7): x, y, z of the body's origin
+    and its quaternion, the real part first."""
 
     contacts: tuple[tuple[str, str], ...]
     gaps: Reals
@@ -76,7 +77,7 @@ class Geometry:
 
 @keywords
 def ask(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     condition: str,
     states: States,
     parameters: Mapping[str, float] | None = None,
@@ -92,7 +93,7 @@ def ask(
 
 @keywords
 def geometry(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     states: States,
     parameters: Mapping[str, float] | None = None,
 ) -> Geometry:
@@ -107,28 +108,27 @@ class Question:
     contacts."""
 
     def __init__(
-        self, scene: Scene, condition: str | None, parameters: Mapping[str, float] | None = None
+        self, scene: Scene | SpaceScene, condition: str | None, parameters: Mapping[str, float] | None = None
     ) -> None:
-        template = scene.template
         if not isinstance(condition, str | None):
             raise SceneError(f"condition: must be text, not {shown(condition)}")
         text = getattr(scene.file, condition) if condition in ("goal", "unsafe", "doomed") else condition
         if text is None and condition is not None:
             raise SceneError(f"{condition}: the scene states none")
-        names = Names(template.parameters, template.coordinates, template.contacts)
+        names = scene.template.names()
         names.condition(text, "condition")
         self.of_contacts = any(names.read.values())
-        self._scene, self._place = scene, _Place(scene, parameters)
+        self._place = _place(scene, parameters)
         self._terms: list[Term] = []
         self._combined: Combination = 0
         if text is not None:
-            self._terms, self._combined = terms_of(text, names, self._place.dimensions())
+            self._terms, self._combined = terms_of(text, names, *self._place.dimensions())
         self._programs = Programs([term.code for term in self._terms])
         self._scales = np.array([self._place.scale(term.dimension) for term in self._terms])
 
     def ask(self, states: States) -> Answers:
         """Whether the condition holds at states. Raises StateError for wrong input."""
-        return self._answers(self._place.answers(self._place.rows(states), self._terms)[0])
+        return self._answers(self._place.values(states, self._terms))
 
     def read(self, numbers: Reals) -> Answers:
         """Whether the condition holds at rows (m, w) of the numbers that conditions read, as memories of runs
@@ -152,15 +152,22 @@ class Question:
 
     def geometry(self, states: States) -> Geometry:
         """Gaps, collisions and poses at states. Raises StateError for wrong input."""
-        place, template = self._place, self._scene.template
-        rows = place.rows(states)
-        _, gaps, poses = place.answers(rows, [])
-        allowed = slack(place.workspace) + rows.overlaps
-        return Geometry(
-            contacts=template.contacts, gaps=gaps, collides=np.any(gaps < -allowed, axis=1),
-            bodies=template.bodies,
-            poses=np.concatenate([poses[..., :2], np.arctan2(poses[..., 3:], poses[..., 2:3])], axis=-1),
-        )  # fmt: skip
+        contacts, bodies = self._place.scene.template.contacts, self._place.scene.template.bodies
+        gaps, collides, poses = self._place.geometry(states)
+        return Geometry(contacts=contacts, gaps=gaps, collides=collides, bodies=bodies, poses=poses)
+
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap at a state, and by how much; empty where none do. Raises StateError."""
+        return self._place.overlap(state)
+
+
+def _place(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) -> _Place | SpacePlace:
+    """The scene at these parameters, ready to be asked."""
+    if not isinstance(scene, SpaceScene):
+        return _Place(scene, parameters)
+    from rungwise.simulation.spatial.questions import SpacePlace
+
+    return SpacePlace(scene, parameters)
 
 
 class Rows(NamedTuple):
@@ -186,26 +193,42 @@ class _Place:
         start(records, self.workspace.state.q, self.workspace.state.v)
         begin(records, KINEMATIC.record(), control, self.workspace)
 
-    def dimensions(self) -> tuple[Dimension, ...]:
-        """Dimensions of the coordinates."""
+    def dimensions(self) -> tuple[tuple[Dimension, ...], tuple[Dimension, ...]]:
+        """Dimensions of the coordinates and of their velocities."""
         records = self.bound.records
         bodies = [records.bodies[c["body"]] for c in records.coordinates]
-        return tuple(ANGLE if turns(body, i) else LENGTH for i, body in enumerate(bodies))
+        own = tuple(ANGLE if turns(body, i) else LENGTH for i, body in enumerate(bodies))
+        return own, tuple(each.times(TIME, -1) for each in own)
 
     def scale(self, dimension: Dimension | None) -> float:
         """The size of the scene in this dimension; 1 where there is none."""
-        if dimension is None:
-            return 1.0
         clock, world = self.workspace.state.clock[0], self.bound.records.world[0]
         length, time = max(float(clock["extent"]), float(clock["reach"])), float(world["duration"])
         masses = [float(body["mass"]) for body in self.bound.records.bodies]
         gravity = math.hypot(world["gravity_x"], world["gravity_y"])
-        force = max(masses, default=0.0) * (gravity if gravity > 0.0 else length / time / time)
-        sizes = [size if 0.0 < size < math.inf else 1.0 for size in (length, time, force)]
-        logarithms = np.array(dimension) * np.log(sizes)
-        if np.abs(logarithms).sum() < LARGEST:
-            return float(np.prod(np.array(sizes) ** np.array(dimension)))
-        return math.exp(float(np.clip(logarithms.sum(), -LARGEST, LARGEST)))
+        return scale_of(dimension, length, time, max(masses, default=0.0), gravity)
+
+    def values(self, states: States, terms: list[Term]) -> Reals:
+        """Values of terms (m, k)."""
+        return self.answers(self.rows(states), terms)[0]
+
+    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
+        """Gaps (m, c), collisions (m,), poses (m, b, 3)."""
+        rows = self.rows(states)
+        _, gaps, poses = self.answers(rows, [])
+        collides = np.any(gaps < -(slack(self.workspace) + rows.overlaps), axis=1)
+        angles = np.arctan2(poses[..., 3:], poses[..., 2:3])
+        return gaps, collides, np.concatenate([poses[..., :2], angles], axis=-1)
+
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap most at a state; empty where none do."""
+        gaps, collides, _ = self.geometry(state)
+        k = int(gaps[0].argmin()) if collides[0] else 0
+        return (
+            f"{' and '.join(self.scene.template.contacts[k])} overlap by {-gaps[0, k]:.3g}"
+            if collides[0]
+            else ""
+        )
 
     def answers(self, rows: Rows, terms: list[Term]) -> tuple[Reals, Reals, Reals]:
         """Values of terms (m, k), gaps (m, c), poses (m, b, 4)."""
@@ -223,7 +246,7 @@ class _Place:
         """States as kernels take them. Raises StateError."""
         n = len(self.scene.template.coordinates)
         if isinstance(states, np.ndarray):
-            moving = _finite_rows(states, n)
+            moving = finite_rows(states, n, n)
             rows = self._at_rest(len(moving))
             rows.q[:], rows.v[:] = moving[:, :n], moving[:, n:]
             return rows
@@ -252,30 +275,6 @@ class _Place:
         rest = np.zeros((m, 1 + 2 * contacts + len(self.columns)))
         rest[:, 1 + 2 * contacts :] = self.bound.values[self.columns]
         return Rows(np.zeros((m, n)), np.zeros((m, n)), rest, np.zeros((m, contacts)))
-
-
-def rows_of(states: NDArray[Any], n: int) -> Reals:
-    """Places and velocities (m, 2 n) from an array of places (m, n), at rest, or of both. Raises
-    StateError."""
-    if states.dtype.kind not in "iuf":
-        raise StateError(f"states: must be an array of real numbers, not of {states.dtype}")
-    if states.ndim != 2 or states.shape[1] not in (n, 2 * n):
-        raise StateError(f"states: must have the shape (m, {n}) or (m, {2 * n}), not {states.shape}")
-    rows = np.zeros((len(states), 2 * n))
-    rows[:, : states.shape[1]] = states
-    return rows
-
-
-def _finite_rows(states: NDArray[Any], n: int) -> Reals:
-    """The same, where every number is finite and within bounds. Raises StateError."""
-    rows = rows_of(states, n)
-    for wrong, words in (
-        (~np.isfinite(rows), "is not finite"),
-        (np.abs(rows[:, :n]) > FARTHEST, f"is not within -{FARTHEST:g}..{FARTHEST:g}"),
-    ):
-        if wrong.any():
-            raise StateError(f"states: row {int(np.flatnonzero(wrong.any(axis=1))[0])} {words}")
-    return rows
 
 
 def _scaled(values: Reals, scales: Reals) -> Reals:

@@ -2,87 +2,43 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.plain import cut
-from rungwise.scene import Scene, load
-from rungwise.simulation.arguments import (
-    Begins,
-    Count,
-    begins_of,
-    durations_of,
-    faults_of,
-    levels_of,
-    points_of,
-    ramps_of,
-    until_of,
-)
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.arguments import Begins, asked
 from rungwise.simulation.crew import CHUNK, Crew
-from rungwise.simulation.inputs import Segment, condition
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
-from rungwise.simulation.questions import States
-from rungwise.simulation.result import Run, counted, pair_labels, texts
-from rungwise.simulation.run import Simulation, simulate
-from rungwise.simulation.state import Memory, State, StateError, digest, memory_of
+from rungwise.simulation.result import pair_labels
+from rungwise.simulation.rolled import Rolled
+from rungwise.simulation.rows import States
+from rungwise.simulation.run import Simulation
+from rungwise.simulation.spatial.rollout import SpaceRollouts, rollout_in_space
+from rungwise.simulation.state import State, StateError, memory_of
 
 WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
 
 
-@dataclass(frozen=True)
-class Rollouts:
-    """m runs of s segments, of a scene of n coordinates.
-
-    outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
-    steps, attempts at them, solves (problems solved) and worst_residual (m,), switches (m,): how many
-    segments ended; final, speed (m, n) at the end. `faults` maps samples with wrong values to a line that
-    names the value; they are `invalid`.
-
-    With `keep`, also the states in which segments ended; the end of a run stands in the column of the segment
-    in which it ended, and later columns are nan: see `times`, `q`, `v`, `modes`, `forces`, `work`, `state`.
-    """
+@dataclass(frozen=True, repr=False)
+class Rollouts(Rolled):
+    """Rollouts of a planar scene of n coordinates, as of `Rolled`; with `keep` there are also modes and
+    forces of contact points at the ends of segments."""
 
     scene: Scene
-    model: Rung
-    outcome: Ints
-    margin: Reals
-    time: Reals
-    steps: Ints
-    attempts: Ints
-    solves: Ints
-    switches: Ints
-    worst_residual: Reals
-    final: Reals
-    speed: Reals
-    faults: dict[int, str]
-    memory: Reals = field(repr=False)
     _like: Like = field(repr=False)
-    _options: Callable[[int], dict[str, Any]] = field(repr=False)
-    _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
-    _theta: float = field(repr=False)
-
-    @property
-    def outcomes(self) -> NDArray[np.str_]:
-        """Outcomes (m,) as texts, as of `Run.outcome`."""
-        return texts(self.outcome)
-
-    def __repr__(self) -> str:
-        return (
-            f"<Rollouts of {cut(self.scene.name)} on {cut(self.model.name)}: {len(self.outcome)} runs:"
-            f" {counted(self.outcome)}>"
-        )
 
     @property
     def times(self) -> Reals:
@@ -128,37 +84,10 @@ class Rollouts:
         found = in_memory(self._like, name, self.memory.reshape(m * s, w))
         return found.reshape(m, s, *found.shape[1:])
 
-    @keywords
-    def state(self, sample: int, segment: int | None = None) -> State:
-        """The state of a run at the end of a segment; of the run, if none is given. Raises ValueError where
-        the run had ended before, or did not begin."""
-        last = min(int(self.switches[sample]), self.memory.shape[1] - 1) if len(self.memory) else 0
-        k = last if segment is None else segment
-        time = float(self.times[sample, k])
-        if math.isnan(time):
-            raise ValueError(f"sample {sample} has no state at the end of segment {k}")
-        names, values = self.scene.template.coordinates, self.memory[sample, k]
-        memory = Memory(values, digest(self.scene), self.model, self._theta, self._schedules(sample))
-        return State(names, self.q[sample, k], self.v[sample, k], time, memory)
-
-    @keywords
-    def run(self, sample: int) -> Run:
-        """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
-        for a sample with wrong values."""
-        run: Run = simulate(self.scene, self.model, **self._options(sample))
-        return run
-
-    def reason(self, sample: int) -> str:
-        """Why the run of this sample ended as it did, in one line."""
-        try:
-            return self.faults.get(sample) or self.run(sample).reason
-        except InputError as error:
-            return str(error)
-
 
 @keywords
 def rollout(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     states: States | None = None,
     inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
@@ -176,7 +105,7 @@ def rollout(
     threads: int | None = None,
     chunk: int = CHUNK,
     on_progress: Callable[[int], None] | None = None,
-) -> Rollouts:
+) -> Rollouts | SpaceRollouts:
     """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
 
     Args:
@@ -199,42 +128,29 @@ def rollout(
     Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
     values of a sample make it `invalid`, with a line in `faults`, and the others go on. What is given for one
     sample, also as an array of one row, serves all m."""
-    scene, rung, many = load(scene), moving_rung(model), Count()
-    lengths = durations_of(durations, inputs, many)
-    levels = levels_of(scene, inputs, lengths.shape[1], many)
-    over, points = points_of(scene, parameters, many)
-    begins = None if states is None else begins_of(scene, states, many)
-    m = 1 if many.m is None else many.m
-    points = np.ascontiguousarray(np.broadcast_to(points, (m, len(over))))
-    texts, ramps = until_of(until, lengths.shape[1]), ramps_of(ramp, lengths.shape[1])
-    for k, text in enumerate(texts):
-        condition(scene, text, f"until.{k}")
+    scene, rung = load(scene), moving_rung(model)
+    wanted = asked(scene, states, inputs, durations, until, ramp, parameters)
     options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
-    crew = Crew(
-        scene, rung, over, None, until=texts, ramps=ramps, budget=budget, threads=threads,
-        **options,  # type: ignore[arg-type]
-    )  # fmt: skip
-    faults = faults_of(scene, over, points, lengths, levels, begins)
-
-    def schedule(i: int) -> tuple[Segment, ...]:
-        duration, level = lengths[min(i, len(lengths) - 1)], levels[min(i, len(levels) - 1)]
-        return tuple(
-            Segment(
-                {name: float(x) for name, x in zip(scene.template.inputs, row, strict=True) if x == x},
-                float(each), text, bool(ramps[k]),
-            )
-            for k, (each, row, text) in enumerate(zip(duration, level, texts, strict=True))
+    if isinstance(scene, SpaceScene):
+        return rollout_in_space(
+            scene, rung, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk,
+            on_progress=on_progress,
         )  # fmt: skip
+    crew = Crew(
+        scene, rung, wanted.over, None, until=wanted.until, ramps=wanted.ramps, budget=budget,
+        threads=threads, **options,  # type: ignore[arg-type]
+    )  # fmt: skip
+    begins, faults, points = wanted.begins, wanted.faults, wanted.points
+    schedule = partial(wanted.schedule, scene)
 
     def of_sample(i: int) -> dict[str, Any]:
-        state = None if begins is None else begins.state(scene, min(i, len(begins.bodies) - 1))
-        given = {"parameters": dict(zip(over, points[i].tolist(), strict=True)), "state": state}
-        return options | given | {"inputs": schedule(i)}
+        return options | wanted.options(scene, i)
 
     memories = _memories(crew, begins, of_sample, faults, points)
     samples = crew.run(
         points, bodies=None if begins is None else begins.bodies, memories=memories.rows, memory=memories.of,
-        durations=lengths, levels=levels, wrong=np.isin(np.arange(m), list(faults)).astype(np.int64),
+        durations=wanted.lengths, levels=wanted.levels,
+        wrong=np.isin(np.arange(len(points)), list(faults)).astype(np.int64),
         keeps=keep, chunk=chunk, on_progress=on_progress,
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)

@@ -20,8 +20,10 @@ from rungwise.kernel import Reals, Record
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import cut
-from rungwise.scene import Scene, load
-from rungwise.scene.space import SpaceScene
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space.scene import normalise
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
@@ -60,7 +62,7 @@ class Memory:
         object.__setattr__(self, "values", _frozen(self.values))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Memory, (self.values, self.scene, self.model, self.theta)
+        return Memory, (self.values, self.scene, self.model, self.theta, self.inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,33 +93,33 @@ class State:
     @keywords
     def of(
         cls,
-        scene: Scene | str | Path | Mapping[str, Any],
+        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
         q: Mapping[str, float] | None = None,
         v: Mapping[str, float] | None = None,
         *,
         time: float = 0.0,
         parameters: Mapping[str, float] | None = None,
     ) -> State:
-        """The scene's start at these parameters, with other values of the named coordinates and speeds.
+        """The scene's start at these parameters, with other values of the named coordinates and speeds (in
+        space: velocities). Quaternions are made unit ones.
 
         A run that begins there says whether bodies overlap and joints are open. Raises StateError for an
         unknown name or a value that is no finite number, SceneError for wrong parameters.
         """
-        from rungwise.system.planar.place import start
-
         loaded = load(scene)
-        names, bound = loaded.template.coordinates, loaded.bind(parameters)
-        places, speeds = np.zeros(len(names)), np.zeros(len(names))
-        start(bound.records, places, speeds)
-        for field, given, values in (("q", q, places), ("v", v, speeds)):
+        names, rates = loaded.template.coordinates, rates_of(loaded)
+        places, speeds = _start(loaded, parameters)
+        for field, given, values, known in (("q", q, places, names), ("v", v, speeds, rates)):
             if not isinstance(given, Mapping | None):
                 raise StateError(
                     f"state.{field}: must be a mapping of coordinates to numbers, not {shown(given)}"
                 )
             for name, value in (given or {}).items():
-                if name not in names:
-                    raise StateError(f"state.{field}: unknown {shown(name)}{choices(name, names)}")
-                values[names.index(name)] = finite(f"state.{field}.{name}", value, StateError)
+                if name not in known:
+                    raise StateError(f"state.{field}: unknown {shown(name)}{choices(name, known)}")
+                values[known.index(name)] = finite(f"state.{field}.{name}", value, StateError)
+        if q and isinstance(loaded, SpaceScene):
+            normalise(loaded.bind(parameters).model, places)
         return cls(names, places, speeds, finite("state.time", time, StateError))
 
     def __repr__(self) -> str:
@@ -180,7 +182,7 @@ def _from_arrays(saved: Mapping[str, NDArray[Any]]) -> State:
         memory = Memory(_row(saved["memory"]), str(saved["scene"]), model, float(saved["theta"]), inputs)
     names = tuple(str(name) for name in saved["names"])
     q, v = _row(saved["q"]), _row(saved["v"])
-    if not len(names) == len(q) == len(v):
+    if not len(names) == len(q) >= len(v):  # in space a turn has four coordinates and three velocities
         raise ValueError("names, q and v differ in length")
     return State(names, q, v, float(saved["time"]), memory)
 
@@ -191,24 +193,41 @@ def _row(values: NDArray[Any]) -> Reals:
     return values
 
 
+def rates_of(scene: Scene | SpaceScene) -> tuple[str, ...]:
+    """Names of the velocities, the coordinates' own in the plane."""
+    return scene.template.velocities if isinstance(scene, SpaceScene) else scene.template.coordinates
+
+
+def _start(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) -> tuple[Reals, Reals]:
+    """q (n_q,) and v (n_v,) of the scene's start."""
+    bound = scene.bind(parameters)
+    if isinstance(bound, SpaceBound):
+        return bound.place, bound.motion
+    from rungwise.system.planar.place import start
+
+    places, speeds = np.zeros(len(scene.template.coordinates)), np.zeros(len(scene.template.coordinates))
+    start(bound.records, places, speeds)
+    return places, speeds
+
+
 def digest(scene: Scene | SpaceScene) -> str:
     """What tells scenes apart, as a hash."""
     return hashlib.sha256(scene.content.encode()).hexdigest()
 
 
-def check_state(state: State, scene: Scene) -> None:
+def check_state(state: State, scene: Scene | SpaceScene) -> None:
     """Raise StateError unless q, v and time are finite and belong to the scene's coordinates."""
     names = scene.template.coordinates
     if not isinstance(state, State):
         raise StateError(f"state: must be a State, not {shown(state)}")
     if state.names != names:
         raise StateError(f"state: has the coordinates {_listed(state.names)}, and the scene {_listed(names)}")
-    for field, values in (("q", state.q), ("v", state.v)):
+    for field, values, known in (("q", state.q, names), ("v", state.v, rates_of(scene))):
         if not isinstance(values, np.ndarray):
             raise StateError(f"state.{field}: must be an array, not {shown(values)}")
-        if values.shape != (len(names),):
-            raise StateError(f"state.{field}: must have the shape ({len(names)},), not {values.shape}")
-        for name, value in zip(names, values, strict=True):
+        if values.shape != (len(known),):
+            raise StateError(f"state.{field}: must have the shape ({len(known)},), not {values.shape}")
+        for name, value in zip(known, values, strict=True):
             finite(f"state.{field}.{name}", value, StateError)
     for name, value in zip(names, state.q, strict=True):
         if abs(value) > FARTHEST:

@@ -18,6 +18,7 @@ from rungwise.scene.values import shown
 from rungwise.sets.doomed import DoomedSet
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.simulation.result import Run
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.viewing.clip import clip
 from rungwise.viewing.designs import design_bars
 from rungwise.viewing.html import page
@@ -60,7 +61,10 @@ def plot(result: Shown, *, frames: int = 6) -> Figure:
     if isinstance(result, Plan):
         if not result.found:
             raise PictureError(f"plot: there is no plan: {result.reason}")
-        return strip([clip(result.replay())], frames)
+        run = result.replay()
+        if isinstance(run, SpaceRun):
+            raise PictureError("plot: runs in space are drawn by rungwise.view, as html")
+        return strip([clip(run)], frames)
     if result.outcome == Outcome.INVALID:
         raise PictureError(f"plot: the run did not begin: {result.reason}")
     return strip([clip(result)], frames)
@@ -74,7 +78,8 @@ def to_html(result: Run | Plan | FeasibleSet | DoomedSet) -> str:
     if isinstance(result, Run):
         return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
     if isinstance(result, Plan):
-        return _table_of_plan(result) + (_animation(result.replay()) if result.found else "")
+        run = result.replay() if result.found else None
+        return _table_of_plan(result) + (_animation(run) if isinstance(run, Run) else "")
     if not isinstance(result, FeasibleSet | DoomedSet):
         raise PictureError(f"to_html: must be a run, a plan or a set, not {shown(result)}")
     return _table_of_set(result) + ("" if find_spec("matplotlib") is None else _picture(plot(result)))

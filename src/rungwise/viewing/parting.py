@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.models.ladder import rung
-from rungwise.planning.diagnose import NOTHING, Diagnosis, both, distances, weights_of
+from rungwise.planning.diagnose import NOTHING, Diagnosis, both, distances
+from rungwise.planning.objects import moved
 from rungwise.planning.words import UNTOUCHED
 from rungwise.planning.worlds import World
 from rungwise.scene import Scene
@@ -61,7 +62,7 @@ def draw_parting(
         World(scene, values, rung(name), tol)
         for values, name, tol in zip((own, others), names, found.tols, strict=True)
     )
-    _, motions, until = both(one, other, found.inputs, weights_of(scene, own)[0])
+    _, motions, until = both(one, other, found.inputs, moved(scene, own).weights)
     clips = [
         replace(
             of_trajectory(world.scene, world.parameters, motion.data), model=label, outcome=end["outcome"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,11 +23,15 @@ from rungwise.scene.space.labels import Labels, labels
 from rungwise.scene.space.laws import contact_laws, smallest
 from rungwise.scene.space.model import LIBRARY, change, compiled, model_path, read_spec
 from rungwise.scene.space.refused import left_out, refuse
-from rungwise.scene.template import SceneError
+from rungwise.scene.task import numbers_of
+from rungwise.scene.tasks import check_task
+from rungwise.scene.template import STRICT, SceneError, out_of_range
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import mujoco
+
+    import rungwise
 
 MODELS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
@@ -115,10 +119,14 @@ class SpaceScene:
         parameters = cut(", ".join(self.file.parameters), 120)
         return f"<SpaceScene {cut(self.name)}: bodies {moving}; parameters {parameters or 'none'}>"
 
-    @property
+    @cached_property
     def content(self) -> str:
-        """What tells scenes apart: the file's content and the model's."""
-        return self.file.model_dump_json(exclude_unset=True) + self.model_text
+        """What tells scenes apart: the file's content and the model's, wherever its file lies."""
+        model = self.file.model.model_copy(update={"file": Path(self.file.model.file).name})
+        return (
+            self.file.model_copy(update={"model": model}).model_dump_json(exclude_unset=True)
+            + self.model_text
+        )
 
     @property
     def size(self) -> float:
@@ -127,10 +135,29 @@ class SpaceScene:
 
     @property
     def stored(self) -> str:
-        """The scene as JSON, as `load` takes it once decoded, with the place of the model file."""
+        """The scene as JSON, as `load` takes it once decoded, with the place of the model file, or its name
+        alone if it ships."""
         path = model_path(self.file.model.file, self.folder).resolve()
         given = self.file.model_dump(mode="json", exclude_unset=True)
-        return json.dumps(given | {"model": given["model"] | {"file": str(path)}})
+        shipped = path.parent == Path(str(LIBRARY)).resolve()
+        return json.dumps(given | {"model": given["model"] | {"file": path.name if shipped else str(path)}})
+
+    def changed(self, **fields: Any) -> SpaceScene:
+        """The scene with other fields of its file, such as its goal."""
+        return replace(self, file=self.file.model_copy(update=fields))
+
+    def task_numbers(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The numbers of the task, by their paths, at these parameters. Raises InvalidScene for one that is
+        out of its bounds."""
+        number = _Numbers(self.template.names(), np.array([*self.parameters(given).values(), 0.0]))
+        found = {}
+        for place in () if self.file.task is None else numbers_of(self.file.task):
+            value = found[place.path] = number.one(place.number, place.path)
+            low = place.at_least if place.above is None else place.above
+            wrong = out_of_range(value, low, place.at_most, 0 if place.above is None else STRICT)
+            if wrong is not None:
+                raise InvalidScene(f"{place.path}: {wrong}")
+        return found
 
     @keywords
     def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
@@ -143,6 +170,14 @@ class SpaceScene:
         names = self.template.names()
         stated = {name: getattr(self.file, name) for name in ("goal", "unsafe", "doomed")}
         return {name: names.condition(text, name) for name, text in stated.items() if text is not None}
+
+    def goal(
+        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
+    ) -> rungwise.Answers:
+        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
+        import rungwise
+
+        return rungwise.ask(self, "goal", states, parameters)
 
     def bind(self, given: Mapping[str, float] | None = None) -> SpaceBound:
         """The model at these parameters. Raises InvalidScene, naming the field, where it is impossible."""
@@ -310,6 +345,10 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     names = labels(model)
     scene = SpaceScene(file, folder, _template(file, model, names), names, spec.to_xml())
     _ = scene.conditions
+    if file.task is not None:
+        if file.task.transit:
+            raise SceneError("task.transit: is not known for scenes in space; inputs lead their robots")
+        check_task(file.task, scene.template.names(), file.inputs, ())
     return scene
 
 

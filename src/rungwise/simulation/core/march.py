@@ -34,6 +34,9 @@ from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 LINEARISATIONS = 12
 """Solutions of one attempt, each linear about the end of the solution before."""
+ROUNDED = 4
+"""Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
+trial."""
 EXACT, OVERLAP = 1e-9, 1e-4
 """Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved."""
 SEEN = 2.0
@@ -57,7 +60,8 @@ class March:
 
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
-    `residual` is the worst of all steps; `clock` is the state's, as Python reads it fastest.
+    `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
+    Python reads it fastest.
     """
 
     system: System
@@ -74,6 +78,7 @@ class March:
     terms: Terms = field(init=False)
     problem: ContactProblem = field(init=False)
     clock: np.void = field(init=False)
+    attempts: int = field(init=False, default=0)
     _contacts: int = field(init=False, default=0)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
@@ -140,6 +145,7 @@ class March:
 
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
+        self.attempts += 1
         self._drive()
         self.clock["tried"] = h
         least = -math.inf
@@ -147,7 +153,7 @@ class March:
             allowed = (EXACT if self.rung.metric else OVERLAP) * self.system.size.length
             least = min(self.system.least_gap(self.q) - float(self.terms.rounding[0]), -allowed)
         self._trial, v = self.q, self.state.v
-        for _ in range(LINEARISATIONS):
+        for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             self._fill(self._trial, v, h)
             status = solve_step(
                 self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem
@@ -158,8 +164,6 @@ class March:
             self._trial = self.system.integrate(self.q, v, h)
             if self.rung.compliant or self.system.least_gap(self._trial) >= least:
                 return SUPPORTED, v
-            if not self.rung.metric:
-                break
         return UNSOLVED, v
 
     def _drive(self) -> None:

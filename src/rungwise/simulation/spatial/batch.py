@@ -1,5 +1,4 @@
-"""Many runs of a scene in space, over processes: MuJoCo's data belong to one, and Python's loop takes half
-the time."""
+"""Many runs of a scene in space at points of parameters, over processes."""
 
 from __future__ import annotations
 
@@ -9,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -18,10 +16,9 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.batch import Results
 from rungwise.simulation.crew import names_of, outside, threads_of
 from rungwise.simulation.options import check_options, count, moving_rung
+from rungwise.simulation.spatial.crew import spread
 from rungwise.simulation.spatial.run import SpaceSimulation
 
-FEW = 4
-"""So many runs are not worth the start of other processes; they are made in this one."""
 BUDGET = 1_000_000
 """Greatest number of steps of one run, as in the plane."""
 
@@ -91,7 +88,7 @@ class SpaceBatch:
         size = chunk or max(1, min(16, len(points) // (4 * self.threads)))
         parts = [points[at : at + size] for at in range(0, len(points), size)]
         found: list[Ran] = []
-        for part in self._parts(parts):
+        for part in spread(run_points, self._job, parts, len(points), self.threads):
             found += part
             if on_progress is not None:
                 on_progress(len(found))
@@ -105,18 +102,6 @@ class SpaceBatch:
             final=np.array([each.q for each in found]).reshape(len(found), n_q),
             speed=np.array([each.v for each in found]).reshape(len(found), n_v),
         )
-
-    def _parts(self, parts: Sequence[Reals]) -> Any:
-        if self.threads == 1 or sum(map(len, parts)) <= FEW:
-            return (run_points(self._job, part) for part in parts)
-        try:
-            from loky import get_reusable_executor
-        except ImportError:
-            raise InputError(
-                "threads: more than one process needs loky: pip install 'rungwise[space]'"
-            ) from None
-        pool = get_reusable_executor(max_workers=self.threads)
-        return pool.map(run_points, [self._job] * len(parts), parts)
 
 
 def run_points(job: Job, points: Reals) -> list[Ran]:

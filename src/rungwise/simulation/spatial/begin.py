@@ -7,29 +7,15 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.scene import normalise
-from rungwise.scene.values import finite
 from rungwise.simulation.core.march import OVERLAP, March
-from rungwise.simulation.state import State, StateError
+from rungwise.simulation.state import State, check_state
 from rungwise.system.spatial.space import Space
-
-
-def check_space_state(state: State, scene: SpaceScene) -> None:
-    """Raise StateError unless q, v and time are finite and belong to the scene."""
-    template = scene.template
-    if state.names != template.coordinates:
-        raise StateError(f"state: has other coordinates than the scene {scene.name}")
-    for name, values, known in (("q", state.q, template.coordinates), ("v", state.v, template.velocities)):
-        if values.shape != (len(known),):
-            raise StateError(f"state.{name}: must have the shape ({len(known)},), not {values.shape}")
-        for each, value in zip(known, values, strict=True):
-            finite(f"state.{name}.{each}", value, StateError)
-    finite("state.time", state.time, StateError)
 
 
 def begin_at(state: State, scene: SpaceScene, march: March, space: Space) -> Reals:
     """Put a run at a state; returns the memory (w,) of the state's run, empty if it has none. Raises
     StateError."""
-    check_space_state(state, scene)
+    check_state(state, scene)
     march.q = state.q.copy()
     normalise(space.model, march.q)
     march.state.v[:] = state.v

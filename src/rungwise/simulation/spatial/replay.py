@@ -17,6 +17,7 @@ from rungwise.plain import cut
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.scene.values import shown
+from rungwise.simulation.inputs import condition
 from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
@@ -140,7 +141,8 @@ class _Course:
         template = scene.template
         columns = tuple(template.parameters.index(name) for name in template.inputs)
         self.clock = Clock(run.inputs, run.frames[0].time, template.inputs, columns)
-        self.values = Values(scene, self.bound)
+        until = [condition(scene, segment.until, "until") for segment in run.inputs]
+        self.values = Values(scene, self.bound, until)
         cone = "elliptic" if self.model.opt.cone else "pyramidal"
         self.settings = f"step {self.model.opt.timestep:g}, {cone} cones"
 
@@ -163,9 +165,15 @@ class _Course:
             m.opt.timestep = h
             mujoco.mj_step(m, d)
             d.qvel[driven] = self.bound.pace[driven]
-            self.clock.go_on(d.time, self.values.told, lambda _: False)
+            self.clock.go_on(d.time, self.values.told, self._holds)
         m.opt.timestep = own
         return d.qpos.copy(), d.qvel.copy()
+
+    def _holds(self, k: int) -> bool:
+        """Whether the condition of segment k holds at MuJoCo's state; forces are not known there."""
+        assert self.run.space is not None
+        self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
+        return self.values.is_over(k)
 
     def outcome(self) -> str:
         """What the scene's conditions say of MuJoCo's end."""

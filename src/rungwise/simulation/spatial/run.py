@@ -23,12 +23,12 @@ from rungwise.simulation.options import MANY, ModelError, check_options, count, 
 from rungwise.simulation.remarks import advice
 from rungwise.simulation.spatial.begin import begin_at, overlapping
 from rungwise.simulation.spatial.frames import Recorder
-from rungwise.simulation.spatial.memory import recall, remembered
+from rungwise.simulation.spatial.memory import memory_parts, recall, remembered
+from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
 from rungwise.simulation.spatial.values import Values
 from rungwise.simulation.state import State, StateError, digest
-from rungwise.system.spatial.space import Laws, Space
 
 TURN_S = 0.1
 """Longest time of steps before the caller sees progress."""
@@ -60,6 +60,7 @@ class SpaceSimulation:
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
+        prepared: Prepared | None = None,
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
         step, tol, duration, self.theta = check_options(step, tol, duration, theta)
@@ -74,10 +75,12 @@ class SpaceSimulation:
         self.march: March | None = None
         most = count("frames", frames, 3)
         try:
-            bound = scene.bind(self.parameters)
+            made = Prepared.of(scene, self.parameters) if prepared is None else prepared
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)
             return
+        bound, self.space = made.bound, made.space
+        self.space.forget()
         self._bound = bound
         self.notes = bound.notes
         self.step = bound.step if step is None else step
@@ -88,9 +91,6 @@ class SpaceSimulation:
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
         self._scheduled = bool(self.inputs) and duration is None
-        self.space = Space(
-            bound.model, Laws(bound.law, bound.laws), bound.place, bound.motion, bound.control, bound.pace
-        )
         self.march = March(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
@@ -109,7 +109,7 @@ class SpaceSimulation:
             return
         self._values.read(self.march, self.space)
         self._judge()
-        self._recorder.take(self.march, self.space, self._memory)
+        self._recorder.take(self.march, self.space, self.memory)
         if self.outcome != Code.RUNNING:
             self._explain(self.march)
 
@@ -140,7 +140,7 @@ class SpaceSimulation:
             return False
         began = time.perf_counter()
         while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
-            self._take(self.march)
+            self.take()
         self.wall_s += time.perf_counter() - began
         return self.outcome == Code.RUNNING
 
@@ -149,12 +149,13 @@ class SpaceSimulation:
         for taken in range(count):
             if self.outcome != Code.RUNNING or self.march is None:
                 return taken
-            self._take(self.march)
+            self.take()
         return count
 
-    def _take(self, march: March) -> None:
-        """Take one step, and judge where it led."""
-        clock, values = self._clock, self._values
+    def take(self) -> None:
+        """Take one step of a run that goes on, and judge where it led."""
+        clock, values, march = self._clock, self._values, self.march
+        assert march is not None
         h = min(self._next, self.end - march.time, clock.left(march.time))
         try:
             self._tell(march.time, h)
@@ -174,11 +175,11 @@ class SpaceSimulation:
             self._explain(march)
         else:
             self._judge()
-            self._recorder.take(march, self.space, self._memory)
+            self._recorder.take(march, self.space, self.memory)
         if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
             self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
-            self._recorder.take(march, self.space, self._memory, last=True)
+            self._recorder.take(march, self.space, self.memory, last=True)
             self._explain(march)
 
     def _tell(self, time: float, h: float) -> None:
@@ -190,27 +191,39 @@ class SpaceSimulation:
         self._clock.tell(time + h, told)
         self._bound.tell(told, ("controls",))
 
-    def _memory(self) -> Reals:
-        """What the run hands on (w,): its place in the schedule, the values of parameters, and the core's."""
+    def memory(self) -> Reals:
+        """What the run hands on (w,): its place in the schedule, the length of the next step, margins, values
+        that conditions read, and the core's."""
         march = self.march
         assert march is not None
-        return np.concatenate([self._clock.memory(), self._values.told[:-1], remembered(march, self.space)])
+        own = np.array([self._next, *self._margins, self._gained])
+        core = remembered(march, self.space)
+        return np.concatenate([self._clock.memory(), own, self._values.all, core])
 
     def _go_on(self, state: State, march: March, same_inputs: bool) -> None:
-        """Begin at a state; where it is of this scene and rung, with what its run handed on."""
+        """Begin at a state; where it is of this scene and rung, with what its run handed on. Inputs that a
+        new schedule does not name stay as they were."""
         rest = begin_at(state, self.scene, march, self.space)
         memory = state.memory
         if memory is None or memory.scene != digest(self.scene) or memory.model != self.model:
             return
-        clock, told = self._clock.memory(), self._values.told[:-1]
-        own, values = np.split(rest, [len(clock) + len(told)])
-        if same_inputs:
-            self._clock.recall(own[: len(clock)])
-            told[:] = own[len(clock) :]
+        parts, columns = memory_parts(self.scene), list(self._clock.columns)
         try:
-            recall(march, self.space, values)
+            recall(march, self.space, rest[parts.core])
         except ValueError:
             raise StateError("state.memory: is of another scene") from None
+        self._next, *margins, self._gained = rest[parts.own].tolist()
+        self._margins = margins[0], margins[1]
+        self._values.hand_on(rest[parts.values])
+        if memory.inputs:
+            self._values.told[columns] = rest[parts.values][columns]
+        if same_inputs:
+            self._clock.recall(rest[parts.clock])
+
+    @property
+    def segment(self) -> int:
+        """How many segments of the schedule have ended."""
+        return self._clock.segment
 
     @property
     def steps(self) -> int:
@@ -257,12 +270,16 @@ class SpaceSimulation:
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
             )
 
+    def _notes(self) -> tuple[str, ...]:
+        """Remarks on the model and on the geometry of contacts."""
+        return self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+
     def result(self) -> SpaceRun:
         """The run as far as it has come."""
         march = self.march
         clock = None if march is None else march.state.clock[0]
         if march is not None and self._recorder.frames and self._recorder.frames[-1].time != march.time:
-            self._recorder.take(march, self.space, self._memory, last=True)
+            self._recorder.take(march, self.space, self.memory, last=True)
         return SpaceRun(
             scene=self.scene,
             model=self.model,
@@ -280,7 +297,7 @@ class SpaceSimulation:
             frames=tuple(self._recorder.frames) if march is not None else (),
             space=self.space if march is not None else None,
             energy_gained=self._gained,
-            notes=self.notes if march is not None else (),
+            notes=self._notes() if march is not None else (),
         )
 
 

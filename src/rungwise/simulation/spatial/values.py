@@ -72,12 +72,21 @@ class Values:
     def read(self, march: March, space: Space) -> None:
         """Take over the state of a run, with the forces of its last step, and add their impulses."""
         self.place(march.time, march.q, march.v, space)
+        self.push(march, space, float(march.state.clock[0]["tried"]))
+
+    def push(self, march: March, space: Space, h: float) -> None:
+        """Add the forces of a run's last step, and their impulses as in a step of length h."""
         first, count = self._first_of_contacts, len(self.scene.template.contacts)
-        for a, b, force, impulse in pushes(march, space) if self.pairs else ():
+        for a, b, force in pushes(march, space) if self.pairs else ():
             index = self._of_pair.get((min(a, b), max(a, b)), -1)
             if index >= 0:
                 self.all[first + count + index] += force
-                self.all[first + 2 * count + index] += impulse
+                self.all[first + 2 * count + index] += h * force
+
+    def hand_on(self, before: Reals) -> None:
+        """Go on from the impulses of a run's values (see above)."""
+        first, count = self._first_of_contacts, len(self.scene.template.contacts)
+        self.all[first + 2 * count : first + 3 * count] = before[first + 2 * count : first + 3 * count]
 
     def verdict(self) -> Code:
         """The first condition of the scene that holds, RUNNING if none does."""
@@ -112,12 +121,11 @@ class Values:
         )
 
 
-def pushes(march: March, space: Space) -> list[tuple[int, int, float, float]]:
-    """Two bodies, and the normal force and impulse of each contact in the last step."""
+def pushes(march: March, space: Space) -> list[tuple[int, int, float]]:
+    """Two bodies, and the normal force of each contact in the last step."""
     force, geoms, body = march.state.force, space.kept.geoms, space.solids.body
-    h = float(march.state.clock[0]["tried"])
     return [
-        (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]), h * float(force[s, 0]))
+        (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]))
         for s in np.flatnonzero(geoms[:, 0] >= 0)
         if force[s, 0] > 0.0
     ]

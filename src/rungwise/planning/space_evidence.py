@@ -1,0 +1,207 @@
+"""Numbers that go with the causes of a diagnosis in space, read from both runs; and how runs ended.
+
+Each pair of numbers is of the first and of the second run. Contacts are pairs of geoms.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Reals
+from rungwise.planning.evidence import TOUCHES, Motion, Parting, accuracy, parameters, speeds
+from rungwise.planning.objects import OBSTACLE, roles_of
+from rungwise.planning.space_worlds import SLIP, SpaceWorld
+from rungwise.planning.worlds import (
+    ACCURACY,
+    BALANCE,
+    COMPLIANCE,
+    FRICTION,
+    INERTIA,
+    OTHER,
+    RESTITUTION,
+)
+from rungwise.simulation.spatial.result import SpaceRun
+
+MODES = ("open", "stick", "slip")
+OPEN = 0
+LOOKS = 200
+"""Most frames of which the energy is computed."""
+MOST = 3
+"""Contacts that are named."""
+
+
+def space_evidence(parting: Parting[SpaceWorld], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Numbers for each cause, plain values by name."""
+    known = {
+        BALANCE: _balance, FRICTION: _contact, COMPLIANCE: _overlap, INERTIA: _coasting,
+        RESTITUTION: _bounce, ACCURACY: accuracy, OTHER: parameters,
+    }  # fmt: skip
+    return {cause: known[cause](parting) for cause in causes if cause in known}
+
+
+def space_end(run: SpaceRun) -> dict[str, Any]:
+    """How a run ended: outcome, time, and the certificate: its kind, the contacts of the last step, their
+    bodies, and for a missing support the velocities that give way."""
+    found: dict[str, Any] = {"outcome": str(run.outcome), "time": run.time}
+    if run.certificate is None or run.space is None:
+        return found
+    labels, bodies = run.scene.labels, run.space.solids.body
+    pairs = {(int(a), int(b)) for a, b in run.frames[-1].touch.geoms}
+    found["certificate"] = {
+        "kind": run.certificate.kind,
+        "contacts": sorted(f"{labels.geoms[a]}|{labels.geoms[b]}" for a, b in pairs),
+        "bodies": sorted({labels.bodies[int(bodies[geom])] for pair in pairs for geom in pair}),
+    }
+    if run.certificate.kind == "unsupported":
+        motion = np.abs(run.certificate.vectors[0])
+        free = np.flatnonzero(np.isnan(run.space.pace))
+        at = free[: len(motion)][motion[: len(free)] > 1e-6 * motion.max(initial=0.0)]
+        found["certificate"]["coordinates"] = [run.scene.template.velocities[int(k)] for k in at]
+    return found
+
+
+def _balance(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+    """How fast the body is where the motions part, its weight in both worlds, and contacts that one of them
+    has alone."""
+    weights = [world.loads_of(parting.body) for world in parting.worlds]
+    return speeds(parting) | {"weight": weights, "alone": _alone(parting)}
+
+
+def _modes(motion: Motion, times: Reals) -> dict[str, NDArray[np.int8]]:
+    """Modes (m,) of each pair in the steps that hold these times."""
+    rows = np.searchsorted(motion.times, times).clip(0, len(motion.times) - 1)
+    values = np.asarray(motion.data["mode"].values)[rows]
+    return {str(pair): values[:, k] for k, pair in enumerate(motion.data.pair.values)}
+
+
+def _alone(parting: Parting[SpaceWorld]) -> list[list[str]]:
+    """Contacts of the body that are closed where the motions part in one of them alone."""
+    at = np.array([parting.time])
+    closed = [
+        {pair for pair, mode in _modes(motion, at).items() if mode[0] != OPEN and _has(parting, pair)}
+        for motion in parting.motions
+    ]
+    return [sorted(closed[k] - closed[1 - k])[:MOST] for k in (0, 1)]
+
+
+def _bodies(parting: Parting[SpaceWorld], pair: str) -> list[str]:
+    """The bodies of a pair of geoms."""
+    labels, model = parting.worlds[0].scene.labels, parting.worlds[0].bound.model
+    return [labels.bodies[int(model.geom_bodyid[labels.geoms.index(name)])] for name in pair.split("|")]
+
+
+def _has(parting: Parting[SpaceWorld], pair: str) -> bool:
+    return parting.body in _bodies(parting, pair)
+
+
+def _contact(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+    """The contact that was in different modes for longest before the motions part, and since when; or, where
+    none was, one that was closed. Those of the parted body count twice."""
+    times = [motion.times[motion.times < parting.time] for motion in parting.motions]
+    grid = np.append(np.unique(np.concatenate(times)), parting.time)
+    one, other = (_modes(motion, grid[1:]) for motion in parting.motions)
+    nothing, span = np.zeros(len(grid) - 1, np.int8), np.diff(grid)
+    best: tuple[float, str, NDArray[np.bool_]] = (0.0, "", np.zeros(0, bool))
+    for closed in (False, True):
+        for pair in sorted({*one, *other}):
+            a, b = one.get(pair, nothing), other.get(pair, nothing)
+            differs = (a != OPEN) & (b != OPEN) if closed else a != b
+            lasting = float(span @ differs) * (1.0 + _has(parting, pair))
+            best = max(best, (lasting, pair, differs), key=lambda each: each[0])
+        if best[1]:
+            break
+    _, pair, differs = best
+    if not pair:
+        return {}
+    row = int(differs.argmax())
+    modes = [MODES[int(each.get(pair, nothing)[row])] for each in (one, other)]
+    return {"contact": pair, "modes": modes, "since": float(grid[row]), "friction": _frictions(parting, pair)}
+
+
+def _frictions(parting: Parting[SpaceWorld], pair: str) -> list[float]:
+    """Friction of a contact in both worlds."""
+    found = []
+    for world in parting.worlds:
+        model, names = world.bound.model, world.scene.labels.geoms
+        a, b = (names.index(name) for name in pair.split("|"))
+        given = float(world.bound.laws[world.bound.law[a, b], SLIP])
+        own = float(max(model.geom_friction[a, 0], model.geom_friction[b, 0]))
+        found.append((own if math.isnan(given) else given) if world.model.friction else 0.0)
+    return found
+
+
+def _overlap(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+    """The deepest overlap where contacts yield, and whose."""
+    yields, deepest, whose = [world.model.compliant for world in parting.worlds], [], []
+    for motion, soft in zip(parting.motions, yields, strict=True):
+        gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
+        pairs = [str(pair) for pair in motion.data.pair.values]
+        whose.append(pairs[int(gaps.argmin())] if len(pairs) else "")
+        deepest.append(float(-gaps.min(initial=0.0)) if soft else 0.0)
+    return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
+
+
+def _coasting(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+    """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
+    it."""
+    roles = roles_of(parting.worlds[0].scene, parting.worlds[0].parameters)
+    energy, coasted = [], []
+    for world, motion in zip(parting.worlds, parting.motions, strict=True):
+        driven = np.zeros(len(motion.times), bool)
+        for pair, mode in _modes(motion, motion.times).items():
+            others = [name for name in _bodies(parting, pair) if name != parting.body]
+            if _has(parting, pair) and all(roles[name] != OBSTACLE for name in others):
+                driven |= mode != OPEN
+        own = [
+            k for k, name in enumerate(world.scene.template.coordinates) if name.split(".")[0] == parting.body
+        ]
+        ways = np.linalg.norm(np.diff(motion.places[:, own], axis=0), axis=1)
+        before = motion.times[1:] <= parting.time
+        energy.append(_energy(world, motion, parting.body) if world.model.inertia > 0.0 else 0.0)
+        coasted.append(float(ways[~driven[1:] & ~before].sum()) if world.model.inertia > 0.0 else 0.0)
+    return {"energy": energy, "coasted": coasted}
+
+
+def _energy(world: SpaceWorld, motion: Motion, body: str) -> float:
+    """The greatest kinetic energy of a body's own velocities."""
+    import mujoco
+
+    model = world.bound.model
+    data, product = mujoco.MjData(model), np.zeros(model.nv)
+    names = world.scene.template.velocities
+    own = np.array([name.split(".")[0] == body for name in names])
+    most, stride = 0.0, max(1, len(motion.times) // LOOKS)
+    places, rates = motion.data["position"].values, motion.data["velocity"].values
+    for k in range(0, len(motion.times), stride):
+        data.qpos[:] = places[k]
+        mujoco.mj_fwdPosition(model, data)
+        v = np.where(own, rates[k], 0.0)
+        mujoco.mj_mulM(model, data, product, v)
+        most = max(most, 0.5 * float(v @ product))
+    return most
+
+
+def _bounce(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+    """The hardest impact after which bodies parted, of either run: whose, how fast they met, and parted."""
+    found: list[tuple[float, Mapping[str, Any]]] = []
+    for run, motion in enumerate(parting.motions):
+        gap = motion.data["gap"].values
+        if len(gap) < 3:
+            continue
+        rate = np.diff(gap, axis=0) / np.maximum(np.diff(motion.times), 1e-300)[:, None]
+        met, left = -rate[:-1], rate[1:]
+        near = np.abs(gap[1:-1]) <= TOUCHES * parting.size
+        hard = np.where(near, np.fmin(met, left), 0.0)
+        for k, c in np.argwhere(hard > 0.0):
+            told: dict[str, Any] = {
+                "contact": str(motion.data.pair.values[c]), "time": float(motion.times[k + 1]), "run": run,
+                "met": float(met[k, c]), "left": float(left[k, c]),
+            }  # fmt: skip
+            found.append((told["met"], told))
+    known = [each for each in found if each[1]["time"] <= parting.time] or found
+    return dict(max(known, key=lambda each: each[0])[1]) if known else {}

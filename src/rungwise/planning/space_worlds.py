@@ -1,0 +1,111 @@
+"""Worlds in space: a scene on a rung, taken apart into the ingredients of `worlds`, and put together from
+two."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from rungwise.models.ladder import KINEMATIC, Rung
+from rungwise.planning.worlds import (
+    ACCURACY,
+    BALANCE,
+    COMPLIANCE,
+    CONDITIONS,
+    FRICTION,
+    INERTIA,
+    OTHER,
+    RESTITUTION,
+    SUPPORT,
+)
+from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space.fields import Contact
+
+GIVE, BOUNCE, SLIP = slice(0, 4), 4, 5
+"""Columns of the laws of contact: stiffness and damping, restitution, friction."""
+
+
+@dataclass(frozen=True)
+class SpaceWorld:
+    """A scene in space at its parameters, on a rung, at an accuracy; what it offers is what `World` does."""
+
+    scene: SpaceScene
+    parameters: dict[str, float]
+    model: Rung
+    tol: float
+
+    @cached_property
+    def bound(self) -> SpaceBound:
+        return self.scene.bind(self.parameters)
+
+    @property
+    def weight(self) -> bool:
+        """Whether bodies have weight that this world counts."""
+        return self.model.loads and bool(self.bound.model.opt.gravity.any())
+
+    def effective(self, ingredient: str) -> Any:
+        """What the ingredient amounts to in this world: plain values that are equal where it is the same."""
+        model, laws = self.model, self.bound.laws
+        bounces = model.inertia > 0.0 and not model.compliant and laws[:, BOUNCE].any()
+        found: dict[str, Any] = {
+            BALANCE: not model.metric,
+            FRICTION: laws[:, SLIP].tobytes() if model.friction else 0.0,
+            SUPPORT: 0.0,
+            COMPLIANCE: laws[:, GIVE].tobytes() if model.compliant else 0.0,
+            INERTIA: model.inertia,
+            RESTITUTION: laws[:, BOUNCE].tobytes() if bounces else 0.0,
+            ACCURACY: self.tol,
+        }
+        return self._others if ingredient == OTHER else found[ingredient]
+
+    @cached_property
+    def _others(self) -> list[bytes]:
+        """All numbers of the model, the start and the drives."""
+        import mujoco
+
+        model, bound = self.bound.model, self.bound
+        content = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, content)
+        return [each.tobytes() for each in (content, bound.place, bound.motion, bound.control, bound.pace)]
+
+    def mixed(self, other: SpaceWorld, taken: frozenset[str]) -> SpaceWorld:
+        """This world, with the ingredients `taken` from the other, and without conditions."""
+
+        def of(ingredient: str) -> SpaceWorld:
+            return other if ingredient in taken else self
+
+        base, tol = of(OTHER), of(ACCURACY).tol
+        if of(BALANCE).model.metric:
+            return SpaceWorld(base.resolved(base, base, base), base.parameters, KINEMATIC, tol)
+        model = Rung(
+            "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
+            compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
+        )  # fmt: skip
+        scene = base.resolved(of(FRICTION), of(COMPLIANCE), of(RESTITUTION))
+        return SpaceWorld(scene, base.parameters, model, tol)
+
+    def resolved(self, friction: SpaceWorld, give: SpaceWorld, bounce: SpaceWorld) -> SpaceScene:
+        """The scene without conditions, with numbers of its entries of contacts from these worlds."""
+        bounces = (
+            bounce.bound.laws[:, BOUNCE] if bounce.effective(RESTITUTION) else np.zeros(len(self.bound.laws))
+        )
+        slips, gives = friction.bound.laws[:, SLIP], give.bound.laws[:, GIVE]
+        contacts = tuple(
+            Contact(
+                between=entry.between, stiffness=float(gives[k][0]), tangential_stiffness=float(gives[k][1]),
+                damping=float(gives[k][2]), tangential_damping=float(gives[k][3]),
+                restitution=float(bounces[k]), friction=None if math.isnan(slips[k]) else float(slips[k]),
+            )
+            for k, entry in enumerate(self.scene.file.contacts, start=1)
+        )  # fmt: skip
+        return self.scene.changed(contacts=contacts, **dict.fromkeys(CONDITIONS))
+
+    def loads_of(self, body: str) -> float:
+        """The weight of a body, and of what hangs on it, that this world counts."""
+        model = self.bound.model
+        mass = float(model.body_subtreemass[self.scene.labels.bodies.index(body)])
+        return mass * float(np.linalg.norm(model.opt.gravity)) if self.weight else 0.0

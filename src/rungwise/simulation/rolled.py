@@ -1,0 +1,113 @@
+"""What rollouts have in the plane and in space."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.errors import InputError
+from rungwise.kernel import Ints, Reals
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.plain import cut
+from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.result import counted, texts
+from rungwise.simulation.run import simulate
+from rungwise.simulation.state import Memory, State, digest
+
+
+@dataclass(frozen=True, repr=False)
+class Rolled:
+    """m runs of s segments, of a scene of n_q coordinates and n_v velocities.
+
+    outcome (m,) codes (see `rungwise.outcome.Code`), margin (m,) as of `Results`, time (m,) of the end,
+    steps, attempts at them, solves (problems solved) and worst_residual (m,), switches (m,): how many
+    segments ended; final (m, n_q), speed (m, n_v) at the end. `faults` maps samples with wrong values to a
+    line that names the value; they are `invalid`.
+
+    With `keep`, also the states in which segments ended; the end of a run stands in the column of the segment
+    in which it ended, and later columns are nan: see `times`, `q`, `v`, `work`, `state`.
+    """
+
+    scene: Scene | SpaceScene
+    model: Rung
+    outcome: Ints
+    margin: Reals
+    time: Reals
+    steps: Ints
+    attempts: Ints
+    solves: Ints
+    switches: Ints
+    worst_residual: Reals
+    final: Reals
+    speed: Reals
+    faults: dict[int, str]
+    memory: Reals = field(repr=False)
+    _options: Callable[[int], dict[str, Any]] = field(repr=False)
+    _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
+    _theta: float = field(repr=False)
+
+    @property
+    def outcomes(self) -> NDArray[np.str_]:
+        """Outcomes (m,) as texts, as of `Run.outcome`."""
+        return texts(self.outcome)
+
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
+            f" {len(self.outcome)} runs: {counted(self.outcome)}>"
+        )
+
+    @property
+    @abstractmethod
+    def times(self) -> Reals:
+        """Times (m, s) at the ends of segments."""
+
+    @property
+    @abstractmethod
+    def q(self) -> Reals:
+        """Places (m, s, n_q) at the ends of segments."""
+
+    @property
+    @abstractmethod
+    def v(self) -> Reals:
+        """Velocities (m, s, n_v) at the ends of segments."""
+
+    @property
+    @abstractmethod
+    def work(self) -> Reals:
+        """Work (m, s, 5) since the beginning: of drives, loads, contacts, supports and joints."""
+
+    @keywords
+    def state(self, sample: int, segment: int | None = None) -> State:
+        """The state of a run at the end of a segment; of the run, if none is given. Raises ValueError where
+        the run had ended before, or did not begin."""
+        last = min(int(self.switches[sample]), self.memory.shape[1] - 1) if len(self.memory) else 0
+        k = last if segment is None else segment
+        time = float(self.times[sample, k])
+        if math.isnan(time):
+            raise ValueError(f"sample {sample} has no state at the end of segment {k}")
+        names, values = self.scene.template.coordinates, self.memory[sample, k]
+        memory = Memory(values, digest(self.scene), self.model, self._theta, self._schedules(sample))
+        return State(names, self.q[sample, k], self.v[sample, k], time, memory)
+
+    @keywords
+    def run(self, sample: int) -> Any:
+        """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
+        for a sample with wrong values."""
+        return simulate(self.scene, self.model, **self._options(sample))
+
+    def reason(self, sample: int) -> str:
+        """Why the run of this sample ended as it did, in one line."""
+        try:
+            return self.faults.get(sample) or str(self.run(sample).reason)
+        except InputError as error:
+            return str(error)

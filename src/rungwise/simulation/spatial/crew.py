@@ -1,0 +1,188 @@
+"""Runs of scenes in space, over processes: MuJoCo's data belong to one, and Python's loop takes half the
+time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.spatial.frames import WORK
+from rungwise.simulation.spatial.prepared import Prepared
+from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.state import State, digest
+
+FEW = 4
+"""So many runs are not worth the start of other processes; they are made in this one."""
+KEPT = 4
+"""Scenes at parameters that a process keeps ready."""
+
+Job = TypeVar("Job")
+Part = TypeVar("Part")
+Made = TypeVar("Made")
+
+
+def spread(
+    function: Callable[[Job, Part], Made], job: Job, parts: Sequence[Part], runs: int, processes: int
+) -> Iterator[Made]:
+    """What the function makes of each part, in their order; `runs`: how many there are in all parts."""
+    if processes == 1 or runs <= FEW:
+        return (function(job, part) for part in parts)
+    try:
+        from loky import get_reusable_executor
+    except ImportError:
+        raise InputError("threads: more than one process needs loky: pip install 'rungwise[space]'") from None
+    pool = get_reusable_executor(max_workers=processes)
+    found: Iterator[Made] = pool.map(function, [job] * len(parts), parts)
+    return found
+
+
+class Terms(NamedTuple):
+    """What all samples share: scene, rung, options of their runs, most steps of one, and whether the states
+    at the ends of segments are kept."""
+
+    scene: SpaceScene
+    model: Rung
+    options: dict[str, Any]
+    budget: int
+    keeps: bool
+
+
+class Sample(NamedTuple):
+    """One run: parameters, the state where it begins, None at the scene's start, and its schedule."""
+
+    parameters: dict[str, float]
+    state: State | None
+    inputs: tuple[Segment, ...]
+
+
+class Ends(NamedTuple):
+    """States at the ends of s segments: times (s,), q (s, n_q), v (s, n_v), work (s, 5), memory (s, w)."""
+
+    time: Reals
+    q: Reals
+    v: Reals
+    work: Reals
+    memory: Reals
+
+
+class Sampled(NamedTuple):
+    """How a run ended; q (n_q,), v (n_v,) there, its memory (w,), and the ends of its segments, if kept;
+    `fault` says why it did not begin. Steps count from the beginning of the state's run, all else that is
+    counted from the state."""
+
+    outcome: int
+    time: float
+    margin: float
+    steps: int
+    attempts: int
+    solves: int
+    switches: int
+    residual: float
+    q: Reals
+    v: Reals
+    memory: Reals
+    drive_work: float
+    ends: Ends | None
+    fault: str = ""
+
+
+_own = threading.local()
+
+
+def prepared(scene: SpaceScene, parameters: dict[str, float]) -> Prepared:
+    """The scene at these parameters, kept ready in this thread. Raises InvalidScene."""
+    kept: dict[Any, Prepared] = _own.__dict__.setdefault("kept", {})
+    key = digest(scene), tuple(parameters.items())
+    if key not in kept:
+        while len(kept) >= KEPT:
+            del kept[next(iter(kept))]
+        kept[key] = Prepared.of(scene, parameters)
+    return kept[key]
+
+
+def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
+    """The runs, one after the other; none depends on earlier ones."""
+    found = []
+    for sample in samples:
+        try:
+            found.append(_sampled(terms, sample))
+        except InputError as error:
+            found.append(nothing(terms.scene, str(error)))
+    return found
+
+
+def _sampled(terms: Terms, sample: Sample) -> Sampled:
+    made = prepared(terms.scene, terms.scene.parameters(sample.parameters))
+    simulation = SpaceSimulation(
+        terms.scene, terms.model, parameters=sample.parameters, state=sample.state, inputs=sample.inputs,
+        frames=3, prepared=made, **terms.options,
+    )  # fmt: skip
+    march = simulation.march
+    if march is None or simulation.outcome == Code.INVALID:
+        return nothing(terms.scene, simulation.reason)
+    begun, solved = simulation.steps, int(march.clock["solves"])
+    worked = float(march.clock["drive_work"])
+    ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
+    while simulation.outcome == Code.RUNNING:
+        simulation.take()
+        if ends is not None:
+            ends.note()
+        if simulation.outcome == Code.RUNNING and simulation.steps - begun >= terms.budget:
+            simulation.outcome = Code.NOT_CONVERGED
+    return Sampled(
+        outcome=int(simulation.outcome), time=march.time, margin=simulation.margin, steps=simulation.steps,
+        attempts=march.attempts, solves=int(march.clock["solves"]) - solved, switches=simulation.segment,
+        residual=march.residual, q=march.q.copy(), v=march.v.copy(), memory=simulation.memory(),
+        drive_work=float(march.clock["drive_work"]) - worked, ends=None if ends is None else ends.done(),
+    )  # fmt: skip
+
+
+def nothing(scene: SpaceScene, why: str) -> Sampled:
+    """A run that did not begin."""
+    n_q, n_v = len(scene.template.coordinates), len(scene.template.velocities)
+    q, v = np.full(n_q, np.nan), np.full(n_v, np.nan)
+    return Sampled(int(Code.INVALID), 0.0, np.nan, 0, 0, 0, 0, 0.0, q, v, np.zeros(0), 0.0, None, why)
+
+
+class _Ends:
+    """Keeps the states of a run at the ends of its segments; without a segment, at the end of the run."""
+
+    def __init__(self, simulation: SpaceSimulation, segments: int) -> None:
+        self._simulation, self._noted = simulation, 0
+        self._rows: list[tuple[float, Reals, Reals, Reals, Reals] | None] = [None] * max(segments, 1)
+        self.note()
+
+    def note(self) -> None:
+        """Keep the state for the segments that ended since."""
+        ended = min(self._simulation.segment, len(self._rows))
+        if ended > self._noted:
+            self._rows[self._noted : ended] = [self._row()] * (ended - self._noted)
+            self._noted = ended
+
+    def done(self) -> Ends:
+        """The states, that at the end of the run in the segment in which it ended."""
+        if self._noted < len(self._rows):
+            self._rows[self._noted] = self._row()
+        rows = [row for row in self._rows if row is not None]
+        left = len(self._rows) - len(rows)
+
+        def column(k: int) -> Reals:
+            values = np.array([row[k] for row in rows])
+            return np.concatenate([values, np.full((left, *values.shape[1:]), np.nan)])
+
+        return Ends(*(column(k) for k in range(5)))
+
+    def _row(self) -> tuple[float, Reals, Reals, Reals, Reals]:
+        simulation, march = self._simulation, self._simulation.march
+        assert march is not None
+        work = np.array([float(march.clock[name]) for name in WORK])
+        return march.time, march.q.copy(), march.v.copy(), work, simulation.memory()

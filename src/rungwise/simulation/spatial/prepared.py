@@ -1,0 +1,23 @@
+"""A scene in space at given parameters, ready to run again and again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.system.spatial.space import Laws, Space
+
+
+class Prepared(NamedTuple):
+    """A bound scene and its system, which one run at a time may use."""
+
+    bound: SpaceBound
+    space: Space
+
+    @classmethod
+    def of(cls, scene: SpaceScene, parameters: Mapping[str, float]) -> Prepared:
+        """Raises InvalidScene, naming the field, where the scene is impossible at these parameters."""
+        bound = scene.bind(parameters)
+        laws = Laws(bound.law, bound.laws)
+        return cls(bound, Space(bound.model, laws, bound.place, bound.motion, bound.control, bound.pace))

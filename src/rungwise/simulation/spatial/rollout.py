@@ -1,0 +1,111 @@
+"""Rollouts of scenes in space: many runs from states, each with inputs in segments, over processes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.arguments import Asked
+from rungwise.simulation.crew import threads_of
+from rungwise.simulation.options import ModelError, check_options, count
+from rungwise.simulation.rolled import Rolled
+from rungwise.simulation.spatial.batch import BUDGET
+from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
+
+
+@dataclass(frozen=True, repr=False)
+class SpaceRollouts(Rolled):
+    """Rollouts of a scene in space, as of `Rolled`."""
+
+    scene: SpaceScene
+    _ends: Ends = field(repr=False)
+
+    @property
+    def times(self) -> Reals:
+        return self._kept("time")
+
+    @property
+    def q(self) -> Reals:
+        return self._kept("q")
+
+    @property
+    def v(self) -> Reals:
+        return self._kept("v")
+
+    @property
+    def work(self) -> Reals:
+        return self._kept("work")
+
+    def _kept(self, name: str) -> Reals:
+        if not len(self.memory) and len(self.outcome):
+            raise ValueError(f"{name}: was not kept; roll out with keep=True")
+        values: Reals = getattr(self._ends, name)
+        return values
+
+
+def rollout_in_space(
+    scene: SpaceScene, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool,
+    budget: int | None, threads: int | None, chunk: int | None, on_progress: Callable[[int], None] | None,
+) -> SpaceRollouts:  # fmt: skip
+    """The runs that are asked for; arguments and errors as of `simulation.rollout.rollout`, but `threads` are
+    processes."""
+    check_options(options["step"], options["tol"], None, options["theta"])
+    if options["motion"] is not None:
+        raise ModelError("motion: is not known for scenes in space")
+    options = {name: value for name, value in options.items() if name != "motion"}
+    most = BUDGET if budget is None else count("budget", budget, 1)
+    processes = min(threads_of(threads), os.cpu_count() or 1)
+    terms = Terms(scene, model, options, most, keep)
+    m = len(wanted.points)
+    numbers = [i for i in range(m) if i not in wanted.faults]
+    size = chunk or max(1, min(16, len(numbers) // (4 * processes)))
+    parts = [
+        [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
+        for at in range(0, len(numbers), size)
+    ]
+    found = [nothing(scene, "")] * m
+    done = m - len(numbers)
+    for part in spread(run_samples, terms, parts, len(numbers), processes):
+        for sampled in part:
+            found[numbers[done - m + len(numbers)]] = sampled
+            done += 1
+        if on_progress is not None:
+            on_progress(done)
+    faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
+    ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
+
+    def of_sample(i: int) -> dict[str, Any]:
+        return options | wanted.options(scene, i)
+
+    return SpaceRollouts(
+        scene=scene, model=model, outcome=np.array([each.outcome for each in found], np.int64),
+        margin=np.array([each.margin for each in found]), time=np.array([each.time for each in found]),
+        steps=np.array([each.steps for each in found], np.int64),
+        attempts=np.array([each.attempts for each in found], np.int64),
+        solves=np.array([each.solves for each in found], np.int64),
+        switches=np.array([each.switches for each in found], np.int64),
+        worst_residual=np.array([each.residual for each in found]),
+        final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
+        faults=faults, memory=ends.memory, _options=of_sample,
+        _schedules=partial(wanted.schedule, scene), _theta=options["theta"], _ends=ends,
+    )  # fmt: skip
+
+
+def _ends(scene: SpaceScene, found: list[Sampled], segments: int) -> Ends:
+    """The ends of segments of all runs, nan for those that did not begin."""
+    s, template = max(segments, 1), scene.template
+    size = max((len(each.memory) for each in found), default=0)
+    bare = Ends(
+        np.full(s, np.nan), np.full((s, len(template.coordinates)), np.nan),
+        np.full((s, len(template.velocities)), np.nan), np.full((s, 5), np.nan), np.full((s, size), np.nan),
+    )  # fmt: skip
+    rows = [bare if each.ends is None else each.ends for each in found]
+    return Ends(*(np.array([row[k] for row in rows]) for k in range(5)))
