@@ -80,6 +80,7 @@ class March:
     clock: np.void = field(init=False)
     attempts: int = field(init=False, default=0)
     _contacts: int = field(init=False, default=0)
+    _driven: bool = field(init=False, default=False)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
 
@@ -177,12 +178,15 @@ class March:
         self.state.prescribed[:] = ~np.isnan(speeds)
         self.state.free[: len(free)] = free
         clock["free"] = len(free)
+        self._driven = bool(self.state.speed.any())
 
     def _fill(self, trial: Reals, v: Reals, h: float) -> None:
         """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
         there."""
         terms, state, rung = self.terms, self.state, self.rung
-        pace = np.maximum(np.abs(v), np.abs(state.speed))
+        pace = np.abs(v)
+        if self._driven:
+            np.maximum(pace, np.abs(state.speed), out=pace)
         if rung.inertia > 0.0:
             pace += h * np.abs(terms.fall)
         reach = SEEN * h * self.system.fastest(self.q, pace) + STUCK * self.system.size.length

@@ -21,6 +21,9 @@ class Loads:
     rows of actuators afterwards."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
+        import mujoco
+
+        self._mujoco = mujoco
         m = self.model = model
         self.drives = drives
         self.moment = np.zeros((m.nu, m.nv))
@@ -31,51 +34,48 @@ class Loads:
         parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping)
         self._springs = any(bool(part.any()) for part in parts)
 
-    def fill(self, data: mujoco.MjData, moment: Moment, control: Reals, pace: Reals, terms: Terms) -> None:
-        """Fill terms at the data's places, for controls (a,) and speeds (n,), nan where free."""
-        import mujoco
-
-        mujoco.mj_fullM(self.model, data, terms.inertia)
+    def fill(
+        self, data: mujoco.MjData, moment: Moment, control: Reals, pace: Reals, free: bool, terms: Terms
+    ) -> None:
+        """Fill terms at the data's places, for controls (a,) and speeds (n,), nan where free; `free`:
+        everywhere."""
+        self._mujoco.mj_fullM(self.model, data, terms.inertia)
         if moment.inertia == 0.0:
             self._fill_metric(data.qpos, terms)
         self._fill_loads(data, moment, control, terms)
-        if np.isnan(pace).all():
-            mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
+        if free:
+            self._mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
         else:
             fall_freely(terms, pace)
 
     def _fill_metric(self, q: Reals, terms: Terms) -> None:
         """M of the same bodies with mass 1 each."""
-        import mujoco
-
         if self._unit is None:
             model = _of_unit_mass(self.model)
-            self._unit = model, mujoco.MjData(model)
+            self._unit = model, self._mujoco.MjData(model)
         model, data = self._unit
         data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, terms.metric)
+        self._mujoco.mj_kinematics(model, data)
+        self._mujoco.mj_comPos(model, data)
+        self._mujoco.mj_makeM(model, data)
+        self._mujoco.mj_fullM(model, data, terms.metric)
 
     def _fill_loads(self, d: mujoco.MjData, moment: Moment, control: Reals, terms: Terms) -> None:
-        import mujoco
-
         m, eps, load = self.model, moment.inertia, terms.load
         load[:] = 0.0
         d.qvel[:] = moment.v if eps > 0.0 else 0.0
-        mujoco.mj_comVel(m, d)
-        mujoco.mj_rne(m, d, 0, self._row)
+        self._mujoco.mj_comVel(m, d)
+        self._mujoco.mj_rne(m, d, 0, self._row)
         if 0.0 < eps < 1.0:
             load -= eps * self._row
             d.qvel[:] = 0.0
-            mujoco.mj_comVel(m, d)
-            mujoco.mj_rne(m, d, 0, self._row)
+            self._mujoco.mj_comVel(m, d)
+            self._mujoco.mj_rne(m, d, 0, self._row)
             load -= (1.0 - eps) * self._row
         else:
             load -= self._row
         if self._springs:
-            mujoco.mj_passive(m, d)
+            self._mujoco.mj_passive(m, d)
             load += d.qfrc_spring + d.qfrc_gravcomp
         if terms is not self._filled or self._springs:
             self._fill_yielding(d, terms)

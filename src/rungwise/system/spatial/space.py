@@ -64,6 +64,7 @@ class Space:
     def __post_init__(self) -> None:
         import mujoco
 
+        self._mujoco = mujoco
         m = self.model
         _set_options(m)
         self.data = mujoco.MjData(m)
@@ -94,6 +95,7 @@ class Space:
         self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
         slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
         self.size = Size(m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length)
+        self._all_free = bool(self.solids.free.all())
         self.noise = Noise()
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
         self._from = self._filled = self.place
@@ -108,10 +110,8 @@ class Space:
         return self.pace
 
     def integrate(self, q: Reals, v: Reals, h: float) -> Reals:
-        import mujoco
-
         after = q.copy()
-        mujoco.mj_integratePos(self.model, after, v, h)
+        self._mujoco.mj_integratePos(self.model, after, v, h)
         return after
 
     def least_gap(self, q: Reals) -> float:
@@ -135,15 +135,13 @@ class Space:
 
     def gap(self, q: Reals, a: int, b: int) -> float:
         """The distance of two bodies, negative where they overlap."""
-        import mujoco
-
         self._at(q)
         m, nothing = self.model, None
         far = 10.0 * float(m.stat.extent)
         least = np.inf
         for i in self._geoms_of(a):
             for j in self._geoms_of(b):
-                least = min(least, mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
+                least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
         return float(least)
 
     def _geoms_of(self, body: int) -> range:
@@ -151,15 +149,13 @@ class Space:
         return range(first, first + int(self.model.body_geomnum[body]))
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * float((self.reaches @ np.abs(v)).max(initial=0.0))
+        return 2.0 * float((self.reaches @ np.abs(v)).max())
 
     def energy(self, q: Reals, v: Reals) -> float:
-        import mujoco
-
         self._at(q)
-        mujoco.mj_energyPos(self.model, self.data)
+        self._mujoco.mj_energyPos(self.model, self.data)
         product = np.zeros(self.model.nv)
-        mujoco.mj_mulM(self.model, self.data, product, v)
+        self._mujoco.mj_mulM(self.model, self.data, product, v)
         return float(self.data.energy[0] + 0.5 * v @ product)
 
     def accept(self) -> None:
@@ -170,7 +166,7 @@ class Space:
         if reach > self.margin:
             self.look_within(AHEAD * reach)
         self._at(moment.q)
-        self.loads.fill(d, moment, self.control, self.pace, terms)
+        self.loads.fill(d, moment, self.control, self.pace, self._all_free, terms)
         rows = d.efc_J.reshape(-1, m.nv)
         self.limited.fill(d, rows, self.loads.moment, self.control, not moment.metric, terms)
         count = 0
@@ -219,23 +215,21 @@ class Space:
 
     def _at(self, q: Reals) -> None:
         """Make MuJoCo's data those of q."""
-        import mujoco
-
         if q is not self._q and not np.array_equal(q, self._q):
             m, d = self.model, self.data
             d.qpos[:] = q
             if self.boxes.is_box.sum() < 2:
-                mujoco.mj_fwdPosition(m, d)
+                self._mujoco.mj_fwdPosition(m, d)
             else:
-                mujoco.mj_kinematics(m, d)
-                mujoco.mj_comPos(m, d)
-                mujoco.mj_tendon(m, d)
-                mujoco.mj_makeM(m, d)
-                mujoco.mj_factorM(m, d)
-                mujoco.mj_collision(m, d)
+                self._mujoco.mj_kinematics(m, d)
+                self._mujoco.mj_comPos(m, d)
+                self._mujoco.mj_tendon(m, d)
+                self._mujoco.mj_makeM(m, d)
+                self._mujoco.mj_factorM(m, d)
+                self._mujoco.mj_collision(m, d)
                 self.boxes.mend(d)
-                mujoco.mj_makeConstraint(m, d)
-                mujoco.mj_transmission(m, d)
+                self._mujoco.mj_makeConstraint(m, d)
+                self._mujoco.mj_transmission(m, d)
             self._least = None
         self._q = q
 
