@@ -40,7 +40,7 @@ runs: $(INSTALLED_DEV)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation runs
 
 problems: lint
-	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation problems
+	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation problems space
 
 bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py

@@ -20,6 +20,7 @@ import yaml
 import rungwise as rw
 from rungwise import cli
 from rungwise.compilation.progress import compiling
+from rungwise.scene.space.scene import shipped_in_space
 
 
 class Answer(NamedTuple):
@@ -108,7 +109,7 @@ def test_models(rungwise: Command) -> None:
 def test_scenes(rungwise: Command) -> None:
     answer = rungwise("scenes", "--json")
     assert answer.code == 0
-    assert set(answer.json["scenes"]) == set(rw.shipped())
+    assert set(answer.json["scenes"]) == {*rw.shipped(), *shipped_in_space()}
     text = rungwise("scenes")
     assert text.code == 0 and "two_finger" in text.out
 

@@ -1,14 +1,16 @@
 """Compile and keep kernels, before many processes need them at once.
 
-    python -m rungwise.compilation [runs] [problems]
+    python -m rungwise.compilation [runs] [problems] [space]
 
 Runs: begins each shipped scene on each rung, at fixed and controlled steps, alone and in a batch. Problems:
-solves contact problems of each kind, small and large, in the plane and in space. Without a name: both.
+solves contact problems of each kind, small and large, in the plane and in space. Space: takes steps of scenes
+in space on each rung, if MuJoCo is installed. Without a name: all.
 """
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import sys
 import time
 
@@ -57,7 +59,17 @@ def _problems() -> None:
                 package.solve(mixed, solvers=(name,))
 
 
-_PARTS = {"runs": _runs, "problems": _problems}
+def _space() -> None:
+    package = importlib.import_module("rungwise")
+    if importlib.util.find_spec("mujoco") is None:
+        return
+    for name in ("slope", "stack"):
+        for model in package.LADDER:
+            if model.moves:
+                package.simulate(name, model, duration=0.01)
+
+
+_PARTS = {"runs": _runs, "problems": _problems, "space": _space}
 
 if __name__ == "__main__":
     main()

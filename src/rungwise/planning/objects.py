@@ -12,7 +12,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.scene import Scene
 from rungwise.scene.records import Records
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.system.spatial.space import moments
+from rungwise.system.spatial.drives import moments
 
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 FREE, BALL, SLIDE = 0, 1, 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
@@ -18,9 +19,8 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.viewing import sets, slices, strip
 from rungwise.viewing.clip import Clip, clip
 from rungwise.viewing.html import page
-from rungwise.viewing.space.film import FilmError
 from rungwise.viewing.space.html import page as space_page
-from rungwise.viewing.space.runs import film_of
+from rungwise.viewing.space.runs import film_of, holds_space
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
 
@@ -54,7 +54,7 @@ def view(
     """
     listed_runs = _listed(runs)
     sources = [_source(one) for one in listed_runs]
-    spatial = [one for one in sources if isinstance(one, SpaceRun)]
+    spatial = [one for one in sources if _is_in_space(one)]
     if spatial:
         if len(spatial) < len(sources):
             raise ViewError("runs: runs in space and planar runs go to pages of their own")
@@ -88,16 +88,21 @@ def view(
     return [write(*one) for one in made]
 
 
+def _is_in_space(source: object) -> bool:
+    return isinstance(source, SpaceRun) or (isinstance(source, Path) and holds_space(source))
+
+
 def _in_space(
-    runs: Sequence[SpaceRun], html: str | Path | None, png: str | Path | None, gif: str | Path | None
+    runs: Sequence[Any], html: str | Path | None, png: str | Path | None, gif: str | Path | None
 ) -> list[Path]:
     if png is not None or gif is not None:
         raise ViewError("view: runs in space go to html only")
-    target = f"{runs[0].scene.name}.html" if html is None else html
     try:
-        text = space_page([film_of(run) for run in runs])
-    except FilmError as error:
+        films = [film_of(run) for run in runs]
+        text = space_page(films)
+    except InputError as error:
         raise ViewError(str(error)) from None
+    target = f"{films[0].title}.html" if html is None else html
     return [write("html", target, lambda file: file.write_text(text, "utf-8"))]
 
 
@@ -109,7 +114,7 @@ def _listed(runs: object) -> list[object]:
     raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(runs)}")
 
 
-def _source(source: object) -> Run | SpaceRun | FeasibleSet | Path:
+def _source(source: object) -> Any:
     """The set in a folder of a set, the run of a plan; a run, or the folder of one, as it is."""
     if not isinstance(source, Source):
         raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(source)}")

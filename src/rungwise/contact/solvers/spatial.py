@@ -41,6 +41,9 @@ their values a window of steps earlier. Chosen by trial."""
 _FINISH, _NEARER = 1e-2, 0.1
 """Residual below which the proximal point method is tried from the path, and the factor by which the residual
 must fall before it is tried again. Chosen by trial."""
+_STILL = 1e-6
+"""Tangential rate over its largest term up to which a contact at the limit of its friction sticks: a hundred
+times the tolerance; chosen by trial, to a decade."""
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
@@ -111,7 +114,7 @@ def solve_spatial(
     status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
-    _tell_modes(p, contacts, limited, force, tau, mode)
+    _tell_modes(p, n, contacts, limited, v, force, tau, mode)
     return status, error, worst
 
 
@@ -244,13 +247,33 @@ def _exertion(bodies: Bodies, groups: Groups, x: Reals) -> float:
 
 
 @kernel
-def _tell_modes(p: ContactProblem, contacts: int, limited: int, force: Reals, tau: Reals, mode: Ints) -> None:
+def _tell_modes(
+    p: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals, mode: Ints
+) -> None:
+    """A contact that pushes slips where its friction is at the limit and its rate is more than rounding."""
     d = p.R.shape[1]
     for k in range(contacts):
         rubs = 0.0
         for i in range(k * d + 1, k * d + d):
             rubs += force[i] * force[i]
         inside = math.sqrt(rubs) < _INSIDE * p.mu[k] * force[k * d]
-        mode[k] = OPEN if force[k * d] <= 0.0 else STICK if inside else FORWARD
+        sticks = inside or (p.mu[k] > 0.0 and _is_still(p, n, k, v, force))
+        mode[k] = OPEN if force[k * d] <= 0.0 else STICK if sticks else FORWARD
     for r in range(limited):
         mode[contacts + r] = STICK if abs(tau[r]) < _INSIDE * p.F[r] else FORWARD
+
+
+@kernel
+def _is_still(p: ContactProblem, n: int, k: int, v: Reals, force: Reals) -> bool:
+    """Whether the tangential rate of a contact is rounding of its terms."""
+    d, rate, scale = p.R.shape[1], 0.0, p.quantum[0]
+    for i in range(k * d + 1, k * d + d):
+        own = p.w[i]
+        for j in range(n):
+            own += p.W[i, j] * v[j]
+            scale = max(scale, abs(p.W[i, j] * v[j]))
+        for j in range(d):
+            own += p.R[k, i - k * d, j] * force[k * d + j]
+        scale = max(scale, abs(p.w[i]))
+        rate = max(rate, abs(own))
+    return rate <= _STILL * scale

@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from rungwise.scene.fields import Parameter
+from rungwise.scene.fields import MANY, ONE, Parameter
 from rungwise.scene.strict import Strict
 from rungwise.scene.task import Task
 from rungwise.scene.values import Name, Number, Pattern, Text
 
-Numbers = Number | tuple[Number, ...]
+Numbers = Annotated[
+    Annotated[Number, Tag(ONE)] | Annotated[tuple[Number, ...], Tag(MANY)],
+    Discriminator(lambda value: MANY if isinstance(value, list | tuple) else ONE),
+]
 Settings = dict[Text, dict[Text, Numbers]]
 """Elements by name, with values of their fields."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib import import_module
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,12 +43,12 @@ def model_path(name: str, folder: Path) -> Path:
     """Where a model file lies. Raises SceneError."""
     package, colon, inner = name.partition(":")
     if colon and package.isidentifier():
-        try:
-            found = Path(str(files(package))) / inner
-        except ModuleNotFoundError:
+        spec = find_spec(package)
+        if spec is None or not spec.submodule_search_locations:
             raise SceneError(
                 f"model.file: {shown(name)} lies in the package {package}, which is not installed"
-            ) from None
+            )
+        found = Path(spec.submodule_search_locations[0]) / inner
         candidates = [found]
     else:
         candidates = [folder / name, Path(str(LIBRARY / name))]

@@ -67,8 +67,8 @@ class SpaceBound:
     """A scene with every number known.
 
     law (g, g), laws (l, 6): see `system.spatial.features`; place (n_q,), motion (n_v,): the start; control
-    (a,) and pace (n_v,), nan where free, follow `told`: programs, and whether each sets a control or a speed,
-    and which; values (p + 1,): parameters and t.
+    (a,) and pace (n_v,), nan where free, follow `told`: programs, and for each its field and the number of
+    the control or speed; values (p + 1,): parameters and t.
     """
 
     model: mujoco.MjModel
@@ -86,14 +86,18 @@ class SpaceBound:
     step: float
     notes: tuple[str, ...] = ()
 
-    def tell(self, values: Reals, kinds: Sequence[str] = ("control", "speed")) -> None:
+    def tell(self, values: Reals, kinds: Sequence[str] = ("controls", "speeds")) -> None:
         """Set controls and speeds, or one kind of them, from parameters and t (p + 1,)."""
         stack = np.zeros(STACK)
-        for (kind, index), (start, stop) in zip(self.targets, self.told.table, strict=True):
+        for (path, index), (start, stop) in zip(self.targets, self.told.table, strict=True):
+            kind = path.partition(".")[0]
             if kind not in kinds:
                 continue
-            target = self.control if kind == "control" else self.pace
-            target[index] = evaluate(self.told.code, self.told.constants, start, stop, values, stack)
+            target = self.control if kind == "controls" else self.pace
+            value = float(evaluate(self.told.code, self.told.constants, start, stop, values, stack))
+            if not np.isfinite(value):
+                raise InvalidScene(f"{path}: must be finite, not {value:g} at t = {values[-1]:g}")
+            target[index] = value
 
 
 @dataclass(frozen=True)
@@ -207,7 +211,7 @@ def _bind(scene: SpaceScene, values: Reals) -> SpaceBound:
             if name not in known:
                 raise SceneError(f"{kind}.{name}: unknown name{choices(name, known)}")
             codes.append(names.number(str(text), f"{kind}.{name}", timed=True))
-            targets.append((kind[:-1], known.index(name)))
+            targets.append((f"{kind}.{name}", known.index(name)))
     bound = SpaceBound(
         model=model, law=law, laws=laws, place=place, motion=motion, control=control,
         pace=np.full(model.nv, np.nan), told=Programs(codes), targets=tuple(targets), values=values,
@@ -233,8 +237,8 @@ class _Numbers:
         programs = Programs([self.names.number(str(text), path)])
         start, stop = programs.table[0]
         value = float(evaluate(programs.code, programs.constants, start, stop, self.values, self.stack))
-        if np.isnan(value):
-            raise InvalidScene(f"{path}: must be a number, not nan")
+        if not np.isfinite(value):
+            raise InvalidScene(f"{path}: must be finite, not {value:g}")
         return value
 
     def all(self, given: Any, path: str) -> float | tuple[float, ...]:

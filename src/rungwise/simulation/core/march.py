@@ -34,6 +34,9 @@ from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 LINEARISATIONS = 12
 """Solutions of one attempt, each linear about the end of the solution before."""
+ROUNDED = 4
+"""Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
+trial."""
 EXACT, OVERLAP = 1e-9, 1e-4
 """Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved."""
 SEEN = 2.0
@@ -150,7 +153,7 @@ class March:
             allowed = (EXACT if self.rung.metric else OVERLAP) * self.system.size.length
             least = min(self.system.least_gap(self.q) - float(self.terms.rounding[0]), -allowed)
         self._trial, v = self.q, self.state.v
-        for _ in range(LINEARISATIONS):
+        for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             self._fill(self._trial, v, h)
             status = solve_step(
                 self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem
@@ -161,8 +164,6 @@ class March:
             self._trial = self.system.integrate(self.q, v, h)
             if self.rung.compliant or self.system.least_gap(self._trial) >= least:
                 return SUPPORTED, v
-            if not self.rung.metric:
-                break
         return UNSOLVED, v
 
     def _drive(self) -> None:

@@ -130,8 +130,9 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
     Variables over `time`: position per coordinate, velocity per velocity, residual, energy, and the work of
     drives, loads, contacts, supports and joints; gap and contact_force (normal, and the length of the
     tangential force) per pair of geoms that touched or came near in some frame, and its mode: the greatest of
-    its contacts. Where impacts make forces meaningless, they are those of the last step. Attribute
-    `scene_file` is the scene as JSON.
+    its contacts. Over `touch`, contacts of all frames one after the other: touch_frame, touch_geoms, point,
+    normal, force on the second geom (in the world), friction, mode and gap. Where impacts make forces
+    meaningless, they are those of the last step. Attribute `scene_file` is the scene as JSON.
     """
     import xarray as xr
 
@@ -146,6 +147,7 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
         "residual": (("time",), np.array([each.residual for each in frames])),
         "energy": (("time",), np.array([each.energy for each in frames])),
     }
+    data |= _touches(frames)
     work = np.array([each.work for each in frames])
     data |= {name: (("time",), work[:, k]) for k, name in enumerate(WORK)}
     return xr.Dataset(
@@ -165,6 +167,19 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
             "reason": run.reason,
         },
     )
+
+
+def _touches(frames: Sequence[Frame]) -> dict[str, Any]:
+    """Contacts of all frames, one after the other."""
+    touches = [each.touch for each in frames]
+    numbers = np.repeat(np.arange(len(frames)), [len(touch.gap) for touch in touches])
+    found: dict[str, Any] = {"touch_frame": (("touch",), numbers)}
+    for name, axes in (
+        ("point", ("axis",)), ("normal", ("axis",)), ("force", ("axis",)), ("geoms", ("side",)),
+        ("friction", ()), ("mode", ()), ("gap", ()),
+    ):  # fmt: skip
+        found[f"touch_{name}"] = (("touch", *axes), np.concatenate([getattr(t, name) for t in touches]))
+    return found
 
 
 def _of_pairs(run: SpaceRun, frames: Sequence[Frame]) -> tuple[list[str], Any, Any, Any]:

@@ -157,10 +157,11 @@ class SpaceSimulation:
         clock, values, march = self._clock, self._values, self.march
         assert march is not None
         h = min(self._next, self.end - march.time, clock.left(march.time))
-        clock.tell(march.time + 0.5 * h, values.told)
-        self._bound.tell(values.told, ("speed",))
-        clock.tell(march.time + h, values.told)
-        self._bound.tell(values.told, ("control",))
+        try:
+            self._tell(march.time, h)
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return
         before = float(march.clock["contact_work"])
         wish = march.advance(h, self._tol)
         if self._tol < math.inf:
@@ -180,6 +181,15 @@ class SpaceSimulation:
         if self.outcome != Code.RUNNING:
             self._recorder.take(march, self.space, self.memory, last=True)
             self._explain(march)
+
+    def _tell(self, time: float, h: float) -> None:
+        """Set speeds as of the middle of a step, so that ways are exact, and controls as of its end. Raises
+        InvalidScene."""
+        told = self._values.told
+        self._clock.tell(time + 0.5 * h, told)
+        self._bound.tell(told, ("speeds",))
+        self._clock.tell(time + h, told)
+        self._bound.tell(told, ("controls",))
 
     def memory(self) -> Reals:
         """What the run hands on (w,): its place in the schedule, the length of the next step, margins, values
@@ -260,6 +270,10 @@ class SpaceSimulation:
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
             )
 
+    def _notes(self) -> tuple[str, ...]:
+        """Remarks on the model and on the geometry of contacts."""
+        return self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+
     def result(self) -> SpaceRun:
         """The run as far as it has come."""
         march = self.march
@@ -283,7 +297,7 @@ class SpaceSimulation:
             frames=tuple(self._recorder.frames) if march is not None else (),
             space=self.space if march is not None else None,
             energy_gained=self._gained,
-            notes=self.notes if march is not None else (),
+            notes=self._notes() if march is not None else (),
         )
 
 

@@ -72,3 +72,24 @@ def drives(model: mujoco.MjModel) -> Drives:
         middle=np.where(limited, 0.5 * (low + high), np.zeros(count)),
         limit=np.where(limited, 0.5 * (high - low), np.full(count, np.inf)),
     )
+
+
+def moments(model: mujoco.MjModel, q: Reals) -> Reals:
+    """What each actuator does to each velocity (a, n_v) at q."""
+    import mujoco
+
+    data, found = mujoco.MjData(model), np.zeros((model.nu, model.nv))
+    data.qpos[:] = q
+    mujoco.mj_fwdPosition(model, data)
+    if model.nu:
+        fill_moments(data, found)
+    return found
+
+
+def fill_moments(data: mujoco.MjData, found: Reals) -> None:
+    """Write what each actuator does to each velocity, at the data's places, into found (a, n)."""
+    import mujoco
+
+    mujoco.mju_sparse2dense(
+        found, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )

@@ -1,4 +1,4 @@
-"""Bodies of a MuJoCo model as a system that the core takes steps of (see `simulation.core.system`).
+"""Bodies of a MuJoCo model as a system that the core takes steps of (see `system.moving`).
 
 MuJoCo gives places, inertia, loads, and rows and gaps of contacts, limits, equalities and tendons at (q, v);
 all forces of contacts, limits, equalities, dry friction and servos are found by the models.
@@ -8,18 +8,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
-from rungwise.system.moving import Moment, Size, fall_freely
+from rungwise.system.moving import Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import Features, Seen, Solids, allocate_features, fill_contacts, keep
+from rungwise.system.spatial.limited import Limited
+from rungwise.system.spatial.loads import Loads
+from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.reach import reaches
-from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
+from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
     import mujoco
@@ -62,7 +65,6 @@ class Space:
         m = self.model
         _set_options(m)
         self.data = mujoco.MjData(m)
-        self.unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
         self.directions = directions(m)
         self.reaches = reaches(m)
         self.drives: Drives = drives(m)
@@ -79,36 +81,22 @@ class Space:
             body=m.geom_bodyid.astype(np.int64), size=sizes, law=self.laws.law, laws=self.laws.rows,
             free=np.isnan(self.pace).astype(np.int64), centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
-        self._q, self._fetched = np.full(m.nq, np.nan), False
+        self._q = np.full(m.nq, np.nan)
         self._least: float | None = None
         self._near = AHEAD * NEAR * length
         self.look_within(self._near)
         self._at(self.place)
-        self.limits = _Limits(m)
-        rows = int(self.data.ne + self.data.nf)
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.most = 2 * self.room
-        self.size = Size(
-            m.nq,
-            m.nv,
-            self.most + len(self.limits.keys),
-            self.directions,
-            rows + len(self.drives.servos),
-            length,
-        )
+        self.loads = Loads(m, self.drives)
+        self.limited = Limited(m, self.drives, self.lever, self.solids.free, self.most)
+        slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
+        self.size = Size(m.nq, m.nv, slots, self.directions, rows + len(self.drives.servos), length)
+        self.noise = Noise()
+        # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
+        self._from = self._filled = self.place
         self.forget()
-        self._slots, self._fresh = np.zeros(self.size.slots, np.int64), np.zeros(self.size.slots, np.int64)
-        self._moment = np.zeros((m.nu, m.nv))
-        self._row = np.zeros(m.nv)
-        self._all_free = bool(self.solids.free.all())
-        self._springs = bool(
-            m.jnt_stiffness.any()
-            or m.body_gravcomp.any()
-            or m.tendon_stiffness.any()
-            or m.tendon_damping.any()
-        )
-        self._filled: Terms | None = None
-        self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
+        self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
 
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
@@ -175,18 +163,13 @@ class Space:
         keep(self.kept, self._found)
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
-        import mujoco
-
         m, d = self.model, self.data
         if reach > self.margin:
             self.look_within(AHEAD * reach)
         self._at(moment.q)
-        mujoco.mj_fullM(m, d, terms.inertia)
-        if moment.inertia == 0.0:
-            self._fill_metric(moment.q, terms)
-        self._fill_loads(moment, terms)
+        self.loads.fill(d, moment, self.control, self.pace, terms)
         rows = d.efc_J.reshape(-1, m.nv)
-        self._fill_limited(rows, terms, not moment.metric)
+        self.limited.fill(d, rows, self.loads.moment, self.control, not moment.metric, terms)
         count = 0
         if d.ncon:
             c = d.contact
@@ -198,8 +181,20 @@ class Space:
                 raise InputError(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
         else:
             self._found.geoms[:], self._found.used[0] = -1, 0
-        count = self._fill_limits(rows, reach, count, terms)
+        self._listen(moment, count, terms)
+        known, count = count, self.limited.fill_limits(d, rows, reach, count, terms, self._slots)
+        self._fresh[known:count] = 0
         return self._slots[:count], self._fresh[:count]
+
+    def _listen(self, moment: Moment, count: int, terms: Terms) -> None:
+        """Compare gaps with those of the step before, if both are those at the start of a step."""
+        noise, sizes = self.noise, self.solids.size
+        if moment.time > noise.time:
+            way = 0.5 * (moment.time - noise.time) * self.fastest(moment.q, moment.v)
+            known = self._slots[:count] if self._from is self._filled else self._slots[:0]
+            noise.look(moment.time, way, known, self.kept, sizes, terms, moment.v)
+            self._from = moment.q
+        self._filled = moment.q
 
     def forget(self) -> None:
         """Know no contact, and look for contacts as near as at first."""
@@ -237,155 +232,6 @@ class Space:
             self._least = None
         self._q = q
 
-    def _fill_metric(self, q: Reals, terms: Terms) -> None:
-        """M of the same bodies with mass 1 each."""
-        import mujoco
-
-        if self.unit is None:
-            model = _of_unit_mass(self.model)
-            self.unit = model, mujoco.MjData(model)
-        model, data = self.unit
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, terms.metric)
-
-    def _fill_loads(self, moment: Moment, terms: Terms) -> None:
-        import mujoco
-
-        m, d, eps, load = self.model, self.data, moment.inertia, terms.load
-        load[:] = 0.0
-        d.qvel[:] = moment.v if eps > 0.0 else 0.0
-        mujoco.mj_comVel(m, d)
-        mujoco.mj_rne(m, d, 0, self._row)
-        if 0.0 < eps < 1.0:
-            load -= eps * self._row
-            d.qvel[:] = 0.0
-            mujoco.mj_comVel(m, d)
-            mujoco.mj_rne(m, d, 0, self._row)
-            load -= (1.0 - eps) * self._row
-        else:
-            load -= self._row
-        if self._springs:
-            mujoco.mj_passive(m, d)
-            load += d.qfrc_spring + d.qfrc_gravcomp
-        if terms is not self._filled or self._springs:
-            self._fill_yielding(terms)
-            self._filled = terms
-        if m.nu:
-            _dense_moments(d, self._moment)
-            load += self.drives.load(self.control, self._moment)
-        if self._all_free:
-            mujoco.mj_solveM(m, d, terms.fall[None], terms.load[None])
-        else:
-            fall_freely(terms, self.pace)
-
-    def _fill_yielding(self, terms: Terms) -> None:
-        """Springs and dampers of joints and tendons, which a step takes at its end."""
-        m, d = self.model, self.data
-        terms.damping[:] = self._damping
-        terms.stiffness[:] = self._stiffness
-        if m.ntendon and (m.tendon_damping.any() or m.tendon_stiffness.any()):
-            rows = np.zeros((m.ntendon, m.nv))
-            _dense_tendons(m, d, rows)
-            low, high = m.tendon_lengthspring.T
-            pulls = (d.ten_length < low) | (d.ten_length > high)
-            terms.damping[:] += (rows.T * m.tendon_damping) @ rows
-            terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
-
-    def _fill_limited(self, rows: Reals, terms: Terms, loads: bool) -> None:
-        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
-        rung has loads."""
-        d, drive = self.data, self.drives
-        ne, nf, ns = int(d.ne), int(d.nf), len(drive.servos)
-        if ne + nf + ns == 0:
-            return
-        S = terms.limited
-        S[: ne + nf] = rows[: ne + nf]
-        S[ne + nf :] = self._moment[drive.servos]
-        unit = _units(S, self.lever)
-        S *= unit[:, None]
-        terms.limit[:ne] = np.inf
-        terms.limit[ne : ne + nf] = d.efc_frictionloss[ne : ne + nf] / unit[ne : ne + nf]
-        terms.limit[ne + nf :] = drive.limit[drive.servos] / unit[ne + nf :]
-        terms.account[:ne], terms.account[ne : ne + nf], terms.account[ne + nf :] = JOINT, SUPPORT, DRIVE
-        terms.gains[:ne] = np.inf, 0.0
-        terms.gains[ne : ne + nf] = 0.0
-        terms.error[:ne, 0] = -d.efc_pos[:ne] * unit[:ne]
-        terms.error[ne : ne + nf] = 0.0
-        own = unit[ne + nf :]
-        terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
-        wish = drive.errors(self.control, d.actuator_length, loads)
-        # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
-        stiff, damp = drive.gains.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            terms.error[ne + nf :, 0] = np.where(stiff > 0.0, wish / stiff, 0.0) * own
-            terms.error[ne + nf :, 1] = np.where(stiff > 0.0, 0.0, wish / damp) * own
-
-    def _fill_limits(self, rows: Reals, reach: float, count: int, terms: Terms) -> int:
-        """Travel limits of joints and tendons, after `count` contacts: rows of one direction."""
-        d, k, D = self.data, count, self.directions
-        first = int(d.ne + d.nf)
-        for r in range(first, first + int(d.nl)):
-            row = rows[r]
-            unit = float(_units(row[None], self.lever)[0])
-            if d.efc_pos[r] * unit > reach or not (row[self.solids.free == 1] != 0.0).any():
-                continue
-            terms.rows[k * D : k * D + D] = 0.0
-            terms.rows[k * D] = unit * row
-            terms.gap[k], terms.lever[k] = unit * d.efc_pos[r], unit
-            terms.friction[k] = terms.restitution[k] = 0.0
-            terms.contact_stiffness[k], terms.contact_damping[k] = 0.0, 0.0
-            terms.contact_stiffness[k, 0, 0] = np.inf
-            slot = self.most + self.limits.slot(int(d.efc_type[r]), int(d.efc_id[r]), row)
-            self._slots[k], self._fresh[k] = slot, 0
-            k += 1
-        return k
-
-
-@dataclass(frozen=True)
-class _Limits:
-    """Slots of travel limits: two of each joint and tendon with a range."""
-
-    model: Any
-    keys: dict[tuple[int, int, int], int] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        import mujoco
-
-        m = self.model
-        for kind, limited in (
-            (mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT, m.jnt_limited),
-            (mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON, m.tendon_limited),
-        ):
-            for number in np.flatnonzero(limited):
-                for side in (0, 1):
-                    self.keys[int(kind), int(number), side] = len(self.keys)
-
-    def slot(self, kind: int, number: int, row: Reals) -> int:
-        return self.keys[kind, number, int(row.sum() > 0.0)]
-
-
-def moments(model: mujoco.MjModel, q: Reals) -> Reals:
-    """What each actuator does to each velocity (a, n_v) at q."""
-    import mujoco
-
-    data, found = mujoco.MjData(model), np.zeros((model.nu, model.nv))
-    data.qpos[:] = q
-    mujoco.mj_fwdPosition(model, data)
-    if model.nu:
-        _dense_moments(data, found)
-    return found
-
-
-def _dense_moments(data: mujoco.MjData, found: Reals) -> None:
-    import mujoco
-
-    mujoco.mju_sparse2dense(
-        found, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-
 
 def directions(model: mujoco.MjModel) -> int:
     """Directions of the contacts of a model: 3, or 4 with torsion, or 6 with rolling friction as well."""
@@ -404,33 +250,3 @@ def _set_options(model: mujoco.MjModel) -> None:
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.geom_gap[:], model.pair_gap[:] = 0.0, 0.0
-
-
-def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
-    """The same bodies with mass 1 each and the same radii of gyration."""
-    import copy
-
-    unit = copy.copy(model)
-    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
-    unit.body_inertia[:] = model.body_inertia / mass[:, None]
-    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
-    unit.dof_armature[:] = 0.0
-    unit.tendon_armature[:] = 0.0
-    return unit
-
-
-def _units(rows: Reals, lever: Reals) -> Reals:
-    """Factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit."""
-    most = np.abs(rows / lever).max(axis=1, initial=0.0)
-    return np.asarray(1.0 / np.where(most > 0.0, most, 1.0))
-
-
-def _dense_tendons(model: mujoco.MjModel, data: mujoco.MjData, rows: Reals) -> None:
-    import mujoco
-
-    if data.ten_J.shape == rows.shape:
-        rows[:] = data.ten_J
-        return
-    mujoco.mju_sparse2dense(
-        rows, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    )

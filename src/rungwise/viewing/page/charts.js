@@ -97,7 +97,7 @@ class Chart {
       const found = [];
       let now = null;
       this.values(s).forEach((v, k) => {
-        if (v <= this.limit) { now = null; return; }
+        if (!(v > this.limit)) { now = null; return; }
         if (!now) found.push(now = { s, value: v, time: s.clip.time[k] });
         if (v > now.value) Object.assign(now, { value: v, time: s.clip.time[k] });
       });

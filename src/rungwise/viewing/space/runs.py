@@ -1,77 +1,90 @@
-"""Runs in space as films."""
+"""Runs in space as films: of a run, or of the folder in which one was saved."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.kernel import Reals
+from rungwise.scene.space import is_space, load_space
 from rungwise.scene.space.model import library
-from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.simulation.trajectory import SUMMARY, load_run
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
 from rungwise.viewing.space.mjcf import film_of_model
 
 if TYPE_CHECKING:
     import mujoco
+    import xarray
+
+    from rungwise.scene.space import SpaceScene
 
 UNITS = {"length": "m", "time": "s", "force": "N"}
 
 
-def film_of(run: SpaceRun) -> Film:
-    """The film of a run: poses, contacts, and curves of gaps and normal forces of the bodies that met. Raises
-    FilmError for a run that never began."""
-    if run.space is None or not run.frames:
-        raise FilmError(f"run: did not begin: {run.reason}")
-    model = run.space.model
+def film_of(source: SpaceRun | str | Path) -> Film:
+    """The film of a run, or of a folder of one: poses, contacts, and curves of gaps and normal forces of the
+    bodies that met. Raises FilmError for a run that never began."""
+    if not isinstance(source, SpaceRun):
+        data, told = load_run(source)
+        scene = load_space(json.loads(data.attrs["scene_file"]))
+        return _film(scene, scene.bind(told["parameters"]).model, data, tuple(told["notes"]))
+    if source.space is None or not source.frames:
+        raise FilmError(f"run: did not begin: {source.reason}")
+    return _film(source.scene, source.space.model, source.trajectory, source.notes)
+
+
+def holds_space(folder: str | Path) -> bool:
+    """Whether a run in space was saved in the folder."""
+    if not (Path(folder) / SUMMARY).is_file():
+        return False
+    data, _ = load_run(folder)
+    return "touch_point" in data and is_space(json.loads(data.attrs["scene_file"]))
+
+
+def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes: tuple[str, ...]) -> Film:
     _, solids = film_of_model(model)
-    bodies = run.scene.labels.bodies
-    places, turns = _poses(model, run.frames)
-    touches, pairs, gaps, pushes = _touches(run, run.space.solids.body.astype(int).tolist())
+    places, turns = _poses(model, data.position.values)
+    touches, pairs, gaps, pushes = _touches(scene.labels.bodies, model.geom_bodyid, data)
     return Film(
-        title=run.scene.name, model=run.model.name, bodies=bodies, solids=tuple(solids),
-        time=np.array([frame.time for frame in run.frames]), places=places, turns=turns, pairs=pairs,
-        touches=touches, gaps=gaps, pushes=pushes, outcome=str(run.outcome), reason=run.reason,
-        notes=run.notes, units=UNITS,
+        title=scene.name, model=data.attrs["model"], bodies=scene.labels.bodies, solids=tuple(solids),
+        time=data.time.values, places=places, turns=turns, pairs=pairs, touches=touches, gaps=gaps,
+        pushes=pushes, outcome=data.attrs["outcome"], reason=data.attrs["reason"], notes=notes, units=UNITS,
     )  # fmt: skip
 
 
-def _poses(model: mujoco.MjModel, frames: tuple[Frame, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Places (f, b, 3) and turns (f, b, 4)."""
+def _poses(model: mujoco.MjModel, q: Reals) -> tuple[Reals, Reals]:
+    """Places (f, b, 3) and turns (f, b, 4) at q (f, n_q)."""
     mujoco = library()
     data = mujoco.MjData(model)
-    places, turns = np.zeros((len(frames), model.nbody, 3)), np.zeros((len(frames), model.nbody, 4))
-    for k, frame in enumerate(frames):
-        data.qpos[:] = frame.q
+    places, turns = np.zeros((len(q), model.nbody, 3)), np.zeros((len(q), model.nbody, 4))
+    for k, row in enumerate(q):
+        data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         places[k], turns[k] = data.xpos, data.xquat
     return places, turns
 
 
 def _touches(
-    run: SpaceRun, body: list[int]
-) -> tuple[Touches, tuple[tuple[str, str], ...], np.ndarray, np.ndarray]:
+    names: tuple[str, ...], body: Any, data: xarray.Dataset
+) -> tuple[Touches, tuple[tuple[str, str], ...], Reals, Reals]:
     """Contacts of all frames, the pairs of bodies (p,) that met, their gaps and pushes (f, p)."""
-    names, frames = run.scene.labels.bodies, run.frames
-    met = sorted({(body[a], body[b]) for frame in frames for a, b in frame.touch.geoms})
+    frame, sides = data.touch_frame.values, body[data.touch_geoms.values].reshape(-1, 2)
+    met = sorted({(int(a), int(b)) for a, b in sides})
     number = {pair: k for k, pair in enumerate(met)}
-    rows = [[number[body[a], body[b]] for a, b in frame.touch.geoms] for frame in frames]
-    gaps, pushes = np.full((len(frames), len(met)), np.nan), np.zeros((len(frames), len(met)))
-    for f, frame in enumerate(frames):
-        for c, pair in enumerate(rows[f]):
-            gaps[f, pair] = np.fmin(gaps[f, pair], frame.touch.gap[c])
-            pushes[f, pair] += float(frame.touch.force[c] @ frame.touch.normal[c])
-    counts = [len(each) for each in rows]
-
-    def joined(field: str, width: int) -> np.ndarray:
-        parts = [getattr(frame.touch, field).reshape(-1, width) for frame in frames]
-        return np.concatenate(parts) if parts else np.zeros((0, width))
-
+    pair = np.array([number[int(a), int(b)] for a, b in sides], np.int64)
+    force, normal = data.touch_force.values, data.touch_normal.values
+    gaps = np.full((len(data.time), len(met)), np.inf)
+    np.minimum.at(gaps, (frame, pair), data.touch_gap.values)
+    pushes = np.zeros((len(data.time), len(met)))
+    np.add.at(pushes, (frame, pair), (force * normal).sum(axis=1))
     touches = Touches(
-        frame=np.repeat(np.arange(len(frames)), counts),
-        pair=np.array([pair for each in rows for pair in each], np.int64),
-        point=joined("point", 3), normal=joined("normal", 3), force=joined("force", 3),
-        friction=joined("friction", 1)[:, 0],
-        mode=np.minimum(joined("mode", 1)[:, 0], SLIP).astype(np.int64),
+        frame=frame, pair=pair, point=data.touch_point.values, normal=normal, force=force,
+        friction=data.touch_friction.values,
+        mode=np.minimum(data.touch_mode.values, SLIP).astype(np.int64),
     )  # fmt: skip
+    gaps[np.isinf(gaps)] = np.nan
     return touches, tuple((names[a], names[b]) for a, b in met), gaps, pushes

@@ -1,0 +1,106 @@
+"""Rows of a model besides contacts: equalities, dry friction, servos with limited force, and travel
+limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.system.spatial.drives import Drives
+from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class Limited:
+    """What fills these rows; lever (n,) is the length that a unit of each velocity stands for, and `first`
+    the slot of the first travel limit."""
+
+    def __init__(self, model: mujoco.MjModel, drives: Drives, lever: Reals, free: Ints, first: int) -> None:
+        self.drives, self.lever, self.free, self.first = drives, lever, free, first
+        self.limits = Limits(model)
+
+    def fill(
+        self, d: mujoco.MjData, rows: Reals, moment: Reals, control: Reals, loads: bool, terms: Terms
+    ) -> None:
+        """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
+        rung has loads."""
+        drive = self.drives
+        ne, nf, ns = int(d.ne), int(d.nf), len(drive.servos)
+        if ne + nf + ns == 0:
+            return
+        S = terms.limited
+        S[: ne + nf] = rows[: ne + nf]
+        S[ne + nf :] = moment[drive.servos]
+        unit = _units(S, self.lever)
+        S *= unit[:, None]
+        terms.limit[:ne] = np.inf
+        terms.limit[ne : ne + nf] = d.efc_frictionloss[ne : ne + nf] / unit[ne : ne + nf]
+        terms.limit[ne + nf :] = drive.limit[drive.servos] / unit[ne + nf :]
+        terms.account[:ne], terms.account[ne : ne + nf], terms.account[ne + nf :] = JOINT, SUPPORT, DRIVE
+        terms.gains[:ne] = np.inf, 0.0
+        terms.gains[ne : ne + nf] = 0.0
+        terms.error[:ne, 0] = -d.efc_pos[:ne] * unit[:ne]
+        terms.error[ne : ne + nf] = 0.0
+        own = unit[ne + nf :]
+        terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
+        wish = drive.errors(control, d.actuator_length, loads)
+        # K_p e + K_d v_d is what counts: all of it is put into the one that is there.
+        stiff, damp = drive.gains.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms.error[ne + nf :, 0] = np.where(stiff > 0.0, wish / stiff, 0.0) * own
+            terms.error[ne + nf :, 1] = np.where(stiff > 0.0, 0.0, wish / damp) * own
+
+    def fill_limits(
+        self, d: mujoco.MjData, rows: Reals, reach: float, count: int, terms: Terms, slots: Ints
+    ) -> int:
+        """Travel limits of joints and tendons, after `count` contacts: rows of one direction."""
+        k, D = count, terms.contact_stiffness.shape[1]
+        first = int(d.ne + d.nf)
+        for r in range(first, first + int(d.nl)):
+            row = rows[r]
+            unit = float(_units(row[None], self.lever)[0])
+            if d.efc_pos[r] * unit > reach or not (row[self.free == 1] != 0.0).any():
+                continue
+            terms.rows[k * D : k * D + D] = 0.0
+            terms.rows[k * D] = unit * row
+            terms.gap[k], terms.lever[k] = unit * d.efc_pos[r], unit
+            terms.friction[k] = terms.restitution[k] = 0.0
+            terms.contact_stiffness[k], terms.contact_damping[k] = 0.0, 0.0
+            terms.contact_stiffness[k, 0, 0] = np.inf
+            slots[k] = self.first + self.limits.slot(int(d.efc_type[r]), int(d.efc_id[r]), row)
+            k += 1
+        return k
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Slots of travel limits: two of each joint and tendon with a range."""
+
+    model: Any
+    keys: dict[tuple[int, int, int], int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        import mujoco
+
+        m = self.model
+        for kind, limited in (
+            (mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT, m.jnt_limited),
+            (mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON, m.tendon_limited),
+        ):
+            for number in np.flatnonzero(limited):
+                for side in (0, 1):
+                    self.keys[int(kind), int(number), side] = len(self.keys)
+
+    def slot(self, kind: int, number: int, row: Reals) -> int:
+        return self.keys[kind, number, int(row.sum() > 0.0)]
+
+
+def _units(rows: Reals, lever: Reals) -> Reals:
+    """Factors (r,) that make rows (r, n) lengths: a row of one translation keeps its unit."""
+    most = np.abs(rows / lever).max(axis=1, initial=0.0)
+    return np.asarray(1.0 / np.where(most > 0.0, most, 1.0))

@@ -1,0 +1,120 @@
+"""Inertia and loads of a model: what acts besides contacts, limits and servos."""
+
+from __future__ import annotations
+
+import copy
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.system.moving import Moment, fall_freely
+from rungwise.system.spatial.drives import Drives, fill_moments
+from rungwise.system.terms import Terms
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+class Loads:
+    """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
+    rows of actuators afterwards."""
+
+    def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
+        m = self.model = model
+        self.drives = drives
+        self.moment = np.zeros((m.nu, m.nv))
+        self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
+        self._row = np.zeros(m.nv)
+        self._filled: Terms | None = None
+        self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
+        parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping)
+        self._springs = any(bool(part.any()) for part in parts)
+
+    def fill(self, data: mujoco.MjData, moment: Moment, control: Reals, pace: Reals, terms: Terms) -> None:
+        """Fill terms at the data's places, for controls (a,) and speeds (n,), nan where free."""
+        import mujoco
+
+        mujoco.mj_fullM(self.model, data, terms.inertia)
+        if moment.inertia == 0.0:
+            self._fill_metric(data.qpos, terms)
+        self._fill_loads(data, moment, control, terms)
+        if np.isnan(pace).all():
+            mujoco.mj_solveM(self.model, data, terms.fall[None], terms.load[None])
+        else:
+            fall_freely(terms, pace)
+
+    def _fill_metric(self, q: Reals, terms: Terms) -> None:
+        """M of the same bodies with mass 1 each."""
+        import mujoco
+
+        if self._unit is None:
+            model = _of_unit_mass(self.model)
+            self._unit = model, mujoco.MjData(model)
+        model, data = self._unit
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_fullM(model, data, terms.metric)
+
+    def _fill_loads(self, d: mujoco.MjData, moment: Moment, control: Reals, terms: Terms) -> None:
+        import mujoco
+
+        m, eps, load = self.model, moment.inertia, terms.load
+        load[:] = 0.0
+        d.qvel[:] = moment.v if eps > 0.0 else 0.0
+        mujoco.mj_comVel(m, d)
+        mujoco.mj_rne(m, d, 0, self._row)
+        if 0.0 < eps < 1.0:
+            load -= eps * self._row
+            d.qvel[:] = 0.0
+            mujoco.mj_comVel(m, d)
+            mujoco.mj_rne(m, d, 0, self._row)
+            load -= (1.0 - eps) * self._row
+        else:
+            load -= self._row
+        if self._springs:
+            mujoco.mj_passive(m, d)
+            load += d.qfrc_spring + d.qfrc_gravcomp
+        if terms is not self._filled or self._springs:
+            self._fill_yielding(d, terms)
+            self._filled = terms
+        if m.nu:
+            fill_moments(d, self.moment)
+            load += self.drives.load(control, self.moment)
+
+    def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:
+        """Springs and dampers of joints and tendons, which a step takes at its end."""
+        m = self.model
+        terms.damping[:] = self._damping
+        terms.stiffness[:] = self._stiffness
+        if m.ntendon and (m.tendon_damping.any() or m.tendon_stiffness.any()):
+            rows = np.zeros((m.ntendon, m.nv))
+            _dense_tendons(m, d, rows)
+            low, high = m.tendon_lengthspring.T
+            pulls = (d.ten_length < low) | (d.ten_length > high)
+            terms.damping[:] += (rows.T * m.tendon_damping) @ rows
+            terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
+
+
+def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same bodies with mass 1 each and the same radii of gyration."""
+    unit = copy.copy(model)
+    mass = np.where(model.body_mass > 0.0, model.body_mass, 1.0)
+    unit.body_inertia[:] = model.body_inertia / mass[:, None]
+    unit.body_mass[:] = np.where(model.body_mass > 0.0, 1.0, 0.0)
+    unit.dof_armature[:] = 0.0
+    unit.tendon_armature[:] = 0.0
+    return unit
+
+
+def _dense_tendons(model: mujoco.MjModel, data: mujoco.MjData, rows: Reals) -> None:
+    import mujoco
+
+    if data.ten_J.shape == rows.shape:
+        rows[:] = data.ten_J
+        return
+    mujoco.mju_sparse2dense(
+        rows, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
+    )

@@ -1,0 +1,223 @@
+"""Wrong scenes in space: one line that names the field, and exit code 2 without a traceback."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import rungwise as rw
+from rungwise import cli
+from rungwise.scene import SceneError
+from rungwise.scene.space import SpaceScene
+
+MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+<body name="b" pos="0 0 .1"><freejoint/><geom name="g" size=".1" mass="1"/></body>
+<body name="p" pos="1 0 1"><joint name="j" type="slide"/><geom name="h" size=".1"/></body></worldbody>
+<actuator>{}<position name="a" joint="j" kp="5"/></actuator>{}
+<keyframe><key name="k" qpos="0 0 1 1 0 0 0 0"/></keyframe></mujoco>"""
+WHOLE: dict[str, Any] = {
+    "name": "whole",
+    "parameters": {"mu": {"default": 0.5, "range": [0.0, 1.0]}},
+    "inputs": ["mu"],
+    "model": {
+        "file": "m.xml",
+        "set": {"geoms": {"g": {"density": 100.0}}, "option": {"gravity": [0, 0, -9]}},
+    },
+    "contacts": [{"between": ["b", "*"], "friction": "mu", "stiffness": 1e5}],
+    "controls": {"a": "0.1 * t"},
+    "speeds": {"p.j": 0.0},
+    "start": {"keyframe": "k", "places": {"b.z": 0.1}, "velocities": {"b.x": 1.0}},
+    "goal": "b.x > 1",
+    "duration": 0.02,
+    "step": 1e-2,
+}
+NAN, INF = math.nan, math.inf
+CASES: list[tuple[str, Any, str]] = [
+    ("nme", 1, "scene: unknown field 'nme' (did you mean name?)"),
+    ("model.fil", "x", "model: unknown field 'fil' (did you mean file?)"),
+    ("model.file", "nope.xml", "model.file: 'nope.xml' is no file"),
+    ("model.file", "nopackage:x.xml", "model.file: 'nopackage:x.xml' lies in the package nopackage"),
+    ("model.file", 3, "model.file: must be a text, not 3"),
+    ("model.set.geoms", {"gg": {"density": 1}}, "model.set.geoms.gg: unknown geom (did you mean g?)"),
+    ("model.set.geoms", {"g": {"dens": 1}}, "model.set.geoms.g.dens: unknown field 'dens' (did you mean"),
+    ("model.set.geoms.g.density", NAN, "model.set.geoms.g.density: must be finite, not nan"),
+    ("model.set.geoms.g.density", "x", "model.set.geoms.g.density: unknown name x"),
+    ("model.set.geoms.g.density", [1, 2], "model.set.geoms.g.density: must be a number, not a list"),
+    ("model.set.geoms.g", {"size": [1, 2, 3, 4]}, "model.set.geoms.g.size: must have at most 3 numbers"),
+    ("model.set.geoms.g", {"size": [-1]}, "model: 'm.xml': "),
+    ("model.set.option.gravity", [0, 0, "1 / 0"], "model.set.option.gravity.2: must be finite, not inf"),
+    ("model.set.option", {"gravty": 1}, "model.set.option.gravty: unknown field 'gravty' (did you mean"),
+    ("contacts", 3, "contacts: must be a list, not 3"),
+    ("contacts.0.between", ["zz", "b"], "contacts.0.between.0: 'zz' matches no geom and no body"),
+    ("contacts.0.between", ["b"], "contacts.0.between.1: is required"),
+    ("contacts.0.sliding", 1, "contacts.0: unknown field 'sliding'"),
+    ("contacts.0.friction", -1, "contacts.0.friction: -1 must be >= 0"),
+    ("contacts.0.friction", "muu", "contacts.0.friction: unknown name muu (did you mean mu?)"),
+    ("contacts.0.friction", True, "contacts.0.friction: must be a number or an expression"),
+    ("contacts.0.friction", "inf", "contacts.0.friction: must be finite, not inf"),
+    ("contacts.0.stiffness", 0, "contacts.0.stiffness: 0 is outside its range"),
+    ("contacts.0.damping", -1, "contacts.0.damping: -1 is outside its range"),
+    ("contacts.0.tangential_stiffness", -1, "contacts.0.tangential_stiffness: -1 is outside its range"),
+    ("contacts.0.tangential_damping", -1, "contacts.0.tangential_damping: -1 is outside its range"),
+    ("contacts.0.restitution", 2, "contacts.0.restitution: 2 is outside its range"),
+    ("controls", {"b": 1}, "controls.b: unknown name; valid: a"),
+    ("controls.a", "b.x", "controls.a: unknown name b.x; valid: mu, t"),
+    ("controls.a", NAN, "controls.a: must be finite, not nan"),
+    ("controls.a", "1 / (t - 0.01)", "controls.a: must be finite, not inf at t = 0.01"),
+    ("speeds", {"b.qw": 1}, "speeds.b.qw: unknown name"),
+    ("speeds", {"p.j": None}, "speeds.p.j: must be a number or an expression"),
+    ("speeds.p.j", "inf", "speeds.p.j: must be finite, not inf at t = 0"),
+    ("start.keyframe", "kk", "start.keyframe: unknown 'kk' (did you mean k?)"),
+    ("start.places", {"b.zz": 1}, "start.places.b.zz: unknown name (did you mean b.z?)"),
+    ("start.places", {"b.z": "t"}, "start.places.b.z: unknown name t"),
+    ("start.places", {"b.z": "inf"}, "start.places.b.z: must be finite, not inf"),
+    ("start.velocities", {"b.qw": 1}, "start.velocities.b.qw: unknown name"),
+    ("start.velocities", {"b.x": "inf"}, "start.velocities.b.x: must be finite, not inf"),
+    ("goal", 3, "goal: must be a text, not 3"),
+    ("goal", "c.x > 1", "goal: unknown name c.x (did you mean b.x?)"),
+    ("goal", "gap(b, c) > 1", "goal: unknown name gap(b, c) (did you mean gap(b, p)?)"),
+    ("goal", "speed(b.qw) > 1", "goal: unknown name speed(b.qw)"),
+    ("unsafe", "b.x + 1", "unsafe: 'b.x + 1' is not a condition"),
+    ("duration", 0, "duration: 0 must be > 0"),
+    ("duration", "inf", "duration: must be finite, not inf"),
+    ("step", -1, "step: -1 must be > 0"),
+    ("tolerance", 0, "tolerance: 0 must be > 0"),
+    ("inputs", ["v"], "scene: inputs: v is no parameter"),
+    ("parameters.mu.default", 2.0, "parameters.mu: range must be [low, high] with low <= default <= high"),
+]
+REFUSED = {
+    "an actuator with a state of its own": (
+        '<general name="m" joint="j" dyntype="integrator" actlimited="true" actrange="-1 1"/>', ""
+    ),
+    "an actuator whose gain changes": ('<general name="m" joint="j" gaintype="affine" gainprm="1 1"/>', ""),
+    "an actuator that adheres": ('<adhesion name="m" body="b" ctrlrange="0 1"/>', ""),
+    "an actuator that pushes away from its aim": (
+        '<general name="m" joint="j" biastype="affine" biasprm="0 5 0"/>', ""
+    ),
+    "a fluid": ("", '<option density="1.2" viscosity="0.1"/>'),
+    "anisotropic friction": (
+        "", '<contact><pair geom1="g" geom2="h" friction="1 .5 0 0 0" condim="3"/></contact>'
+    ),
+}  # fmt: skip
+
+
+def written(folder: Path, name: str = "m.xml", text: str = MODEL.format("", "")) -> Path:
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def changed(folder: Path, field: str, value: Any) -> dict[str, Any]:
+    """The whole scene with another value in one field."""
+    scene: Any = copy.deepcopy(WHOLE)
+    scene["model"]["file"] = str(written(folder))
+    *way, last = field.split(".") if not field.startswith(("speeds.p", "x")) else ["speeds", "p.j"]
+    inside = scene
+    for part in way:
+        inside = inside[int(part) if isinstance(inside, list) else part]
+    inside[last] = value
+    return scene  # type: ignore[no-any-return]
+
+
+Command = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def rungwise(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """A function of the command line's words: the exit code, and what it writes as an error."""
+
+    def run(*arguments: str) -> tuple[int, str]:
+        monkeypatch.setattr("sys.argv", ["rungwise", *arguments])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        code = end.value.code
+        assert isinstance(code, int)
+        return code, capsys.readouterr().err.strip()
+
+    return run
+
+
+def told(work: Callable[[], Any]) -> str:
+    """What is said about wrong input, by an error of the scene or by a run that is invalid."""
+    try:
+        run = work()
+    except SceneError as error:
+        return str(error)
+    assert run.outcome.name == "invalid"
+    return str(run.reason)
+
+
+def test_the_whole_scene_runs(tmp_path: Path) -> None:
+    run = rw.simulate(rw.load(changed(tmp_path, "name", "other")), rw.DYNAMIC_RIGID)
+    assert run.outcome.name == "timeout"
+
+
+@pytest.mark.parametrize(("field", "value", "line"), CASES, ids=[f"{f}={v}"[:40] for f, v, _ in CASES])
+def test_wrong_values_are_one_line_that_names_the_field(
+    tmp_path: Path, field: str, value: Any, line: str
+) -> None:
+    scene = changed(tmp_path, field, value)
+    said = told(lambda: rw.simulate(rw.load(scene), rw.DYNAMIC_RIGID))
+    assert said.startswith(line)
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize("feature", REFUSED)
+def test_features_without_counterpart_are_refused_and_named(tmp_path: Path, feature: str) -> None:
+    actuator, more = REFUSED[feature]
+    path = written(tmp_path, text=MODEL.format(actuator, more))
+    with pytest.raises(SceneError, match=f"model: {feature} has no counterpart in these models"):
+        rw.load(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("broken.xml", "<mujoco><worldbody>"),
+        ("empty.xml", ""),
+        ("other.xml", "<html/>"),
+        ("unknown.xml", "<mujoco><worldbody><geom typ='box'/></worldbody></mujoco>"),
+        ("still.xml", "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"),
+        ("heavy.xml", "<mujoco><worldbody><body><freejoint/></body></worldbody></mujoco>"),
+        ("broken.urdf", "<robot name='r'><link name='a'>"),
+        ("lost.urdf", "<robot name='r'><joint name='j' type='revolute'><parent link='a'/></joint></robot>"),
+        ("binary.xml", "\x00\x01"),
+    ],
+)
+def test_model_files_that_cannot_be_read_are_refused_in_one_line(
+    tmp_path: Path, name: str, text: str, rungwise: Command
+) -> None:
+    path = written(tmp_path, name, text)
+    with pytest.raises(SceneError) as error:
+        rw.load(path)
+    assert str(error.value).startswith(f"model: {name!r}") and "\n" not in str(error.value)
+    code, said = rungwise("sim", str(path), "--model", "dynamic-rigid")
+    assert code == 2 and name in said and "Traceback" not in said and "\n" not in said
+
+
+def test_the_command_line_ends_with_2_and_one_line(tmp_path: Path, rungwise: Command) -> None:
+    for arguments, word in (
+        (["sim", "ball", "--model", "dynamic-rigid", "--set", "muu=1"], "muu"),
+        (["sim", "ball", "--model", "dynamic-rigid", "--set", "mu=-1"], "mu"),
+        (["sim", "ball", "--model", "dynamic-rigid", "--set", "mu=nan"], "mu"),
+        (["sim", "ball", "--model", "dynamic-rigid", "--step", "0"], "step"),
+        (["sim", "ball", "--model", "geometric"], "geometric"),
+        (["sim", str(tmp_path / "none.xml"), "--model", "dynamic-rigid"], "none.xml"),
+    ):
+        code, said = rungwise(*arguments)
+        assert code == 2 and word in said and "Traceback" not in said and "\n" not in said
+
+
+def test_states_and_schedules_of_another_scene_are_refused() -> None:
+    ball, slope = rw.load("ball"), rw.load("slope")
+    assert isinstance(ball, SpaceScene)
+    state = rw.simulate(ball, rw.DYNAMIC_RIGID, duration=0.01).state
+    with pytest.raises(rw.StateError, match="state: has other coordinates than the scene slope"):
+        rw.simulate(slope, rw.DYNAMIC_RIGID, state=state)
+    with pytest.raises(rw.ScheduleError, match=r"inputs\.0\.inputs: unknown input 'mu'"):
+        rw.simulate(ball, rw.DYNAMIC_RIGID, inputs=[{"inputs": {"mu": 1.0}, "duration": 1.0}])
