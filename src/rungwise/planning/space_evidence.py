@@ -120,10 +120,11 @@ def _contact(parting: Parting[SpaceWorld]) -> dict[str, Any]:
     first, pair, rows = best
     if not pair:
         return {}
-    # Of a contact that differs where the motions part, the stretch until then; of others the first one.
+    # A contact that differs where the motions part is told as it is there, others as they first differ.
     breaks = np.flatnonzero(np.diff(rows) > 1)
     row = int(rows[breaks[-1] + 1] if first[1] and len(breaks) else rows[0])
-    modes = [MODES[int(each.get(pair, nothing)[row])] for each in (one, other)]
+    told = -1 if first[1] else row
+    modes = [MODES[int(each.get(pair, nothing)[told])] for each in (one, other)]
     return {"contact": pair, "modes": modes, "since": float(grid[row]), "friction": _frictions(parting, pair)}
 
 
@@ -167,7 +168,9 @@ def _coasting(parting: Parting[SpaceWorld]) -> dict[str, Any]:
         ways = np.linalg.norm(np.diff(motion.places[:, own], axis=0), axis=1)
         before = motion.times[1:] <= parting.time
         energy.append(_energy(world, motion, parting.body) if world.model.inertia > 0.0 else 0.0)
-        coasted.append(float(ways[~driven[1:] & ~before].sum()) if world.model.inertia > 0.0 else 0.0)
+        way = float(ways[~driven[1:] & ~before].sum())
+        coasts = world.model.inertia > 0.0 and way > TOUCHES * parting.size
+        coasted.append(way if coasts else 0.0)
     return {"energy": energy, "coasted": coasted}
 
 
