@@ -62,9 +62,7 @@ def assemble(
     d = terms.contact_stiffness.shape[1]
     for k in range(contacts):
         problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0  # (3) friction
-        for r in range(k * d, k * d + d):
-            for i in range(n):
-                problem.W[r, i] = terms.rows[r, free[i]]
+        _take_rows(terms.rows, k * d, k * d + d, free, n, problem.W)
         if rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0]):
             _soften(k, d, h, theta, terms, problem)  # (2) Signorini, (3) friction
         else:
@@ -93,9 +91,20 @@ def assemble(
         if driven:
             problem.w_s[r] += carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]
-        for i in range(n):
-            problem.S[r, i] = terms.limited[r, free[i]]
+        _take_rows(terms.limited, r, r + 1, free, n, problem.S)
     return bounced
+
+
+@inner_kernel
+def _take_rows(source: Reals, first: int, last: int, free: Ints, n: int, target: Reals) -> None:
+    """Copy the free coordinates of rows."""
+    for r in range(first, last):
+        if n == source.shape[1]:
+            for i in range(n):
+                target[r, i] = source[r, i]
+        else:
+            for i in range(n):
+                target[r, i] = source[r, free[i]]
 
 
 @kernel
@@ -138,11 +147,17 @@ def _fill_balance(
         for b in range(v.shape[0] if driven else 0):
             resist = inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
             problem.c[i] -= resist * speed[b]
-        for j in range(n):
-            b = free[j]
-            problem.H[i, j] = (
-                inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
-            )
+        if n == v.shape[0]:
+            for b in range(n):
+                problem.H[i, b] = (
+                    inertia * terms.inertia[i, b] + step * terms.stiffness[i, b] + terms.damping[i, b]
+                )
+        else:
+            for j in range(n):
+                b = free[j]
+                problem.H[i, j] = (
+                    inertia * terms.inertia[a, b] + step * terms.stiffness[a, b] + terms.damping[a, b]
+                )
 
 
 @kernel

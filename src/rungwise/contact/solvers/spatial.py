@@ -64,6 +64,11 @@ def solve_spatial(
     are zero, and the residual is the least that was found."""
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
+    v[:n] = 0.0
+    error = residual_in_space(p, n, contacts, limited, v, force, tau)
+    if error <= _MARGIN * TOLERANCE:  # what rested goes on resting: nothing need be sorted
+        _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+        return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
         np.empty(n, np.int64), np.empty(n),
@@ -92,7 +97,7 @@ def solve_spatial(
         np.empty((count, d, 2 * d)), np.zeros(rows),
     )  # fmt: skip
     _take_start(groups, contacts, d, force, tau, point.x)
-    worst, error = GUESS, math.inf
+    worst = GUESS
     for polishes in (False, True):
         low, first = 0, 0
         for i in range(islands):

@@ -95,7 +95,7 @@ class March:
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
-        self.clock = self.state.clock.view(np.ndarray)[0]
+        self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         clock = self.clock
         clock["limited"] = size.limited
         clock["surfaces"] = bool((self.terms.surface != APART).any())

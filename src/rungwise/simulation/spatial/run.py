@@ -169,7 +169,8 @@ class SpaceSimulation:
         if march.clock["bounced"]:
             added = float(march.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
-        values.read(march, self.space)
+        if values.is_asked:
+            values.read(march, self.space)
         if march.outcome != Code.RUNNING:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
@@ -186,6 +187,9 @@ class SpaceSimulation:
         """Set speeds as of the middle of a step, so that ways are exact, and controls as of its end. Raises
         InvalidScene."""
         told = self._values.told
+        if not self._bound.targets:
+            self._clock.tell(time + h, told)
+            return
         self._clock.tell(time + 0.5 * h, told)
         self._bound.tell(told, ("speeds",))
         self._clock.tell(time + h, told)
@@ -196,6 +200,8 @@ class SpaceSimulation:
         that conditions read, and the core's."""
         march = self.march
         assert march is not None
+        if not self._values.is_asked:
+            self._values.read(march, self.space)
         own = np.array([self._next, *self._margins, self._gained])
         core = remembered(march, self.space)
         return np.concatenate([self._clock.memory(), own, self._values.all, core])
@@ -240,10 +246,11 @@ class SpaceSimulation:
 
     def _judge(self) -> None:
         """Set the outcome where a condition decides it, or the schedule is over."""
-        best, danger = self._margins
-        goal, near = self._values.margins()
-        self._margins = max(best, goal), max(danger, near)
-        self.outcome = self._values.verdict()
+        if self._values.verdicts:
+            best, danger = self._margins
+            goal, near = self._values.margins()
+            self._margins = max(best, goal), max(danger, near)
+            self.outcome = self._values.verdict()
         clock, values = self._clock, self._values
         if self.outcome != Code.RUNNING:
             return

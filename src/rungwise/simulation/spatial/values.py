@@ -49,6 +49,11 @@ class Values:
         }
 
     @property
+    def is_asked(self) -> bool:
+        """Whether a condition of the scene or of its schedule reads values."""
+        return bool(self.verdicts or any(program.rows for program in self.until))
+
+    @property
     def told(self) -> Reals:
         """Parameters and t (p + 1,), to write into."""
         return self.all[: len(self.scene.template.parameters) + 1]

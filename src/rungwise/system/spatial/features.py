@@ -24,6 +24,10 @@ it; chosen by trial, to a factor of two: corners of a box are farther apart, and
 step."""
 
 
+SAME = 0.05
+"""Within this part of the distance no other contact is nearer; MuJoCo mostly keeps the order of contacts."""
+
+
 class Features(Block):
     """Features by slot: geoms (s, 2); place, along (s, 6): the contact and its first tangent in the frames of
     the bodies of both geoms; world (s, 11): point, normal and first tangent in the world, gap and
@@ -143,6 +147,9 @@ def _slot_of(c: int, seen: Seen, solids: Solids, kept: Features, found: Features
     best, empty = FREE, FREE
     near = NEAR * min(solids.size[a], solids.size[b])
     used = max(kept.used[0], found.used[0])
+    likely = c < used and found.geoms[c, 0] == FREE and kept.geoms[c, 0] == a and kept.geoms[c, 1] == b
+    if likely and _apart(c, 0, c, seen, solids, kept) < SAME * near:
+        return c
     for s in range(used):
         if found.geoms[s, 0] != FREE:
             continue
@@ -200,7 +207,7 @@ def _fill_rows(
     for i in range(3):
         found.world[slot, i], found.world[slot, 3 + i] = seen.pos[c, i], frame[i]
         found.world[slot, 6 + i] = along * frame[3 + i] + across * frame[6 + i]
-    for i in range(d):
+    for i in range(min(d, seen.dim[c]), d):
         for j in range(n):
             terms.rows[k * d + i, j] = 0.0
     for j in range(n):
