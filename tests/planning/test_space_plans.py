@@ -97,7 +97,7 @@ def test_records_say_what_each_stage_took(plan: rw.Plan) -> None:
     assert 0 < sum(each.steps for each in plan.records) < 60_000
 
 
-def test_a_diagnosis_says_what_the_kinematic_rung_leaves_out(scene: SpaceScene, plan: rw.Plan) -> None:
+def test_a_diagnosis_says_what_the_kinematic_rung_leaves_out(scene: SpaceScene) -> None:
     found = rw.diagnose(
         scene, "kinematic", "dynamic-rigid", inputs=[rw.Segment({"aim": 0.3}, 0.5, None, True)], tol=5e-4
     )
@@ -144,7 +144,7 @@ def test_a_plan_is_saved_and_loaded(plan: rw.Plan, tmp_path: Path) -> None:
     assert np.array_equal(loaded.replay().state.q, plan.replay().state.q)
 
 
-def test_a_plan_does_not_fit_a_model_that_changed(make: Make, plan: rw.Plan, tmp_path: Path) -> None:
+def test_a_plan_does_not_fit_a_model_that_changed(plan: rw.Plan, tmp_path: Path) -> None:
     model = tmp_path / "pusher.xml"
     model.write_text(MODEL.replace('mass=".5"', 'mass=".6"'))
     data = json.loads(plan.text())
@@ -218,7 +218,10 @@ def test_moves_go_on_as_one_run_does(scene: SpaceScene) -> None:
 @pytest.mark.parametrize(
     ("fields", "task", "words"),
     [
-        ({}, {"transit": {"pusher": {"speed": 1, "clearance": 1, "push": [1, 1]}}}, "task.transit: is not known"),
+        (
+            {}, {"transit": {"pusher": {"speed": 1, "clearance": 1, "push": [1, 1]}}},
+            "task.transit: is not known",
+        ),
         ({}, {"weights": {"box.tilt": 1.0}}, "task.weights: unknown coordinate 'box.tilt'.*box.qw"),
         ({}, {"inputs": {"mu": {"range": [0, 1]}}}, "task.inputs: unknown input 'mu'"),
         ({}, {"moves": [2, 1]}, "task.moves: must be two whole numbers"),
@@ -270,3 +273,19 @@ def test_commands_plan_verify_and_replay(
     assert code == (0 if judged["outcome"] == "goal" else 1)
     code, verified = run("verify", saved, "--samples", 4, "--threads", 1, "--rate", 0.01)
     assert verified["samples"] == 4
+
+
+def test_three_fingers_lift_a_ball_on_rungs_with_friction_alone() -> None:
+    schedule = [("kinematic", 1e-2), ("dynamic-compliant", 1e-2), ("dynamic-compliant", 1e-3)]
+    plan = rw.plan("three_finger_lift", schedule=schedule, budget=60_000, seed=1, threads=1)
+    assert [each.how for each in plan.records] == ["nothing found", "planned", "held"]
+    kinematic = plan.diagnosis[0]
+    assert kinematic.after == "kinematic @ 0.01"
+    assert kinematic.body == "ball"
+    assert kinematic.distance > 0.05
+    assert "friction" in kinematic.causes
+    assert kinematic.details["friction"]["contact"].startswith("ball|tip")
+    assert kinematic.details["friction"]["friction"] == [0.6, 0.0]
+    judged = rw.replay(plan.replay())
+    assert judged.outcome == "goal"
+    assert judged.apart.max() < 0.02

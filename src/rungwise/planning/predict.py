@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
@@ -24,7 +25,6 @@ from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.run import JAM
 from rungwise.simulation.spatial.batch import BUDGET
 from rungwise.simulation.spatial.crew import Sample, Sampled, Terms, run_samples, spread
-from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.simulation.state import Memory, State, digest
 
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
@@ -49,13 +49,13 @@ class Stage:
 
 
 class Places(NamedTuple):
-    """Where m plans have come to: q, v (m, n), time (m,), and memories (m, w) to go on from, or no row where
-    bodies were placed by hand since."""
+    """Where m plans have come to: q (m, n_q), v (m, n_v), time (m,), and memories (m, w) to go on from, or no
+    row where bodies were placed by hand since; in space (m, 1), each an array of its own length."""
 
     q: Reals
     v: Reals
     time: Reals
-    memory: Reals
+    memory: NDArray[Any]
 
     def take(self, rows: Ints) -> Places:
         return Places(*(a[rows] if len(a) else a for a in self))
@@ -199,7 +199,6 @@ class SpacePredictor:
         self._processes = min(threads_of(threads), os.cpu_count() or 1)
         options = {"tol": tol, "step": None, "theta": 1.0}
         self._terms = Terms(scene, stage.model, options, LONGEST_IN_SPACE if quick else BUDGET, False)
-        self._width = len(SpaceSimulation(scene, stage.model, parameters=parameters, frames=3).memory())
 
     def run(
         self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
@@ -230,18 +229,19 @@ class SpacePredictor:
     def _state(self, places: Places, i: int) -> State:
         memory = None
         if len(places.memory):
-            memory = Memory(places.memory[i], self._digest, self.stage.model, 1.0, FOLLOWED)
+            memory = Memory(places.memory[i, 0], self._digest, self.stage.model, 1.0, FOLLOWED)
         q, v, time = places.q[i], places.v[i], float(places.time[i])
         return State(self.scene.template.coordinates, q, v, time, memory)
 
     def _ends(self, found: list[Sampled]) -> Ends:
         outcome = np.array([each.outcome for each in found], np.int64)
         self.budget.take(self.stage, sum(each.attempts for each in found), outcome)
-        nothing = np.full(self._width, np.nan)
-        memory = np.array([each.memory if len(each.memory) else nothing for each in found])
+        memory = np.empty((len(found), 1), object)
+        for i, each in enumerate(found):
+            memory[i, 0] = each.memory
         ends = Places(
             np.array([each.q for each in found]), np.array([each.v for each in found]),
-            np.array([each.time for each in found]), memory.reshape(len(found), self._width),
+            np.array([each.time for each in found]), memory,
         )  # fmt: skip
         switches = np.array([each.switches for each in found], np.int64)
         return Ends(outcome, ends, switches, np.array([each.drive_work for each in found]))

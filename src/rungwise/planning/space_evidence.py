@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.planning.evidence import TOUCHES, Motion, Parting, accuracy, parameters, speeds
 from rungwise.planning.objects import OBSTACLE, roles_of
 from rungwise.planning.space_worlds import SLIP, SpaceWorld
@@ -100,26 +100,31 @@ def _has(parting: Parting[SpaceWorld], pair: str) -> bool:
 
 
 def _contact(parting: Parting[SpaceWorld]) -> dict[str, Any]:
-    """The contact that was in different modes for longest before the motions part, and since when; or, where
-    none was, one that was closed. Those of the parted body count twice."""
+    """The contact whose modes differ, and since when: one of the body that is closed in both where the
+    motions part, else one that is closed in one of them there, else the one that differs for longest before;
+    where none does, one that was closed in both."""
     times = [motion.times[motion.times < parting.time] for motion in parting.motions]
     grid = np.append(np.unique(np.concatenate(times)), parting.time)
     one, other = (_modes(motion, grid[1:]) for motion in parting.motions)
     nothing, span = np.zeros(len(grid) - 1, np.int8), np.diff(grid)
-    best: tuple[float, str, NDArray[np.bool_]] = (0.0, "", np.zeros(0, bool))
-    for closed in (False, True):
-        for pair in sorted({*one, *other}):
-            a, b = one.get(pair, nothing), other.get(pair, nothing)
-            differs = (a != OPEN) & (b != OPEN) if closed else a != b
-            lasting = float(span @ differs) * (1.0 + _has(parting, pair))
-            best = max(best, (lasting, pair, differs), key=lambda each: each[0])
-        if best[1]:
-            break
-    _, pair, differs = best
+    best: tuple[tuple[float, ...], str, Ints] = ((0.0,), "", np.zeros(0, np.int64))
+    for pair in sorted({*one, *other}):
+        a, b, own = one.get(pair, nothing), other.get(pair, nothing), _has(parting, pair)
+        differs, closed = a != b, (a != OPEN) & (b != OPEN)
+        rank: tuple[float, ...] = (
+            float(own and differs[-1] and closed[-1]), float(own and differs[-1]),
+            float(span @ differs) * (1.0 + own), float(span @ closed),
+        )  # fmt: skip
+        if rank > best[0]:
+            best = rank, pair, np.flatnonzero(differs if differs.any() else closed)
+    first, pair, rows = best
     if not pair:
         return {}
-    row = int(differs.argmax())
-    modes = [MODES[int(each.get(pair, nothing)[row])] for each in (one, other)]
+    # A contact that differs where the motions part is told as it is there, others as they first differ.
+    breaks = np.flatnonzero(np.diff(rows) > 1)
+    row = int(rows[breaks[-1] + 1] if first[1] and len(breaks) else rows[0])
+    told = -1 if first[1] else row
+    modes = [MODES[int(each.get(pair, nothing)[told])] for each in (one, other)]
     return {"contact": pair, "modes": modes, "since": float(grid[row]), "friction": _frictions(parting, pair)}
 
 
@@ -163,7 +168,9 @@ def _coasting(parting: Parting[SpaceWorld]) -> dict[str, Any]:
         ways = np.linalg.norm(np.diff(motion.places[:, own], axis=0), axis=1)
         before = motion.times[1:] <= parting.time
         energy.append(_energy(world, motion, parting.body) if world.model.inertia > 0.0 else 0.0)
-        coasted.append(float(ways[~driven[1:] & ~before].sum()) if world.model.inertia > 0.0 else 0.0)
+        way = float(ways[~driven[1:] & ~before].sum())
+        coasts = world.model.inertia > 0.0 and way > TOUCHES * parting.size
+        coasted.append(way if coasts else 0.0)
     return {"energy": energy, "coasted": coasted}
 
 

@@ -65,13 +65,19 @@ class Sample(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """States at the ends of s segments: times (s,), q (s, n_q), v (s, n_v), work (s, 5), memory (s, w)."""
+    """States at the ends of s segments: times (s,), q (s, n_q), v (s, n_v), work (s, 5), memory (s, w), nan
+    after the end of each."""
 
     time: Reals
     q: Reals
     v: Reals
     work: Reals
     memory: Reals
+
+    def widened(self, size: int) -> Ends:
+        """The same with room for memories of this size."""
+        room = ((0, 0), (0, size - self.memory.shape[1]))
+        return self._replace(memory=np.pad(self.memory, room, constant_values=np.nan))
 
 
 class Sampled(NamedTuple):
@@ -173,13 +179,16 @@ class _Ends:
         if self._noted < len(self._rows):
             self._rows[self._noted] = self._row()
         rows = [row for row in self._rows if row is not None]
-        left = len(self._rows) - len(rows)
+        size = max(len(row[-1]) for row in rows)
 
         def column(k: int) -> Reals:
             values = np.array([row[k] for row in rows])
-            return np.concatenate([values, np.full((left, *values.shape[1:]), np.nan)])
+            return np.concatenate([values, np.full((len(self._rows) - len(rows), *values.shape[1:]), np.nan)])
 
-        return Ends(*(column(k) for k in range(5)))
+        memory = np.full((len(self._rows), size), np.nan)
+        for row, kept in zip(memory, rows, strict=False):
+            row[: len(kept[-1])] = kept[-1]
+        return Ends(column(0), column(1), column(2), column(3), memory)
 
     def _row(self) -> tuple[float, Reals, Reals, Reals, Reals]:
         simulation, march = self._simulation, self._simulation.march

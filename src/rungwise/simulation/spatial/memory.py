@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.march import March
+from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.space import Space
 
 
@@ -34,27 +35,66 @@ def memory_parts(scene: SpaceScene) -> Parts:
     return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
 
 
-def _parts(march: March, space: Space) -> list[NDArray[Any]]:
+HEAD = 5
+"""Numbers before all others: margin of contacts, slots of the state and of features, and how many of them
+are in use."""
+
+
+class _Arrays(NamedTuple):
+    """Arrays of a run: whole ones, and rows by slot of the state and of features."""
+
+    whole: list[NDArray[Any]]
+    state: list[NDArray[Any]]
+    features: list[NDArray[Any]]
+
+
+def _arrays(march: March, space: Space) -> _Arrays:
     state, scratch, kept = march.state, march.scratch, space.kept
-    return [
-        state.clock.view(np.float64), state.deformation, state.modes, state.force, state.impulse,
-        scratch.limited_force, scratch.limited_mode, march.terms.fall, kept.geoms, kept.place, kept.along,
-        kept.world, kept.used,
-    ]  # fmt: skip
+    return _Arrays(
+        [
+            state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, march.terms.fall,
+            kept.used,
+        ],
+        [state.modes, state.deformation, state.force, state.impulse],
+        [kept.geoms, kept.place, kept.along, kept.world],
+    )  # fmt: skip
 
 
 def remembered(march: March, space: Space) -> Reals:
-    """The memory (w,) of a run."""
-    parts = [np.ascontiguousarray(part).view(np.float64).ravel() for part in _parts(march, space)]
-    return np.concatenate([[space.margin], *parts])
+    """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
+    arrays, state = _arrays(march, space), march.state
+    moved = [(each != 0.0).any(axis=1) for each in (state.deformation, state.force, state.impulse)]
+    active = np.flatnonzero((state.modes != 0) | moved[0] | moved[1] | moved[2])
+    known = np.flatnonzero(space.kept.geoms[:, 0] >= 0)
+    head = np.array([space.margin, len(state.modes), len(space.kept.geoms), len(active), len(known)])
+    parts = [
+        *arrays.whole,
+        *(each[active] for each in arrays.state),
+        *(each[known] for each in arrays.features),
+    ]
+    flat = [np.ascontiguousarray(part).view(np.float64).ravel() for part in parts]
+    return np.concatenate([head, active, known, *flat])
 
 
 def recall(march: March, space: Space, values: Reals) -> None:
-    """Go on as the run with this memory would. Raises ValueError where it is of another model."""
-    parts, at = _parts(march, space), 1
-    if sum(part.size for part in parts) + at != values.size:
+    """Go on as the run with this memory would; what follows it in the array is not read. Raises ValueError
+    where it is of another model."""
+    arrays = _arrays(march, space)
+    if len(values) < HEAD or values[1:3].tolist() != [len(march.state.modes), len(space.kept.geoms)]:
         raise ValueError("the memory is of another model")
     space.look_within(float(values[0]))
-    for part in parts:
+    counts, at = values[3:HEAD].astype(np.int64), HEAD
+    active = values[at : at + counts[0]].astype(np.int64)
+    known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
+    at += int(counts.sum())
+    for part in arrays.whole:
         part[...] = values[at : at + part.size].view(part.dtype).reshape(part.shape)
         at += part.size
+    for part in arrays.state:
+        part[...] = 0
+    space.kept.geoms[:] = FREE
+    for rows, parts in ((active, arrays.state), (known, arrays.features)):
+        for part in parts:
+            size = len(rows) * part[0].size
+            part[rows] = values[at : at + size].view(part.dtype).reshape(len(rows), *part.shape[1:])
+            at += size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,8 @@ class Replay:
 
     times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
     their axes, whichever is more; parts: when the first body parts, nan if none does; body: its name;
-    reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal.
+    reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal, or it
+    does so while inputs that the run did not need any more go on.
     """
 
     run: SpaceRun
@@ -111,7 +112,7 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
     times = np.array([frame.time for frame in run.frames])
     extent = float(run.space.model.stat.extent)
     apart = np.array(
-        [_apart(course, frame, q, extent) for frame, (q, _) in zip(run.frames, states, strict=True)]
+        [_apart(course, frame, state.q, extent) for frame, state in zip(run.frames, states, strict=True)]
     )
     late = np.flatnonzero((apart > PARTS).any(axis=1))
     parts, body, reasons = math.nan, "", list[str]()
@@ -121,6 +122,14 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
         parts, body = float(times[k]), run.scene.labels.bodies[number]
         reasons = _reasons(course, run.frames[max(k - 1, 0)], states[max(k - 1, 0)])
     return Replay(run, in_, course.settings, times, apart, parts, body, tuple(reasons), course.outcome())
+
+
+class _Place(NamedTuple):
+    """MuJoCo's q, v and controls at a frame."""
+
+    q: Reals
+    v: Reals
+    control: Reals
 
 
 @dataclass
@@ -146,13 +155,13 @@ class _Course:
         cone = "elliptic" if self.model.opt.cone else "pyramidal"
         self.settings = f"step {self.model.opt.timestep:g}, {cone} cones"
 
-    def start(self) -> tuple[Reals, Reals]:
+    def start(self) -> _Place:
         first = self.run.frames[0]
         self.data.qpos[:], self.data.qvel[:], self.data.time = first.q, first.v, first.time
-        return first.q, first.v
+        return _Place(first.q, first.v, self.bound.control.copy())
 
-    def at(self, time: float) -> tuple[Reals, Reals]:
-        """Go on to a time; q and v there."""
+    def at(self, time: float) -> _Place:
+        """Go on to a time."""
         mujoco, d, m = library(), self.data, self.model
         own = float(m.opt.timestep)
         while d.time < time - 1e-9 * own:
@@ -167,7 +176,7 @@ class _Course:
             d.qvel[driven] = self.bound.pace[driven]
             self.clock.go_on(d.time, self.values.told, self._holds)
         m.opt.timestep = own
-        return d.qpos.copy(), d.qvel.copy()
+        return _Place(d.qpos.copy(), d.qvel.copy(), d.ctrl.copy())
 
     def _holds(self, k: int) -> bool:
         """Whether the condition of segment k holds at MuJoCo's state; forces are not known there."""
@@ -176,12 +185,20 @@ class _Course:
         return self.values.is_over(k)
 
     def outcome(self) -> str:
-        """What the scene's conditions say of MuJoCo's end."""
+        """What the scene's conditions say of MuJoCo's end; where the run came to the goal before its inputs
+        were spent, MuJoCo may come there as long as they go on."""
+        late = self.run.frames[0].time + sum(segment.duration for segment in self.run.inputs)
+        while (verdict := self._verdict()) == Code.RUNNING and self.run.outcome.code == Code.GOAL:
+            if self.data.time >= late:
+                break
+            self.at(self.data.time + float(self.model.opt.timestep))
+        return "missed" if verdict == Code.RUNNING else verdict.name.lower()
+
+    def _verdict(self) -> Code:
         assert self.run.space is not None
         d = self.data
         self.values.place(d.time, d.qpos.copy(), d.qvel.copy(), self.run.space)
-        verdict = self.values.verdict()
-        return "missed" if verdict == Code.RUNNING else verdict.name.lower()
+        return self.values.verdict()
 
 
 def _apart(course: _Course, frame: Frame, q: Reals, extent: float) -> Reals:
@@ -199,16 +216,16 @@ def _apart(course: _Course, frame: Frame, q: Reals, extent: float) -> Reals:
     return np.asarray(np.maximum(distance, angle))
 
 
-def _reasons(course: _Course, frame: Frame, state: tuple[Reals, Reals]) -> list[str]:
+def _reasons(course: _Course, frame: Frame, state: _Place) -> list[str]:
     """What differs in the contacts just before the motions part."""
     mujoco, m = library(), course.model
     data = mujoco.MjData(m)
-    data.qpos[:], data.qvel[:] = state
+    data.qpos[:], data.qvel[:], data.ctrl[:] = state
     mujoco.mj_forward(m, data)
     labels = course.run.scene.labels.geoms
     ours = _ours(frame, labels)
     theirs = _theirs(m, data, labels)
-    fastest = max(float(np.abs(frame.v).max(initial=0.0)), float(np.abs(state[1]).max(initial=0.0)), 1e-12)
+    fastest = max(float(np.abs(frame.v).max(initial=0.0)), float(np.abs(state.v).max(initial=0.0)), 1e-12)
     lines = []
     for pair in sorted({*ours, *theirs}):
         mine, other = ours.get(pair), theirs.get(pair)

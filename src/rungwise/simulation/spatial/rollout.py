@@ -102,10 +102,10 @@ def rollout_in_space(
 def _ends(scene: SpaceScene, found: list[Sampled], segments: int) -> Ends:
     """The ends of segments of all runs, nan for those that did not begin."""
     s, template = max(segments, 1), scene.template
-    size = max((len(each.memory) for each in found), default=0)
+    size = max((each.ends.memory.shape[1] for each in found if each.ends is not None), default=0)
     bare = Ends(
         np.full(s, np.nan), np.full((s, len(template.coordinates)), np.nan),
         np.full((s, len(template.velocities)), np.nan), np.full((s, 5), np.nan), np.full((s, size), np.nan),
     )  # fmt: skip
-    rows = [bare if each.ends is None else each.ends for each in found]
+    rows = [bare if each.ends is None else each.ends.widened(size) for each in found]
     return Ends(*(np.array([row[k] for row in rows]) for k in range(5)))
