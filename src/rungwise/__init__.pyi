@@ -60,6 +60,7 @@ from .simulation.rows import States
 from .simulation.run import Simulation, simulate
 from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
+from .simulation.spatial.rollout import SpaceRollouts
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
@@ -121,6 +122,7 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "SpaceRollouts",
     "SpaceRun",
     "SpaceScene",
     "SpaceSimulation",
