@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 class Loads:
     """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
-    rows of actuators afterwards."""
+    rows of actuators afterwards, driving (n,) their part of the load."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
         import mujoco
@@ -27,6 +27,7 @@ class Loads:
         m = self.model = model
         self.drives = drives
         self.moment = np.zeros((m.nu, m.nv))
+        self.driving = np.zeros(m.nv)
         self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
         self._row = np.zeros(m.nv)
         self._filled: Terms | None = None
@@ -82,7 +83,8 @@ class Loads:
             self._filled = terms
         if m.nu:
             fill_moments(d, self.moment)
-            load += self.drives.load(control, self.moment)
+            self.driving = self.drives.load(control, self.moment)
+            load += self.driving
 
     def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:
         """Springs and dampers of joints and tendons, which a step takes at its end."""
