@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.models.ladder import Rung
 from rungwise.scene import SceneError
 
 from .conftest import Make
-from .measure import q, run, world
+from .measure import MOVING, NO_GRAVITY, named, q, run, world
 
 ARM = (
     '<site name="s" pos="0 .3 1"/>'
@@ -91,3 +92,39 @@ def test_a_feature_of_a_file_moves_as_in_mujoco_or_is_refused(make: Make, featur
             return
         raise
     np.testing.assert_allclose(q(run(scene, rw.DYNAMIC_RIGID, step=2e-4)), data.qpos, atol=5e-3)
+
+
+SLIDE = '<joint name="j" type="slide"/>'
+STARTS = [
+    (
+        '<joint name="j" axis="0 1 0" range="10 20" limited="true"/>',
+        "",
+        "p.j is beyond its range (0.174533 to",
+    ),
+    ('<joint name="j" type="ball" range="0 20" limited="true"/>', "", None),
+    (
+        SLIDE,
+        '<tendon><fixed name="t" limited="true" range="1 2"><joint joint="j" coef="1"/></fixed></tendon>',
+        "t is beyond its range (1 to 2) by a way of 1;",
+    ),
+    (
+        SLIDE,
+        '<equality><joint name="e" joint1="j" polycoef=".5 0 0 0 0"/></equality>',
+        "equality e is open by 0.5;",
+    ),
+    (SLIDE, '<equality><joint joint1="j" polycoef="1e-4 0 0 0 0"/></equality>', None),
+]
+
+
+@pytest.mark.parametrize(("joint", "after", "why"), STARTS)
+@pytest.mark.parametrize("rung", MOVING, ids=named)
+def test_a_start_beyond_a_limit_or_with_an_open_equality_is_refused(
+    make: Make, joint: str, after: str, why: str | None, rung: Rung
+) -> None:
+    scene = make(world(f'<body name="p">{joint}<geom size=".1"/></body>', before=NO_GRAVITY, after=after))
+    found = rw.simulate(scene, rung, duration=0.01)
+    if why is None:
+        assert found.outcome.name == "timeout", found.reason
+    else:
+        assert found.outcome.name == "invalid"
+        assert found.reason.startswith(f"start: {why}")

@@ -116,7 +116,11 @@ def solve_spatial(
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
-    status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, p.quantum[0], point.x) <= WEDGED else NO_SOLUTION
+    status = (
+        SOLVED
+        if error <= TOLERANCE and _exertion(bodies, groups, p.quantum[0], point.x) <= WEDGED
+        else NO_SOLUTION
+    )
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
     _tell_modes(p, n, contacts, limited, v, force, tau, mode)

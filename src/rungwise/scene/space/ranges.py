@@ -18,8 +18,8 @@ JOINTS, TENDON = (0, 1), 3
 
 def force_ranges(model: mujoco.MjModel) -> Reals:
     """Least and greatest force of each actuator (a, 2), inf where nothing bounds it: its own range, cut to
-    its joint's or tendon's, where it acts alone (see `shared_ranges`). A joint's range is of the force that the
-    gear has multiplied, a tendon's of the force before."""
+    its joint's or tendon's, where it acts alone (see `shared_ranges`). A joint's range is of the force that
+    the gear has multiplied, a tendon's of the force before."""
     m = model
     found = np.where(m.actuator_forcelimited[:, None] != 0, m.actuator_forcerange, (-np.inf, np.inf))
     for a in range(m.nu):
