@@ -137,6 +137,11 @@ class Space:
             if gap < 0.0 and row >= 0
         ]
 
+    def violations(self, q: Reals) -> list[tuple[float, int, int]]:
+        """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
+        self._at(q)
+        return self.limited.violations(self.data, self.data.efc_J.reshape(-1, self.model.nv))
+
     def gap(self, q: Reals, a: int, b: int) -> float:
         """The distance of two bodies, negative where they overlap."""
         self._at(q)
