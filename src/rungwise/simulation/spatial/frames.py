@@ -50,7 +50,8 @@ WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
 
 @dataclass
 class Recorder:
-    """Keeps at most `most` frames, every `stride` steps; the stride doubles when they are full."""
+    """Keeps at most `most` frames, none if that is 0, every `stride` steps; the stride doubles when they are
+    full."""
 
     most: int
     stride: int
@@ -59,6 +60,8 @@ class Recorder:
 
     def take(self, march: March, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
         """Keep the state, if it is its turn or the last."""
+        if self.most == 0:
+            return
         self._since += 1
         if not last and self.frames and self._since < self.stride:
             return
