@@ -99,6 +99,9 @@ REFUSED = {
     "an actuator that pushes away from its aim": (
         '<general name="m" joint="j" biastype="affine" biasprm="0 5 0"/>', ""
     ),
+    "an actuator that acts late": ('<motor name="m" joint="j" delay="0.1" nsample="100"/>', ""),
+    "an actuator's damping that changes": ('<motor name="m" joint="j" damping="1 1"/>', ""),
+    "a flag": ("", '<option><flag spring="disable"/></option>'),
     "a fluid": ("", '<option density="1.2" viscosity="0.1"/>'),
     "anisotropic friction": (
         "", '<contact><pair geom1="g" geom2="h" friction="1 .5 0 0 0" condim="3"/></contact>'

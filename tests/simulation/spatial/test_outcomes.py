@@ -11,7 +11,20 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import COMPLIANT, DYNAMIC, FLOOR, MOVING, QUASISTATIC, SLIDER, free, named, q, run, world
+from .measure import (
+    COMPLIANT,
+    DYNAMIC,
+    FLOOR,
+    MOVING,
+    NO_GRAVITY,
+    QUASISTATIC,
+    SLIDER,
+    free,
+    named,
+    q,
+    run,
+    world,
+)
 
 BALL = free("b", "0.01 0.02 .1", 'size=".1"')
 LOW = [{"friction": 0.1}]
@@ -138,3 +151,14 @@ def test_the_pushing_force_is_the_friction_on_the_floor(make: Make) -> None:
 def test_unsafe_is_judged_before_the_goal(make: Make) -> None:
     scene = make(world(SLIDER), goal="p.j < -0.1", unsafe="p.j < -0.1")
     assert run(scene, rw.DYNAMIC_RIGID, step=1e-3).outcome.name == "unsafe"
+
+
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+@pytest.mark.parametrize("aim", [1e-6, 3e-6, 1e-5, 1e-4, 3e-4, 1e-3])
+def test_what_has_come_to_rest_without_load_stays_at_rest(make: Make, rung: Rung, aim: float) -> None:
+    """One step closes an equality that is open by `aim`; afterwards no force is called for."""
+    equality = f'<equality><joint joint1="j" polycoef="{aim} 0 0 0 0"/></equality>'
+    scene = make(world(SLIDER, before=NO_GRAVITY, after=equality), duration=0.04)
+    found = run(scene, rung)
+    assert str(found.outcome) == "timeout", found.reason
+    np.testing.assert_allclose(q(found), aim, atol=1e-12)

@@ -116,7 +116,11 @@ def solve_spatial(
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
-    status = SOLVED if error <= TOLERANCE and _exertion(bodies, groups, point.x) <= WEDGED else NO_SOLUTION
+    status = (
+        SOLVED
+        if error <= TOLERANCE and _exertion(bodies, groups, p.quantum[0], point.x) <= WEDGED
+        else NO_SOLUTION
+    )
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
     _tell_modes(p, n, contacts, limited, v, force, tau, mode)
@@ -231,7 +235,7 @@ def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, ta
 
 
 @kernel
-def _exertion(bodies: Bodies, groups: Groups, x: Reals) -> float:
+def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, as
     `contact.step.proximal.exertion` for planar problems."""
     called, greatest = 0.0, 0.0
@@ -245,7 +249,7 @@ def _exertion(bodies: Bodies, groups: Groups, x: Reals) -> float:
             own, r = groups.R[g, i, i], groups.row[g] + i
             greatest = max(greatest, abs(x[r]) * unit)
             least = min(own, groups.scale[g]) if own > 0.0 else groups.scale[g]
-            called = max(called, abs(groups.w[r]) * unit / least)
+            called = max(called, max(abs(groups.w[r]), quantum) * unit / least)
         if groups.mu[g] < 0.0 and groups.limit[g] < math.inf:
             called = max(called, groups.limit[g] * unit)
     return greatest / called if greatest > 0.0 else 0.0

@@ -159,7 +159,7 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
 def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
     H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms a
-    yielding contact, if that is more."""
+    yielding contact, if that is more; no rate counts for less than its rounding."""
     called, greatest = 0.0, 0.0
     for i in range(n):
         called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
@@ -174,7 +174,8 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
             greatest = max(greatest, abs(force[r] if c < 0 else tau[c]) * unit)
             own = p.R[r // 2, r % 2, r % 2] if c < 0 else p.R_s[c]
             least = min(own, bodies) if own > 0.0 else bodies
-            called = max(called, abs(p.w[r] if c < 0 else p.w_s[c]) * unit / least)
+            rate = max(abs(p.w[r] if c < 0 else p.w_s[c]), p.quantum[0])
+            called = max(called, rate * unit / least)
             if c >= 0 and math.isfinite(p.F[c]):
                 called = max(called, p.F[c] * unit)
     return greatest / called if greatest > 0.0 else 0.0

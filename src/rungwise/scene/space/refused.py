@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.scene.space.ranges import shared_ranges
 from rungwise.scene.template import SceneError
 
 if TYPE_CHECKING:
@@ -18,6 +19,10 @@ BODY = 5
 """Number of MuJoCo's transmission that adheres."""
 AFFINE = 1
 """Number of MuJoCo's affine bias."""
+OF_JOINTS = 1
+"""Number that MuJoCo gives to what a tendon of joints runs over."""
+SWITCHES = ("ACTUATION", "CLAMPCTRL", "SPRING", "DAMPER")
+"""Flags of MuJoCo that change motion when they are off and that MuJoCo's kinematics do not read."""
 
 
 def refuse(model: mujoco.MjModel) -> None:
@@ -41,6 +46,7 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
     actuators = _named(m.nu, lambda i: m.actuator(i).name)
     joints = _named(m.njnt, lambda i: m.jnt(i).name)
     tendons = _named(m.ntendon, lambda i: m.tendon(i).name)
+    geoms = _named(m.ngeom, lambda i: m.geom(i).name)
     pairs = [f"pair {i}" for i in range(m.npair)]
     fluid = [name for name in ("density", "viscosity") if getattr(m.opt, name)]
     return [
@@ -55,6 +61,17 @@ def _found(m: mujoco.MjModel) -> list[tuple[str, list[str]]]:
         ("a tendon's stiffness that changes", _of(tendons, _changing(m, "tendon_stiffnesspoly"))),
         ("a tendon's damping that changes", _of(tendons, _changing(m, "tendon_dampingpoly"))),
         ("a joint's damping that changes", ["joints"] if _changing(m, "dof_dampingpoly").any() else []),
+        ("a joint's spring that yields", _of(joints, _changing(m, "jnt_springyield"))),
+        ("a tendon's spring that yields", _of(tendons, _changing(m, "tendon_springyield"))),
+        ("an actuator's damping that changes", _of(actuators, _changing(m, "actuator_dampingpoly"))),
+        ("an actuator that acts late", _of(actuators, _changing(m, "actuator_delay"))),
+        ("an actuator of several controls or forces", _of(actuators, _is_several(m))),
+        ("a range of force that several actuators share", shared_ranges(m)),
+        ("a contact that adheres", _of(geoms, _changing(m, "geom_adhesion"))),
+        ("a contact that adheres", _of(pairs, _changing(m, "pair_adhesion"))),
+        ("a surface that moves", _of(geoms, _changing(m, "geom_surfacevel"))),
+        ("armature of a tendon that runs through space", _of(tendons, _heavy_tendons(m))),
+        ("a flag", _flags(m)),
         ("anisotropic friction", _of(pairs, m.pair_friction[:, 0] != m.pair_friction[:, 1])),
         ("a fluid", fluid),
     ]
@@ -67,7 +84,35 @@ def _changing(model: mujoco.MjModel, name: str) -> NDArray[np.bool_]:
 
 
 def _pushes_away(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    return np.asarray((model.actuator_biasprm[:, 1:3] > 0.0).any(axis=1))
+    away = (model.actuator_biasprm[:, 1:3] > 0.0).any(axis=1)
+    return np.asarray(away & (model.actuator_biastype == AFFINE))
+
+
+def _is_several(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Whether each actuator has not one control and one force, as earlier versions of MuJoCo know alone."""
+    if not hasattr(model, "actuator_outnum"):
+        return np.zeros(0, bool)
+    return np.asarray((model.actuator_outnum != 1) | (model.actuator_ctrlnum != 1))
+
+
+def _heavy_tendons(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Whether each tendon has inertia and a direction that changes, whose force of inertia MuJoCo's recursive
+    Newton-Euler algorithm leaves out."""
+    through_space = model.wrap_type[model.tendon_adr] != OF_JOINTS
+    return np.asarray((model.tendon_armature > 0.0) & through_space)
+
+
+def _flags(model: mujoco.MjModel) -> list[str]:
+    """Flags that change motion and are not as usual."""
+    import mujoco
+
+    off, bits = model.opt.disableflags, mujoco.mjtDisableBit
+    found = [f"{name.lower()} off" for name in SWITCHES if off & getattr(bits, f"mjDSBL_{name}", 0)]
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        found.append("override on")
+    return found + (
+        [f"actuatorgroupdisable {model.opt.disableactuator}"] if model.opt.disableactuator else []
+    )
 
 
 def _named(count: int, name: Callable[[int], str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Where runs in space begin: at the scene's start or at a state, without overlap."""
+"""Where runs in space begin: at the scene's start or at a state, without overlap, with joints closed."""
 
 from __future__ import annotations
 
@@ -10,6 +10,10 @@ from rungwise.scene.space.scene import normalise
 from rungwise.simulation.core.march import OVERLAP, March
 from rungwise.simulation.state import State, check_state
 from rungwise.system.spatial.space import Space
+
+OPEN = 1e-2
+"""An equality may be open, and a limit passed, by this part of the system's length at a start that no run has
+led to: what rounded numbers of files make, and runs whose states are taken without their memory."""
 
 
 def begin_at(state: State, scene: SpaceScene, march: March, space: Space) -> Reals:
@@ -34,3 +38,22 @@ def overlapping(scene: SpaceScene, space: Space, march: March) -> str:
             pair = f"{bodies[of[a]]} ({geoms[a]}) and {bodies[of[b]]} ({geoms[b]})"
             return f"start: {pair} overlap by {-gap:.3g}"
     return ""
+
+
+def misplaced(scene: SpaceScene, space: Space, q: Reals) -> str:
+    """Which joint or tendon is beyond its range, or which equality is open, at a start; else "". A step would
+    close it at any speed."""
+    import mujoco
+
+    amiss, kind, number = max(space.violations(q), default=(0.0, 0, 0))
+    if amiss <= OPEN * space.size.length:
+        return ""
+    m, kinds = space.model, mujoco.mjtConstraint
+    way = "start.places or start.keyframe can mend it"
+    if kind == kinds.mjCNSTR_EQUALITY:
+        name = m.equality(number).name or f"number {number}"
+        return f"start: equality {name} is open by {amiss:.3g}; {way}"
+    joint = kind == kinds.mjCNSTR_LIMIT_JOINT
+    low, high = (m.jnt_range if joint else m.tendon_range)[number]
+    name = scene.template.velocities[m.jnt_dofadr[number]] if joint else m.tendon(number).name
+    return f"start: {name} is beyond its range ({low:g} to {high:g}) by a way of {amiss:.3g}; {way}"

@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.march import March
 from rungwise.system.spatial.space import Space
+from rungwise.system.terms import JOINT, SUPPORT
 
 
 class Touch(NamedTuple):
@@ -27,7 +28,8 @@ class Touch(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A state of the run: time, q, v, memory, contacts, residual, energy and the work of all steps."""
+    """A state of the run: time, q, v, memory, contacts, residual, energy, the work of all steps, and
+    reactions (4, n_v) of the last step (see `REACTIONS`)."""
 
     time: float
     q: Reals
@@ -37,8 +39,12 @@ class Frame(NamedTuple):
     residual: float
     energy: float
     work: Reals
+    reactions: Reals
 
 
+REACTIONS = ("drive_force", "limit_force", "joint_force", "dry_friction")
+"""What acts on each velocity beside contacts and loads: drives, travel limits, equalities, dry friction in
+joints."""
 WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
 
 
@@ -74,8 +80,24 @@ def frame(march: March, space: Space, memory: Reals) -> Frame:
     return Frame(
         march.time, march.q.copy(), march.v.copy(), memory, touching(march, space),
         float(clock["residual"]), space.energy(march.q, march.v),
-        np.array([float(clock[name]) for name in WORK]),
+        np.array([float(clock[name]) for name in WORK]), reactions(march, space),
     )  # fmt: skip
+
+
+def reactions(march: March, space: Space) -> Reals:
+    """What acted on each velocity in the last step, as of `REACTIONS`."""
+    terms, scratch, state = march.terms, march.scratch, march.state
+    found = np.zeros((len(REACTIONS), len(state.v)))
+    if not march.rung.loads:
+        return found
+    found[0] = state.reaction
+    d = space.size.directions
+    for k in np.flatnonzero(scratch.slots[: march.contacts] >= space.most):
+        found[1] += scratch.contact_force[k * d] * terms.rows[k * d]
+    for row, account in ((2, JOINT), (3, SUPPORT)):
+        own = terms.account == account
+        found[row] = scratch.limited_force[own] @ terms.limited[own]
+    return found
 
 
 def touching(march: March, space: Space) -> Touch:

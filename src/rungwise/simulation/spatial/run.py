@@ -21,7 +21,7 @@ from rungwise.simulation.core.march import ROUNDING, March
 from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung
 from rungwise.simulation.remarks import advice
-from rungwise.simulation.spatial.begin import begin_at, overlapping
+from rungwise.simulation.spatial.begin import begin_at, misplaced, overlapping
 from rungwise.simulation.spatial.frames import Recorder
 from rungwise.simulation.spatial.memory import memory_parts, recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
@@ -105,6 +105,8 @@ class SpaceSimulation:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
         self._recorder = Recorder(most, stride)
         self.reason = overlapping(scene, self.space, self.march)
+        if not self.reason and (state is None or state.memory is None):
+            self.reason = misplaced(scene, self.space, self.march.q)
         if self.reason:
             self.outcome = Code.INVALID
             return

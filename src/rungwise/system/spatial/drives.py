@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.scene.space.ranges import force_ranges
+from rungwise.scene.space.refused import AFFINE
 
 if TYPE_CHECKING:
     import mujoco
@@ -20,12 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Actuators of a model: `servos` (s,) and `forces` (f,) are their numbers; gains (s, 2) K_p and K_d;
-    middle, limit (a,) of the ranges of force, in the units of the actuator's force."""
+    """Actuators of a model: `servos` (s,) and `forces` (f,) are their numbers; bias (a,) the constant part of
+    their forces; gains (s, 2) K_p and K_d; middle, limit (a,) of the ranges of force (see `force_ranges`), in
+    the units of the actuator's force."""
 
     model: mujoco.MjModel
     servos: Ints
     forces: Ints
+    bias: Reals
     gains: Reals
     middle: Reals
     limit: Reals
@@ -39,8 +43,7 @@ class Drives:
 
     def constant(self, control: Reals) -> Reals:
         """Forces (a,) without length and rate."""
-        m = self.model
-        return np.asarray(m.actuator_gainprm[:, 0] * self.control(control) + m.actuator_biasprm[:, 0])
+        return np.asarray(self.model.actuator_gainprm[:, 0] * self.control(control) + self.bias)
 
     def load(self, control: Reals, moment: Reals) -> Reals:
         """The load (n,) of forces, within their ranges, and of the middles of servos; moment (a, n)."""
@@ -59,18 +62,20 @@ class Drives:
 
 def drives(model: mujoco.MjModel) -> Drives:
     """The actuators of a model that has been read (see `scene.space.read`)."""
-    bias, count = model.actuator_biasprm, model.nu
+    bias = np.where((model.actuator_biastype == AFFINE)[:, None], model.actuator_biasprm[:, :3], 0.0)
     is_servo = (bias[:, 1] < 0.0) | (bias[:, 2] < 0.0)
     servos = np.flatnonzero(is_servo)
-    limited = model.actuator_forcelimited.astype(bool)
-    low, high = model.actuator_forcerange[:, 0], model.actuator_forcerange[:, 1]
+    ranges = force_ranges(model)
+    limited = np.isfinite(ranges[:, 0])
+    low, high = np.where(limited[:, None], ranges, 0.0).T
     return Drives(
         model=model,
         servos=servos,
         forces=np.flatnonzero(~is_servo),
-        gains=-bias[servos][:, 1:3].reshape(-1, 2),
-        middle=np.where(limited, 0.5 * (low + high), np.zeros(count)),
-        limit=np.where(limited, 0.5 * (high - low), np.full(count, np.inf)),
+        bias=bias[:, 0],
+        gains=-bias[servos, 1:],
+        middle=0.5 * (low + high),
+        limit=np.where(limited, 0.5 * (high - low), np.inf),
     )
 
 

@@ -76,6 +76,15 @@ class Limited:
             k += 1
         return k
 
+    def violations(self, d: mujoco.MjData, rows: Reals) -> list[tuple[float, int, int]]:
+        """How far each equality is open and each travel limit is passed, as a length, with MuJoCo's kind of
+        the row and the number of its element."""
+        first = int(d.ne + d.nf)
+        own = [*range(int(d.ne)), *range(first, first + int(d.nl))]
+        open_by = np.where(np.array(own) < d.ne, np.abs(d.efc_pos[own]), np.maximum(-d.efc_pos[own], 0.0))
+        lengths = open_by * _units(rows[own], self.lever)
+        return list(zip(lengths.tolist(), d.efc_type[own].tolist(), d.efc_id[own].tolist(), strict=True))
+
 
 @dataclass(frozen=True)
 class Limits:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 class Loads:
     """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
-    rows of actuators afterwards."""
+    rows of actuators afterwards, driving (n,) their part of the load."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
         import mujoco
@@ -27,11 +27,14 @@ class Loads:
         m = self.model = model
         self.drives = drives
         self.moment = np.zeros((m.nu, m.nv))
+        self.driving = np.zeros(m.nv)
         self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
         self._row = np.zeros(m.nv)
         self._filled: Terms | None = None
         self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
-        parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping)
+        # Earlier versions of MuJoCo know no damping of actuators.
+        self._drag = np.array(getattr(m, "actuator_damping", np.zeros(m.nu)))
+        parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
         self._springs = any(bool(part.any()) for part in parts)
 
     def fill(
@@ -77,17 +80,20 @@ class Loads:
         if self._springs:
             self._mujoco.mj_passive(m, d)
             load += d.qfrc_spring + d.qfrc_gravcomp
+        if m.nu:
+            fill_moments(d, self.moment)
+            self.driving = self.drives.load(control, self.moment)
+            load += self.driving
         if terms is not self._filled or self._springs:
             self._fill_yielding(d, terms)
             self._filled = terms
-        if m.nu:
-            fill_moments(d, self.moment)
-            load += self.drives.load(control, self.moment)
 
     def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:
-        """Springs and dampers of joints and tendons, which a step takes at its end."""
+        """Springs and dampers of joints, tendons and actuators, which a step takes at its end."""
         m = self.model
         terms.damping[:] = self._damping
+        if self._drag.any():
+            terms.damping[:] += (self.moment.T * self._drag) @ self.moment
         terms.stiffness[:] = self._stiffness
         if m.ntendon and (m.tendon_damping.any() or m.tendon_stiffness.any()):
             rows = np.zeros((m.ntendon, m.nv))

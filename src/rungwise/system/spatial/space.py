@@ -106,6 +106,10 @@ class Space:
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
 
+    @property
+    def driving(self) -> Reals:
+        return self.loads.driving
+
     def speeds(self, _time: float) -> Reals:
         return self.pace
 
@@ -132,6 +136,11 @@ class Space:
             for gap, (a, b), row in zip(contact.dist, contact.geom, contact.efc_address, strict=True)
             if gap < 0.0 and row >= 0
         ]
+
+    def violations(self, q: Reals) -> list[tuple[float, int, int]]:
+        """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
+        self._at(q)
+        return self.limited.violations(self.data, self.data.efc_J.reshape(-1, self.model.nv))
 
     def gap(self, q: Reals, a: int, b: int) -> float:
         """The distance of two bodies, negative where they overlap."""
