@@ -30,15 +30,16 @@ from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, DRIVE, SUPPORT, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
-RESTING, MOVING, HEAVY, LANDING = 0, 1, 2, 3
+RESTING, MOVING, HEAVY, HEAVIEST, LANDING = 0, 1, 2, 5, 6
 """How inertia is chosen in the limit 0+: first for bodies at rest, then for moving bodies, with more inertia
-where rounding leaves no solution, then for falling bodies."""
-_UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-4)
+where rounding leaves no solution, in space in several turns, then for falling bodies."""
+_UNBALANCED = (LIMIT, 1e-6, 1e-5, 1e-5, 1e-5, 1e-5, 1e-4)
 """Part of the load and of the resistance that inertia may then make up in a balance without inertia; one per
 choice of inertia. As the constants below, chosen by trial, to a decade; tests/simulation/test_faint.py and
 test_squeezed.py hold them."""
-_MORE = 1e2
-"""Factor on the inertia if `HEAVY`. Chosen by trial, to a decade."""
+_MORE, _MORE_IN_SPACE = 1e2, 10.0
+"""Factor on the inertia if `HEAVY`, and in each turn in space, where no pivoting solves what rounding hides
+from Newton's method. Chosen by trial, to a decade."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
@@ -79,9 +80,11 @@ def solve_step(
     for care in range(first, LANDING + 1):
         if care == RESTING:
             clock.eps = resting_inertia(h, terms, free, state.free)
-        elif care == HEAVY:
-            heavier = rung[0].compliant and rung[0].inertia == 0.0 and status != SOLVED
-            clock.eps = min(1.0, _MORE * clock.eps) if heavier else clock.eps
+        elif HEAVY <= care <= HEAVIEST:
+            more = _MORE if rung[0].compliant and care == HEAVY else 1.0
+            more = _MORE_IN_SPACE if state.force.shape[1] > 2 else more
+            heavier = rung[0].inertia == 0.0 and status != SOLVED
+            clock.eps = min(1.0, more * clock.eps) if heavier else clock.eps
         else:
             clock.eps = limit_inertia(
                 rung, h, terms, contacts, clock.limited, free, state.free, state.speed, care == LANDING
