@@ -14,7 +14,7 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     intervals,
-    load_scene,
+    load_any_scene,
     number,
     parameters_of,
     writable_file,
@@ -35,6 +35,7 @@ def design(
         bool, typer.Option("--robust", help="Under what the scene's task calls uncertain.")
     ] = False,
     samples: Annotated[int, typer.Option("--samples", min=1, help="Fresh runs that confirm it.")] = 200,
+    draws: Annotated[int, typer.Option("--draws", min=1, help="Samples to try a design.")] = 50,
     tol: Annotated[
         float,
         typer.Option("--tol", parser=number, metavar="NUMBER", help="Accuracy of the set's boundary."),
@@ -57,7 +58,7 @@ def design(
     names, box = intervals("over", over)
     try:
         with plain_errors():
-            loaded = load_scene(scene)
+            loaded = load_any_scene(scene)
             parameters = parameters_of(loaded, values)
             if png is not None:
                 needs_matplotlib("png")
@@ -67,7 +68,8 @@ def design(
             with progress.bar("design", budget, as_json or not sys.stderr.isatty()) as told:
                 found = choose(
                     loaded, names, model=model, from_=from_, box=box, parameters=parameters, robust=robust,
-                    samples=samples, tol=tol, budget=budget, seed=seed, threads=threads, on_progress=told,
+                    samples=samples, draws=draws, tol=tol, budget=budget, seed=seed, threads=threads,
+                    on_progress=told,
                 )  # fmt: skip
             if found.found and out is not None:
                 text = found.designed().yaml()

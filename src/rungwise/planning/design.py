@@ -17,7 +17,9 @@ from rungwise.planning.earlier import Earlier, earlier_rungs, nothing, searched_
 from rungwise.planning.task import TaskError, fields_of
 from rungwise.planning.tune import GRID, Tuner, centre
 from rungwise.planning.verify import bound_below
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
 from rungwise.simulation.crew import names_of
@@ -28,9 +30,12 @@ if TYPE_CHECKING:
 
 BUDGET = 200_000
 DESIGNS, DRAWS = 40, 50
-"""Designs of a round of the search, and samples with which each is tried."""
+"""Designs of a round of the search, and samples with which each is tried if not given."""
 NEAR = 0.1
 """Deviation of the first round of a search from another rung's design, in sides of the box."""
+ENDS = {"feasible": "goal"} | {label: label for label in ("doomed", "unsafe", "jammed", "invalid")}
+"""How runs ended, by the label of a set; the other labels leave it open. Where nothing is feasible and labels
+leave it open, a search goes on: by the margin, and its runs tell how they ended."""
 KEPT = 0.98
 """A design may drift as long as its rate stays at this part of its best one."""
 
@@ -46,7 +51,7 @@ class Design:
     were asked.
     """
 
-    scene: Scene
+    scene: Scene | SpaceScene
     model: Rung
     over: tuple[str, ...]
     box: dict[str, tuple[float, float]]
@@ -134,12 +139,14 @@ class Design:
             " confidence of 95%"
         )
 
-    def designed(self) -> Scene:
+    def designed(self) -> Scene | SpaceScene:
         """The scene with the best values as defaults."""
-        data = self.scene.file.model_dump(mode="json", exclude_unset=True)
-        for name, value in (self.parameters | self.values).items():
-            data["parameters"][name]["default"] = value
-        return load(data)
+        values, declared = self.parameters | self.values, self.scene.file.parameters
+        best = {name: each.model_copy(update={"default": values[name]}) for name, each in declared.items()}
+        if isinstance(self.scene, SpaceScene):
+            return self.scene.changed(parameters=best)
+        file = self.scene.file.model_copy(update={"parameters": best})
+        return load(file.model_dump(mode="json", exclude_unset=True))
 
     def plot(self) -> Figure:
         """The best values and how far they may drift (see `rungwise.plot`)."""
@@ -150,7 +157,7 @@ class Design:
 
 @keywords
 def design(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     over: Sequence[str],
     *,
     model: Rung | str = DYNAMIC_COMPLIANT,
@@ -159,6 +166,7 @@ def design(
     parameters: Mapping[str, float] | None = None,
     robust: bool = False,
     samples: int = 200,
+    draws: int = DRAWS,
     tol: float = 0.01,
     accuracy: float | None = None,
     budget: int = BUDGET,
@@ -181,6 +189,7 @@ def design(
         box: interval (low, high) by name, as for `feasible_set`.
         robust: draw what the scene's task calls uncertain.
         samples: fresh runs that confirm a robust design; without uncertainty one run is all there is.
+        draws: samples of what is uncertain with which the search tries each design.
         tol: of the set, as for `feasible_set`.
         accuracy: error allowed per step of a run.
         budget: greatest number of runs.
@@ -197,11 +206,13 @@ def design(
         raise TaskError("robust: the scene's task calls nothing uncertain")
     if samples < 1:
         raise TaskError(f"samples: must be at least 1, not {samples}")
+    if draws < 1:
+        raise TaskError(f"draws: must be at least 1, not {draws}")
     samples = samples if robust else 1
     intervals = box_of(loaded, names, box)
     rng = np.random.default_rng(seed)
     count = len(fields_of(loaded).uncertain) if robust else 0
-    per_design = DRAWS if robust else 1
+    per_design = draws if robust else 1
     allowed = ACCURACY * smallest(loaded, values) if accuracy is None else accuracy
     quantiles, rungs = _quantiles(rng, per_design, count), earlier_rungs(from_, rung)
 
@@ -247,12 +258,13 @@ def _found(
             accuracy=tuner.tol, budget=budget // 2, threads=tuner.threads,
         )  # fmt: skip
         tuner.count += found.evaluations
-        for label, part in found.volumes(10_000).items():
-            tuner.outcomes[label] += round(part * found.evaluations)
+        labels = found.volumes(10_000)
+        for label in labels.keys() & ENDS.keys():
+            tuner.outcomes[ENDS[label]] += round(labels[label] * found.evaluations)
         middle = centre(found)
         if middle is not None:
             best, margin = middle
-        if not robust:
+        if not robust and (middle is not None or labels.keys() <= ENDS.keys()):
             return best, "in the middle of the set", margin
     return tuner.searched(best, DESIGNS, budget, rng), "by a search", np.nan
 

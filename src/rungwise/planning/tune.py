@@ -19,9 +19,10 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.planning.task import fields_of, numbers_at
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
-from rungwise.simulation.batch import Batch
+from rungwise.sets.motions import SLOWEST, Motions
 
 ELITE, SPREAD, ROUNDS = 0.2, 0.3, 20
 """Part of the designs of a round about which the next is drawn, deviation of the first round in sides of the
@@ -45,7 +46,7 @@ class Tuner:
     `count` counts runs, `outcomes` how they ended.
     """
 
-    scene: Scene
+    scene: Scene | SpaceScene
     model: Rung
     names: tuple[str, ...]
     box: Reals
@@ -60,9 +61,9 @@ class Tuner:
     def __post_init__(self) -> None:
         self._uncertain = list(fields_of(self.scene).uncertain) if self.quantiles.shape[1] else []
         self._over = list(dict.fromkeys([*self.names, *self._uncertain]))
-        self._batch = Batch(
-            self.scene, self.model, self._over, parameters=self.parameters, tol=self.tol, budget=STEPS,
-            threads=self.threads,
+        self._batch = Motions(
+            self.scene, self.model, self._over, SLOWEST, parameters=self.parameters, tol=self.tol,
+            budget=STEPS, threads=self.threads,
         )  # fmt: skip
 
     def tried(self, designs: Reals, quantiles: Reals | None = None) -> tuple[Reals, Reals]:
@@ -168,7 +169,9 @@ def centre(found: FeasibleSet) -> tuple[Reals, float] | None:
     return low + side * best, float(depth.max() / count)
 
 
-def _value(scene: Scene, name: str, numbers: dict[str, float], base: float, quantiles: Reals) -> Reals:
+def _value(
+    scene: Scene | SpaceScene, name: str, numbers: dict[str, float], base: float, quantiles: Reals
+) -> Reals:
     """What is uncertain, at quantiles in 0..1 and within its range; for an input it is an error of `base`."""
     spread = fields_of(scene).uncertain[name]
     kind = "uniform" if spread.uniform is not None else "normal"

@@ -85,8 +85,7 @@ class Scene:
 
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""
-        data = self.file.model_dump(mode="json", exclude_unset=True)
-        return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
+        return as_yaml(self.file.model_dump(mode="json", exclude_unset=True))
 
     def goal(
         self, states: rungwise.States, parameters: Mapping[str, float] | None = None
@@ -270,6 +269,11 @@ def _read(source: str | Path) -> object:
     if str(source) in shipped():
         return yaml.load((LIBRARY / f"{source}.yaml").read_text("utf-8"), Loader=_Loader)
     return read_yaml("scene", source, f" and no scene that ships{choices(str(source), shipped())}")
+
+
+def as_yaml(data: Any) -> str:
+    """Plain values as the text of a scene file."""
+    return yaml.safe_dump(data, sort_keys=False, default_flow_style=None, width=110, allow_unicode=True)
 
 
 def read_yaml(field: str, source: str | Path, missing: str = "") -> Any:

@@ -17,7 +17,7 @@ from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.expression import CONSTANTS, FUNCTIONS, STACK, Code, Programs, evaluate
 from rungwise.scene.names import OF_CONTACTS, Names
-from rungwise.scene.scene import InvalidScene, explain, parameter_values, read_yaml
+from rungwise.scene.scene import InvalidScene, as_yaml, explain, parameter_values, read_yaml
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, labels
 from rungwise.scene.space.laws import contact_laws, smallest
@@ -141,6 +141,10 @@ class SpaceScene:
         given = self.file.model_dump(mode="json", exclude_unset=True)
         shipped = path.parent == Path(str(LIBRARY)).resolve()
         return json.dumps(given | {"model": given["model"] | {"file": path.name if shipped else str(path)}})
+
+    def yaml(self) -> str:
+        """The scene as a file, with the place of the model file."""
+        return as_yaml(json.loads(self.stored))
 
     def changed(self, **fields: Any) -> SpaceScene:
         """The scene with other fields of its file, such as its goal."""
