@@ -16,8 +16,8 @@ from rungwise.hierarchy.matching import matched
 from rungwise.hierarchy.motions import MOVING, Bench, measures
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
-from rungwise.hierarchy.space_matching import matched_in_space
 from rungwise.hierarchy.settling import Settled, settle
+from rungwise.hierarchy.space_matching import matched_in_space
 from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.hierarchy.words import table
 from rungwise.kernel import Reals

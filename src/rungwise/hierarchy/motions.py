@@ -27,12 +27,13 @@ from rungwise.simulation.state import State
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET = 8000
-"""Most steps of one run; one that takes more says nothing."""
+BUDGET, IN_SPACE = 8000, 2000
+"""Most steps of one run in the plane, and in space, where a step takes much longer; a run that takes more
+says nothing."""
 
 
 class Motions(NamedTuple):
-    """Places (m, s, p, d) at s moments, angles and axes times a lever, as parts of the scene's extent, at rest
+    """Places (m, s, p, d) at s moments, angles and axes times a lever, as parts of the extent, at rest
     after the end; outcomes, times of the end, steps and problems solved (m,)."""
 
     places: Reals
@@ -70,6 +71,11 @@ class Bench:
     levers: Reals
     threads: int | None
 
+    @property
+    def budget(self) -> int:
+        """Most steps of one run."""
+        return IN_SPACE if isinstance(self.matched.scene, SpaceScene) else BUDGET
+
     @cached_property
     def places(self) -> Coordinates | Bodies:
         """What motions are compared by."""
@@ -84,7 +90,7 @@ class Bench:
         *,
         step: float | None = None,
         bare: bool = False,
-        budget: int = BUDGET,
+        budget: int | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
         moments: int = MOMENTS,
         halved: bool = False,
@@ -103,7 +109,7 @@ class Bench:
             scene, model, None, given.pop("inputs", None),
             np.repeat(until[:, None] / parts, parts, axis=1),
             parameters=values, step=step, tol=None if tol is None else tol * self.extent,
-            budget=budget, threads=self.threads, **given,
+            budget=self.budget if budget is None else min(budget, self.budget), threads=self.threads, **given,
         )  # fmt: skip
         places = found.q.copy()
         start = State.of(scene, parameters=self.matched.values(model)).q
@@ -135,9 +141,7 @@ def apart(a: Motions, b: Motions, *, late: bool = False) -> Reals:
     return np.where(a.known & b.known, away, math.nan)
 
 
-def measures(
-    scene: Scene | SpaceScene, parameters: dict[str, float], duration: float
-) -> tuple[float, Reals]:
+def measures(scene: Scene | SpaceScene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
     """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
     reach; 0 for robots, unless there are no objects. In space see `measures_in_space`."""
     if isinstance(scene, SpaceScene):

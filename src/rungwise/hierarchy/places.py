@@ -66,11 +66,7 @@ def places_of(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> Coo
 
 def farthest(difference: Reals) -> Reals:
     """The greatest length (m,) of differences of places (m, s, p, d)."""
-    if difference.shape[-1] == 1:
-        lengths = np.abs(difference[..., 0])
-    else:
-        lengths = np.linalg.norm(difference, axis=-1)
-    return np.asarray(lengths.max(axis=(1, 2)))
+    return np.asarray(np.linalg.norm(difference, axis=-1).max(axis=(1, 2)))
 
 
 def measures_in_space(

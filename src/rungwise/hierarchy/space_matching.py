@@ -61,7 +61,7 @@ def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: 
     if left:
         notes.append(f"{', '.join(left)}: not matched, too many pairs or names that others have")
     if not masses:
-        notes.append("nothing touches under the scene's own inputs, restitution as it is")
+        notes.append("no pair of geoms touches under the scene's own inputs, restitution as it is")
     for number, own in enumerate(scene.file.contacts, 1):
         scaled = _entry(own.between, bound.laws[number], own.friction)
         entries.append(scaled | {"restitution": own.restitution})
@@ -69,7 +69,12 @@ def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: 
     given = {"parameters": file.get("parameters", {}) | {n: {"default": x} for n, x in extra.items()}}
     given["contacts"] = entries
     return Matched(
-        load_space(file | given), load_space(bare | given), parameters | extra, {}, (*notes, KEPT), tuple(ratios)
+        load_space(file | given),
+        load_space(bare | given),
+        parameters | extra,
+        {},
+        (*notes, KEPT),
+        tuple(ratios),
     )
 
 

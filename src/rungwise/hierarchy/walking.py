@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.hierarchy.motions import BUDGET, MOMENTS, Bench, Motions, joined
+from rungwise.hierarchy.motions import MOMENTS, Bench, Motions, joined
 from rungwise.hierarchy.paths import Path
 from rungwise.hierarchy.places import farthest
 from rungwise.hierarchy.settling import LONGER
@@ -103,7 +103,7 @@ class Walk:
     ) -> Motions:  # fmt: skip
         return self.bench.run(
             model, self.inputs.repeat(m, axis=0), self.end.repeat(m), tol, step=step, bare=True,
-            budget=BUDGET, parameters=self.bench.matched.bouncing(self.path.bounce) | values, halved=halved,
+            parameters=self.bench.matched.bouncing(self.path.bounce) | values, halved=halved,
         )  # fmt: skip
 
     def distances(self) -> Distances:
@@ -117,10 +117,10 @@ class Walk:
                 break
             runs = self.rich(rows, tol, level % 2 == 1)
             known = _better(known, count, rows, runs, wanted, tol)
-            rows = rows[runs.known & (runs.steps * LONGER <= BUDGET)]
+            rows = rows[runs.known & (runs.steps * LONGER <= self.bench.budget)]
             told = np.isfinite(known.error[rows]) & (known.found[rows] <= ROUNDING)
             rows = rows[~told & ~(2.0 * known.floors[rows] <= known.found[rows])]
-            if not len(rows) or wanted.steps[0] * LONGER > BUDGET:
+            if not len(rows) or wanted.steps[0] * LONGER > self.bench.budget:
                 break
         return _nothing(count) if known is None else known
 
@@ -136,9 +136,7 @@ class Walk:
                 return None
             known = _better(known, count, rows, runs, wanted, math.nan)
         assert known is not None
-        parted = (
-            farthest(known.apart - sure.apart) if sure.apart.size else np.array([math.nan])
-        )
+        parted = farthest(known.apart - sure.apart) if sure.apart.size else np.array([math.nan])
         agree = (
             bool((np.isfinite(sure.error) & (parted <= known.floors + sure.floors)).all()) and sure.seen > 0
         )
