@@ -27,7 +27,7 @@ from rungwise.simulation.state import State
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET, IN_SPACE = 8000, 2000
+BUDGET, IN_SPACE = 8000, 4000
 """Most steps of one run in the plane, and in space, where a step takes much longer; a run that takes more
 says nothing."""
 
