@@ -97,10 +97,11 @@ class Comparison:
     """The hierarchy between the models, measured on a scene.
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
-    angles times the longest lever. `inputs` and `samples` (m, k): what was run, the scene's own
-    inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `ends`:
-    how each rung's runs ended (m,), and `errors` of its motions (m,), infinite where none is known; `pairs`;
-    `costs` of all stages, and `cheapest`, the one of fewest solves within `accuracy` of the richest.
+    angles times the longest lever; in space, of its centre and of the tips of its axes. `inputs` and
+    `samples` (m, k): what was run, the scene's own inputs first; `until` (m,): when the last rung had come to
+    an end; `notes`: what was matched; `ends`: how each rung's runs ended (m,), and `errors` of its motions
+    (m,), infinite where none is known; `pairs`; `costs` of all stages, and `cheapest`, the one of fewest
+    solves within `accuracy` of the richest.
     """
 
     scene: Scene | SpaceScene
@@ -187,7 +188,8 @@ def compare(
         accuracy: within which motions count as alike, as a part of the scene's extent.
         duration: end of the runs; if not given, each ends when the last rung has come to an end, at the
             scene's duration at the latest.
-        threads: how many; as many as there are cores if not given. The results do not depend on it.
+        threads: how many, in space processes; as many as there are cores if not given. The results do not
+            depend on it.
         on_progress: called with what was measured, and how many parts of the work are done and known.
 
     Raises SceneError or ModelError for wrong input. Ctrl-C raises KeyboardInterrupt."""

@@ -24,7 +24,7 @@ from rungwise.simulation.spatial.run import SpaceSimulation
 FIELDS = ("stiffness", "tangential_stiffness", "damping", "tangential_damping")
 """What the first columns of a scene's laws are."""
 STEPS = 8000
-"""Most steps of the run that finds who touches."""
+"""Most steps of the run that finds who touches: as many as a planar comparison allows a run."""
 KEPT = "rho^2 = I/m of the kinematic rung stays each body's own in space"
 
 Pair = tuple[int, int]
