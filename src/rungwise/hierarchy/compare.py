@@ -17,13 +17,16 @@ from rungwise.hierarchy.motions import MOVING, Bench, measures
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
 from rungwise.hierarchy.settling import Settled, settle
+from rungwise.hierarchy.space_matching import matched_in_space
 from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.hierarchy.words import table
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut, json_text
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.simulation.options import ModelError, check_options, count, moving_rung
 
 PART = 1e-2
@@ -94,13 +97,14 @@ class Comparison:
     """The hierarchy between the models, measured on a scene.
 
     Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
-    angles times the longest lever. `inputs` and `samples` (m, k): what was run, the scene's own
-    inputs first; `until` (m,): when the last rung had come to an end; `notes`: what was matched; `ends`:
-    how each rung's runs ended (m,), and `errors` of its motions (m,), infinite where none is known; `pairs`;
-    `costs` of all stages, and `cheapest`, the one of fewest solves within `accuracy` of the richest.
+    angles times the longest lever; in space, of its centre and of the tips of its axes. `inputs` and
+    `samples` (m, k): what was run, the scene's own inputs first; `until` (m,): when the last rung had come to
+    an end; `notes`: what was matched; `ends`: how each rung's runs ended (m,), and `errors` of its motions
+    (m,), infinite where none is known; `pairs`; `costs` of all stages, and `cheapest`, the one of fewest
+    solves within `accuracy` of the richest.
     """
 
-    scene: Scene
+    scene: Scene | SpaceScene
     parameters: dict[str, float]
     accuracy: float
     extent: float
@@ -164,7 +168,7 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 @keywords
 def compare(
-    scene: Scene | str | File | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | File | Mapping[str, Any],
     model: Rung | str | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
@@ -184,7 +188,8 @@ def compare(
         accuracy: within which motions count as alike, as a part of the scene's extent.
         duration: end of the runs; if not given, each ends when the last rung has come to an end, at the
             scene's duration at the latest.
-        threads: how many; as many as there are cores if not given. The results do not depend on it.
+        threads: how many, in space processes; as many as there are cores if not given. The results do not
+            depend on it.
         on_progress: called with what was measured, and how many parts of the work are done and known.
 
     Raises SceneError or ModelError for wrong input. Ctrl-C raises KeyboardInterrupt."""
@@ -195,10 +200,14 @@ def compare(
     chosen = [] if model is None else [moving_rung(model).name]
     pairs = [p for p in PAIRS if not chosen or chosen[0] in (p.richer.name, p.simpler.name)]
     values = loaded.parameters(parameters)
-    longest = float(loaded.bind(values).records.world[0]["duration"]) if fixed is None else fixed
+    longest = _duration(loaded, values) if fixed is None else fixed
     steps = _Steps(on_progress, 2 + len(MOVING) + sum(1 + len(pair.paths) for pair in pairs))
     extent, lengths = measures(loaded, values, longest)
-    match = matched(loaded, values, longest)
+    match = (
+        matched_in_space(loaded, values, longest)
+        if isinstance(loaded, SpaceScene)
+        else matched(loaded, values, longest)
+    )
     bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads)
     drawn = bench.inputs.draw(samples, rng)
     until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)
@@ -217,6 +226,12 @@ def compare(
         errors={name: each.error for name, each in runs.items()}, pairs=tuple(measured), costs=tuple(stages),
         cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown),
     )  # fmt: skip
+
+
+def _duration(scene: Scene | SpaceScene, values: dict[str, float]) -> float:
+    """How long runs of a scene go on at most."""
+    bound = scene.bind(values)
+    return bound.duration if isinstance(bound, SpaceBound) else float(bound.records.world[0]["duration"])
 
 
 class _Steps:

@@ -12,14 +12,18 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.hierarchy.motions import MOMENTS, Bench
+from rungwise.hierarchy.places import Bodies, Coordinates, farthest, places_of
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief, json_text
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.result import SpaceRun
 
 FORMAT = "rungwise counterexample 1"
 
@@ -37,9 +41,9 @@ class Side:
     tol: float | None
     step: float | None = None
 
-    def replay(self, scene: Scene) -> Run:
+    def replay(self, scene: Scene | SpaceScene) -> Run | SpaceRun:
         chosen = rung(self.model)
-        run: Run = simulate(
+        run: Run | SpaceRun = simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
             step=self.step,
@@ -51,7 +55,7 @@ class Side:
 class Counterexample:
     """The richer run and the simpler one, how far they are apart, and what fails.
 
-    levers: what the difference of each coordinate is multiplied with, to be a part of the extent; `late`: the
+    levers: what the difference of each place is multiplied with, to be a part of the extent; `late`: the
     distance is that in the second half of the runs.
     """
 
@@ -61,28 +65,28 @@ class Counterexample:
     distance: float
     late: bool
     levers: dict[str, float]
-    scene: Scene = field(repr=False)
+    scene: Scene | SpaceScene = field(repr=False)
 
     __repr__ = brief
 
-    def replay(self) -> tuple[Run, Run]:
+    def replay(self) -> tuple[Run | SpaceRun, Run | SpaceRun]:
         """Both runs, anew."""
         return self.richer.replay(self.scene), self.simpler.replay(self.scene)
 
-    def apart(self, richer: Run, simpler: Run) -> float:
+    def apart(self, richer: Run | SpaceRun, simpler: Run | SpaceRun) -> float:
         """How far two runs are apart, as the distance was measured."""
         times = self.richer.duration * np.arange(1, MOMENTS + 1)[MOMENTS // 2 if self.late else 0 :] / MOMENTS
-        return max(
-            float(np.abs(_along(richer, name, times) - _along(simpler, name, times)).max()) * lever
-            for name, lever in self.levers.items()
-        )
+        places = places_of(self.scene, self.richer.parameters)
+        lever = np.array([self.levers.get(name, 0.0) for name in places.names])[:, None]
+        away = _along(richer, places, times) - _along(simpler, places, times)
+        return float(farthest((away * lever)[None])[0])
 
     def summary(self) -> dict[str, Any]:
         """Plain values, with the scene as `load` takes it."""
         return {
             "format": FORMAT, "words": self.words, "distance": self.distance, "late": self.late,
             "levers": self.levers, "richer": asdict(self.richer), "simpler": asdict(self.simpler),
-            "scene_file": self.scene.file.model_dump(mode="json", exclude_unset=True),
+            "scene_file": _stored(self.scene),
         }  # fmt: skip
 
     def save(self, file: str | Path) -> Path:
@@ -90,6 +94,13 @@ class Counterexample:
         target = Path(file)
         target.write_text(json_text(self.summary(), indent=1) + "\n", "utf-8")
         return target
+
+
+def _stored(scene: Scene | SpaceScene) -> Any:
+    """The scene as `load` takes it."""
+    if isinstance(scene, SpaceScene):
+        return json.loads(scene.stored)
+    return scene.file.model_dump(mode="json", exclude_unset=True)
 
 
 def saved(file: str | Path) -> bool:
@@ -126,15 +137,16 @@ def _side(data: Mapping[str, Any]) -> Side:
     return Side(**{**data, "inputs": segments})
 
 
-def _along(run: Run, name: str, times: Reals) -> Reals:
-    places = run.trajectory.position.sel(coordinate=name)
-    return np.asarray(np.interp(times, run.trajectory.time, places), float)
+def _along(run: Run | SpaceRun, places: Coordinates | Bodies, times: Reals) -> Reals:
+    """Places (s, p, d) at times (s,)."""
+    known = places(np.asarray(run.trajectory.position.values, float))
+    at, columns = run.trajectory.time.values, known.reshape(len(known), -1).T
+    return np.array([np.interp(times, at, column) for column in columns]).T.reshape(-1, *known.shape[1:])
 
 
 def levers(bench: Bench) -> dict[str, float]:
-    """What differences of coordinates are multiplied with, by the coordinates' names."""
-    names = bench.matched.scene.template.coordinates
-    found = zip(names, (bench.levers / bench.extent).tolist(), strict=True)
+    """What differences of places are multiplied with, by the places' names."""
+    found = zip(bench.places.names, (bench.levers / bench.extent).tolist(), strict=True)
     return {name: lever for name, lever in found if lever > 0.0}
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.planning.task import task_of
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 
 LEADS = ("speed", "force", "target", "target_speed")
 """Fields of a drive that say what it does; the others say how strongly."""
@@ -52,7 +53,7 @@ class Inputs:
         return dict(zip(self.names, values.tolist(), strict=True))
 
 
-def inputs_of(scene: Scene, parameters: dict[str, float]) -> Inputs:
+def inputs_of(scene: Scene | SpaceScene, parameters: dict[str, float]) -> Inputs:
     """What may be chosen in a scene: the inputs of its task, in the task's intervals; without a task its
     inputs, and without inputs the parameters that its drives read, from half to one and a half of their
     values."""
@@ -71,14 +72,19 @@ def inputs_of(scene: Scene, parameters: dict[str, float]) -> Inputs:
     return Inputs(names, low, high, own, scheduled, False)
 
 
-def _about(scene: Scene, name: str, value: float) -> tuple[float, float]:
+def _about(scene: Scene | SpaceScene, name: str, value: float) -> tuple[float, float]:
     least, most = scene.file.parameters[name].range or (-math.inf, math.inf)
     low, high = sorted((0.5 * value, 1.5 * value))
     return max(low, least), min(high, most)
 
 
-def _read_by_drives(scene: Scene) -> Iterator[str]:
-    """Parameters in the fields of drives that lead, in the order of the file."""
+def _read_by_drives(scene: Scene | SpaceScene) -> Iterator[str]:
+    """Parameters in the fields of drives that lead, in the order of the file; in space in its controls and
+    speeds."""
+    if isinstance(scene, SpaceScene):
+        told = " ".join(str(text) for text in (*scene.file.controls.values(), *scene.file.speeds.values()))
+        yield from (word for word in re.findall(r"\w+", told) if word in scene.file.parameters)
+        return
     file = scene.file.model_dump(mode="json", exclude_unset=True)
     coordinates = [c for body in file["bodies"].values() for c in body.get("coordinates", {}).values()]
     coordinates += [joint.get("coordinate") or {} for joint in file.get("joints", {}).values()]

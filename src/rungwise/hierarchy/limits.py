@@ -37,7 +37,8 @@ TENDS, STAYS, INDEPENDENT, SAME, UNDECIDED = (
 class Fit:
     """What was found along a path: distances at its values, nan where a run said nothing, until a time, under
     a sample's inputs, at errors per step or with equal steps; the order, as the exponent of the small number,
-    with its standard error; `floors`: below those, ten times their errors, distances say nothing."""
+    with its standard error; `floors`: below those, ten times their errors, distances say nothing;
+    `budget`: most steps of a run."""
 
     path: Path
     values: tuple[float, ...]
@@ -50,6 +51,7 @@ class Fit:
     tols: tuple[float, ...]
     step: float | None = None
     short: str = ""
+    budget: int = BUDGET
 
     @property
     def verdict(self) -> str:
@@ -80,9 +82,9 @@ class Fit:
             return self.short
         lost = sum(math.isnan(d) for d in self.distances)
         hidden = sum(d <= floor for d, floor in zip(self.distances, self.floors, strict=True))
-        told = [f"{lost} of {len(self.values)} runs took more than {BUDGET} steps or did not converge"] * (
-            lost > 0
-        )
+        told = [
+            f"{lost} of {len(self.values)} runs took more than {self.budget} steps or did not converge"
+        ] * (lost > 0)
         told += [f"{hidden} of {len(self.values)} distances are below {FLOOR:g} times their error"] * (
             hidden > 0
         )
@@ -140,7 +142,7 @@ def fit(
                 known, (order, error) = other, new
     return Fit(
         path, path.values, tuple(known.found.tolist()), tuple(known.floors.tolist()), order, error,
-        float(end[0]), sample, tuple(known.tols.tolist()), known.step,
+        float(end[0]), sample, tuple(known.tols.tolist()), known.step, "", bench.budget,
     )  # fmt: skip
 
 

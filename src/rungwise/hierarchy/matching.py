@@ -19,6 +19,7 @@ from rungwise.models.ladder import DYNAMIC_RIGID, Rung
 from rungwise.planning.worlds import CONDITIONS, GIVE, World
 from rungwise.scene import Scene, load
 from rungwise.scene.records import Records
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.run import simulate
 
@@ -36,8 +37,8 @@ class Matched:
     none is matched.
     """
 
-    scene: Scene
-    bare: Scene
+    scene: Scene | SpaceScene
+    bare: Scene | SpaceScene
     parameters: dict[str, float]
     kinematic: dict[str, float]
     notes: tuple[str, ...]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.hierarchy.drives import Inputs
 from rungwise.hierarchy.matching import Matched
+from rungwise.hierarchy.places import Bodies, Coordinates, farthest, measures_in_space, places_of
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.result import texts
 from rungwise.simulation.rollout import rollout
 from rungwise.simulation.run import simulate
@@ -24,13 +27,14 @@ from rungwise.simulation.state import State
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET = 8000
-"""Most steps of one run; one that takes more says nothing."""
+BUDGET, IN_SPACE = 8000, 4000
+"""Most steps of one run in the plane, and in space, where a step takes much longer; a run that takes more
+says nothing."""
 
 
 class Motions(NamedTuple):
-    """Places (m, s, n) at s moments, angles times a lever, as parts of the scene's extent, at rest after the
-    end; outcomes, times of the end, steps and problems solved (m,)."""
+    """Places (m, s, p, d) at s moments, angles and axes times a lever, as parts of the extent, at rest
+    after the end; outcomes, times of the end, steps and problems solved (m,)."""
 
     places: Reals
     outcome: Ints
@@ -58,7 +62,7 @@ class Motions(NamedTuple):
 @dataclass(frozen=True)
 class Bench:
     """What runs of a comparison have in common: the matched scene, inputs, the longest duration, the extent,
-    and levers (n,) of coordinates."""
+    and levers (p,) of places (see `places_of`)."""
 
     matched: Matched
     inputs: Inputs
@@ -66,6 +70,16 @@ class Bench:
     extent: float
     levers: Reals
     threads: int | None
+
+    @property
+    def budget(self) -> int:
+        """Most steps of one run."""
+        return IN_SPACE if isinstance(self.matched.scene, SpaceScene) else BUDGET
+
+    @cached_property
+    def places(self) -> Coordinates | Bodies:
+        """What motions are compared by."""
+        return places_of(self.matched.scene, self.matched.parameters)
 
     def run(
         self,
@@ -76,7 +90,7 @@ class Bench:
         *,
         step: float | None = None,
         bare: bool = False,
-        budget: int = BUDGET,
+        budget: int | None = None,
         parameters: Mapping[str, ArrayLike] | None = None,
         moments: int = MOMENTS,
         halved: bool = False,
@@ -95,14 +109,15 @@ class Bench:
             scene, model, None, given.pop("inputs", None),
             np.repeat(until[:, None] / parts, parts, axis=1),
             parameters=values, step=step, tol=None if tol is None else tol * self.extent,
-            budget=budget, threads=self.threads, **given,
+            budget=self.budget if budget is None else min(budget, self.budget), threads=self.threads, **given,
         )  # fmt: skip
         places = found.q.copy()
         start = State.of(scene, parameters=self.matched.values(model)).q
         for k in range(parts):
             before = places[:, k - 1] if k else np.broadcast_to(start, places[:, 0].shape)
             places[:, k] = np.where(np.isnan(places[:, k]), before, places[:, k])
-        places = places[:, parts // moments - 1 :: parts // moments] * (self.levers / self.extent)
+        places = self.places(places[:, parts // moments - 1 :: parts // moments])
+        places = places * (self.levers / self.extent)[:, None]
         return Motions(places, found.outcome, found.time, found.steps, found.solves)
 
     def last(self, inputs: Reals, tol: float) -> Reals:
@@ -119,16 +134,18 @@ def joined(parts: list[Motions]) -> Motions:
 
 
 def apart(a: Motions, b: Motions, *, late: bool = False) -> Reals:
-    """The greatest difference of a coordinate (m,), in the whole run or in its second half; nan where a run
+    """The greatest difference of a place (m,), in the whole run or in its second half; nan where a run
     says nothing."""
     first = a.places.shape[1] // 2 if late else 0
-    away = np.abs(a.places[:, first:] - b.places[:, first:]).max(axis=(1, 2))
+    away = farthest(a.places[:, first:] - b.places[:, first:])
     return np.where(a.known & b.known, away, math.nan)
 
 
-def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+def measures(scene: Scene | SpaceScene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
     """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
-    reach; 0 for robots, unless there are no objects."""
+    reach; 0 for robots, unless there are no objects. In space see `measures_in_space`."""
+    if isinstance(scene, SpaceScene):
+        return measures_in_space(scene, parameters, duration)
     run = simulate(scene, MOVING[0], parameters=parameters, duration=1e-3 * duration, frames=3)
     if run.workspace is None:
         raise SceneError(run.reason)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.hierarchy.motions import Bench, Motions, apart
+from rungwise.hierarchy.places import farthest
 from rungwise.hierarchy.settling import settle
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
@@ -63,7 +64,7 @@ def nearest(
         tried = best[many] + reach * rng.standard_normal(best[many].shape)
         tried = np.clip(tried, low, high)
         found = bench.run(model, tried, until[many], tol, budget=QUICK)
-        distance = np.abs(found.places - wanted.places[many]).max(axis=(1, 2))
+        distance = farthest(found.places - wanted.places[many])
         distance = np.where(found.known, distance, math.inf).reshape(len(rows), TRIED)
         winner = distance.argmin(axis=1)
         value = distance[np.arange(len(rows)), winner]

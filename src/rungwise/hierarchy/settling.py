@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.hierarchy.motions import BUDGET, Bench, Motions, apart
+from rungwise.hierarchy.motions import Bench, Motions, apart
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 
@@ -37,7 +37,7 @@ def settle(bench: Bench, model: Rung, inputs: Reals, until: Reals, accuracy: flo
     error, tol = np.full(len(inputs), np.inf), np.full(len(inputs), PARTS[0] * accuracy)
     rows = np.flatnonzero(motions.known)
     for level, part in enumerate(PARTS[1:], 1):
-        rows = rows[motions.steps[rows] * LONGER <= BUDGET]
+        rows = rows[motions.steps[rows] * LONGER <= bench.budget]
         if not len(rows):
             break
         found = bench.run(model, inputs[rows], until[rows], part * accuracy, halved=level % 2 == 1)

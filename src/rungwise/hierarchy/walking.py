@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.hierarchy.motions import BUDGET, MOMENTS, Bench, Motions, joined
+from rungwise.hierarchy.motions import MOMENTS, Bench, Motions, joined
 from rungwise.hierarchy.paths import Path
+from rungwise.hierarchy.places import farthest
 from rungwise.hierarchy.settling import LONGER
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
@@ -39,7 +40,7 @@ def exponent(values: Reals, distances: Reals) -> tuple[float, float]:
 
 
 class Distances(NamedTuple):
-    """At the values of a path (k,): the difference of places (k, s, n) in the second half, nan where a run
+    """At the values of a path (k,): the difference of places (k, s, p, d) in the second half, nan where a run
     said nothing; its greatest, and by how much that is wrong; the error per step, or the one step of all.
     """
 
@@ -102,7 +103,7 @@ class Walk:
     ) -> Motions:  # fmt: skip
         return self.bench.run(
             model, self.inputs.repeat(m, axis=0), self.end.repeat(m), tol, step=step, bare=True,
-            budget=BUDGET, parameters=self.bench.matched.bouncing(self.path.bounce) | values, halved=halved,
+            parameters=self.bench.matched.bouncing(self.path.bounce) | values, halved=halved,
         )  # fmt: skip
 
     def distances(self) -> Distances:
@@ -116,10 +117,10 @@ class Walk:
                 break
             runs = self.rich(rows, tol, level % 2 == 1)
             known = _better(known, count, rows, runs, wanted, tol)
-            rows = rows[runs.known & (runs.steps * LONGER <= BUDGET)]
+            rows = rows[runs.known & (runs.steps * LONGER <= self.bench.budget)]
             told = np.isfinite(known.error[rows]) & (known.found[rows] <= ROUNDING)
             rows = rows[~told & ~(2.0 * known.floors[rows] <= known.found[rows])]
-            if not len(rows) or wanted.steps[0] * LONGER > BUDGET:
+            if not len(rows) or wanted.steps[0] * LONGER > self.bench.budget:
                 break
         return _nothing(count) if known is None else known
 
@@ -135,16 +136,14 @@ class Walk:
                 return None
             known = _better(known, count, rows, runs, wanted, math.nan)
         assert known is not None
-        parted = (
-            np.abs(known.apart - sure.apart).max(axis=(1, 2)) if sure.apart.size else np.array([math.nan])
-        )
+        parted = farthest(known.apart - sure.apart) if sure.apart.size else np.array([math.nan])
         agree = (
             bool((np.isfinite(sure.error) & (parted <= known.floors + sure.floors)).all()) and sure.seen > 0
         )
         return known._replace(step=step) if agree and known.seen >= sure.seen else None
 
 
-def _nothing(count: int, shape: Iterable[int] = (0, 0)) -> Distances:
+def _nothing(count: int, shape: Iterable[int] = (0, 0, 1)) -> Distances:
     none = np.full(count, math.nan)
     return Distances(np.full((count, *shape), math.nan), none, np.full(count, math.inf), none.copy())
 
@@ -158,8 +157,8 @@ def _better(
         known = _nothing(count, apart.shape[1:])
     known = Distances(known.apart.copy(), known.found.copy(), known.error.copy(), known.tols.copy())
     good, kept = runs.known, rows[runs.known]
-    changed = np.abs(apart - known.apart[rows]).max(axis=(1, 2))[good]
+    changed = farthest(apart - known.apart[rows])[good]
     known.error[kept] = np.where(np.isnan(changed), math.inf, changed)
     known.apart[kept], known.tols[kept] = apart[good], tol
-    known.found[kept] = np.abs(apart).max(axis=(1, 2))[good]
+    known.found[kept] = farthest(apart)[good]
     return known

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from rungwise.scene import Scene
 from rungwise.scene.records import Records
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import moments
+
+if TYPE_CHECKING:
+    import mujoco
 
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 FREE, BALL, SLIDE = 0, 1, 2
@@ -48,13 +51,19 @@ def _roles(bound: SpaceBound) -> list[str]:
     ]
 
 
-def moved_in_space(bound: SpaceBound) -> Moved:
-    """Weights and size of what is moved in a bound scene in space."""
-    model, roles = bound.model, np.array(_roles(bound))
+def reaches_of(model: mujoco.MjModel) -> Reals:
+    """How far the geoms of each body (b,) reach from its centre of mass."""
     reach = np.zeros(model.nbody)
     for g in range(model.ngeom):
         body, own = int(model.geom_bodyid[g]), float(model.geom_rbound[g])
         reach[body] = max(reach[body], own + float(np.linalg.norm(model.geom_pos[g] - model.body_ipos[body])))
+    return reach
+
+
+def moved_in_space(bound: SpaceBound) -> Moved:
+    """Weights and size of what is moved in a bound scene in space."""
+    model, roles = bound.model, np.array(_roles(bound))
+    reach = reaches_of(model)
     weights, turns = np.zeros(model.nq), list[range]()
     for j in range(model.njnt):
         kind, first, body = int(model.jnt_type[j]), int(model.jnt_qposadr[j]), int(model.jnt_bodyid[j])

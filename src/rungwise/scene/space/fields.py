@@ -20,6 +20,8 @@ Numbers = Annotated[
     Annotated[Number, Tag(ONE)] | Annotated[tuple[Number, ...], Tag(MANY)],
     Discriminator(lambda value: MANY if isinstance(value, list | tuple) else ONE),
 ]
+ENTRIES = 200
+"""Most entries on contacts."""
 Settings = dict[Text, dict[Text, Numbers]]
 """Elements by name, with values of their fields."""
 
@@ -77,7 +79,7 @@ class SpaceFile(Strict):
     parameters: dict[Name, Parameter] = {}
     inputs: tuple[Name, ...] = ()
     model: Model
-    contacts: Annotated[tuple[Contact, ...], Field(max_length=200)] = ()
+    contacts: Annotated[tuple[Contact, ...], Field(max_length=ENTRIES)] = ()
     controls: dict[Text, Number] = {}
     speeds: dict[Text, Number] = {}
     start: Start = Start()

@@ -1,0 +1,141 @@
+"""Matched parameters in space: restitution and damping of each pair of geoms that touch.
+
+See `matching`. Entries for these pairs come before the scene's own, whose stiffness and damping have the
+factors of the paths as well. The kinematic rung keeps each body's own rho^2 = I/m.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+
+from rungwise.hierarchy.matching import BOUNCE, DAMPING, STIFFNESS, Matched, damping_ratio, restitution
+from rungwise.kernel import Reals
+from rungwise.models.ladder import DYNAMIC_RIGID
+from rungwise.outcome import Code
+from rungwise.planning.worlds import CONDITIONS
+from rungwise.scene.space import SpaceBound, SpaceScene, load_space
+from rungwise.scene.space.fields import ENTRIES
+from rungwise.simulation.spatial.run import SpaceSimulation
+
+FIELDS = ("stiffness", "tangential_stiffness", "damping", "tangential_damping")
+"""What the first columns of a scene's laws are."""
+STEPS = 8000
+"""Most steps of the run that finds who touches: as many as a planar comparison allows a run."""
+KEPT = "rho^2 = I/m of the kinematic rung stays each body's own in space"
+
+Pair = tuple[int, int]
+
+
+def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: float) -> Matched:
+    """The scene with matched parameters: where a contact has restitution, its damping follows from that,
+    otherwise its restitution follows from its damping."""
+    bound, file = scene.bind(parameters), json.loads(scene.stored)
+    file.pop("task", None)
+    bare = {name: value for name, value in file.items() if name not in CONDITIONS}
+    masses = _masses(load_space(bare), parameters, duration)
+    extra: dict[str, float] = {STIFFNESS: 1.0, DAMPING: 1.0}
+    entries, ratios, told = list[dict[str, Any]](), list[float](), dict[str, list[str]]()
+    names, room = scene.labels.geoms, ENTRIES - len(scene.file.contacts) - 1
+    left = []
+    for (a, b), mass in masses.items():
+        label = f"{names[a]}|{names[b]}"
+        if len(entries) >= room or not (_is_one(scene, bound, a) and _is_one(scene, bound, b)):
+            left.append(label)
+            continue
+        number = int(bound.law[a, b])
+        row, bounce, ratio = _alike(bound.laws[number], mass)
+        extra[BOUNCE.format(len(entries))] = bounce
+        entry = _entry((names[a], names[b]), row, _friction(scene, number))
+        entries.append(entry | {"restitution": BOUNCE.format(len(entries))})
+        ratios.append(ratio)
+        words = (
+            f"restitution {bounce:.3g} and damping ratio {ratio:.3g} (stiffness {row[0]:.3g}, damping"
+            f" {row[2]:.3g}, mass {mass:.3g} at first touch)"
+        )
+        told.setdefault(words, []).append(label)
+    notes = [f"{', '.join(pairs)}: {words}" for words, pairs in told.items()]
+    if left:
+        notes.append(f"{', '.join(left)}: not matched, too many pairs or names that others have")
+    if not masses:
+        notes.append("no pair of geoms touches under the scene's own inputs, restitution as it is")
+    for number, own in enumerate(scene.file.contacts, 1):
+        scaled = _entry(own.between, bound.laws[number], own.friction)
+        entries.append(scaled | {"restitution": own.restitution})
+    entries.append(_entry(("*", "*"), bound.laws[0], None))
+    given = {"parameters": file.get("parameters", {}) | {n: {"default": x} for n, x in extra.items()}}
+    given["contacts"] = entries
+    return Matched(
+        load_space(file | given),
+        load_space(bare | given),
+        parameters | extra,
+        {},
+        (*notes, KEPT),
+        tuple(ratios),
+    )
+
+
+def _alike(law: Reals, mass: float) -> tuple[Reals, float, float]:
+    """A law of contact whose damping and restitution say the same for this mass, its restitution, and its
+    damping ratio."""
+    row, bounce = law.copy(), float(law[4])
+    critical = 2.0 * math.sqrt(row[0] * mass)
+    if bounce > 0.0:
+        ratio = damping_ratio(bounce)
+        row[2:4] = ratio * critical
+        return row, bounce, ratio
+    ratio = float(row[2]) / critical
+    return row, restitution(ratio), ratio
+
+
+def _entry(between: tuple[str, str], row: Reals, friction: float | str | None) -> dict[str, Any]:
+    factors = (STIFFNESS, STIFFNESS, DAMPING, DAMPING)
+    numbers = {
+        name: f"{float(x)!r} * {factor}" for name, x, factor in zip(FIELDS, row, factors, strict=False)
+    }
+    return {"between": list(between), **numbers} | ({} if friction is None else {"friction": friction})
+
+
+def _friction(scene: SpaceScene, number: int) -> float | str | None:
+    """Friction of a law as it is written; None for the model's."""
+    return scene.file.contacts[number - 1].friction if number else None
+
+
+def _is_one(scene: SpaceScene, bound: SpaceBound, geom: int) -> bool:
+    """Whether the label of a geom names this one alone."""
+    name, labels, model = scene.labels.geoms[geom], scene.labels, bound.model
+    of_body = {labels.bodies[b] for b in model.geom_bodyid} | {model.body(b).name for b in model.geom_bodyid}
+    if name in of_body:
+        b = labels.bodies.index(name) if name in labels.bodies else -1
+        return b == int(model.geom_bodyid[geom]) and int(model.body_geomnum[b]) == 1
+    return [model.geom(g).name for g in range(model.ngeom)].count(name) <= 1
+
+
+def _masses(scene: SpaceScene, parameters: dict[str, float], duration: float) -> dict[Pair, float]:
+    """The mass that each pair of geoms feels along the normal of a contact, without friction, where it first
+    pushes in the rigid dynamic run, in the order of these touches."""
+    found: dict[Pair, float] = {}
+    simulation = SpaceSimulation(
+        scene, DYNAMIC_RIGID, parameters=parameters, duration=duration, frames=3
+    )  # fmt: skip
+    march = simulation.march
+    if march is None:
+        return found
+    while simulation.outcome == Code.RUNNING and simulation.steps < STEPS:
+        simulation.take()
+        d, terms = simulation.space.size.directions, march.terms
+        for k, slot in enumerate(march.scratch.slots[: march.contacts]):
+            if slot >= simulation.space.most or not march.scratch.contact_force[k * d] > 0.0:
+                continue
+            a, b = (int(g) for g in simulation.space.kept.geoms[slot])
+            if a < 0 or (a, b) in found:
+                continue
+            free = march.state.free[: int(march.clock["free"])]
+            normal = terms.rows[k * d, free]
+            flexibility = float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
+            if flexibility > 0.0:
+                found[a, b] = 1.0 / flexibility
+    return found
