@@ -1,4 +1,5 @@
-"""Steps per second of one environment, of Gymnasium's loop over many, and of one compiled call for many.
+"""Steps per second of Gymnasium's loop over many environments, and of one compiled call for many, or of
+processes for a scene in space.
 
     python benchmarks/gym.py [--envs N] [--steps N] [--json]
 
@@ -28,6 +29,7 @@ CASES = (
     ("push", "dynamic-rigid"),
     ("peg_in_hole", "quasistatic-compliant"),
     ("grasp", "dynamic-compliant"),
+    ("three_finger_lift", "dynamic-rigid"),
 )
 ROUNDS = 3
 
@@ -85,9 +87,9 @@ def main(
         print(json.dumps([asdict(row) for row in rows]))
     else:
         print(f"{given.envs} environments, median of {rounds}: steps of environments per second")
-        print(f"{'scene':14}{'model':24}{'together':>10}{'loop':>10}{'ratio':>8}  same")
+        print(f"{'scene':18}{'model':24}{'together':>10}{'loop':>10}{'ratio':>8}  same")
         for row in rows:
-            line = f"{row.scene:14}{row.model:24}{row.together:10.0f}{row.loop:10.0f}{row.ratio:8.1f}"
+            line = f"{row.scene:18}{row.model:24}{row.together:10.0f}{row.loop:10.0f}{row.ratio:8.1f}"
             print(f"{line}  {'yes' if row.same else 'no'}")
     return 0 if all(row.same for row in rows) else 1
 

@@ -42,6 +42,7 @@ from .planning.verify import Verification, verify
 from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema, shipped
 from .scene.read import load
 from .scene.space import SpaceScene
+from .scene.space.scene import shipped_in_space
 from .sets.between import Between, between
 from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
 from .sets.feasible import FeasibleSet, feasible_set, load_set
@@ -60,6 +61,7 @@ from .simulation.rows import States
 from .simulation.run import Simulation, simulate
 from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
+from .simulation.spatial.rollout import SpaceRollouts
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
@@ -121,6 +123,7 @@ __all__ = [
     "Simulation",
     "SolutionSets",
     "Solutions",
+    "SpaceRollouts",
     "SpaceRun",
     "SpaceScene",
     "SpaceSimulation",
@@ -166,6 +169,7 @@ __all__ = [
     "schema",
     "sensitivity",
     "shipped",
+    "shipped_in_space",
     "simulate",
     "solution_sets",
     "solutions",

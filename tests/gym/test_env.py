@@ -19,6 +19,7 @@ import rungwise.gym
 from rungwise.errors import InputError
 from rungwise.gym import SceneEnv, Transition, make
 from rungwise.gym.registration import SCENES
+from rungwise.scene.space.scene import file_of, shipped_in_space
 
 PAIRS = (
     ("push", "dynamic-rigid"),
@@ -59,7 +60,10 @@ def test_each_shipped_scene_with_inputs_is_registered_on_each_rung_that_moves() 
     assert {name for name in gymnasium.registry if name.startswith("rungwise/")} == expected | {
         "rungwise/Scene-v0"
     }
-    assert set(SCENES) == {name for name in rw.shipped() if rw.load(name).template.inputs}
+    in_space = {name: file_of(name) for name in shipped_in_space()}
+    assert set(SCENES) == {name for name in rw.shipped() if rw.load(name).template.inputs} | {
+        name for name, file in in_space.items() if file.inputs and file.goal
+    }
     env = gymnasium.make("rungwise/Scene-v0", scene="push", model="kinematic", hold=1.0).unwrapped
     assert isinstance(env, SceneEnv) and env.settings.hold == 1.0
 

@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 from rungwise.gym.episodes import Episodes
 from rungwise.gym.picture import Camera
-from rungwise.gym.settings import GymError, Options, read_settings
+from rungwise.gym.settings import GymError, Options, Settings, read_settings
+from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
 
 RENDER_MODES = ("rgb_array",)
@@ -45,8 +48,8 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         dtype: of observations and actions, "float32" or "float64".
         step, tol, theta: as for `rungwise.simulate`; steps are error-controlled, to a thousandth of the size
             of the largest object, if neither `step` nor `tol` is given.
-        threads: of compiled runs; one environment uses one.
-        render_mode: None or "rgb_array".
+        threads: of compiled runs, in space processes; one environment uses one.
+        render_mode: None or "rgb_array"; in space by MuJoCo's renderer, which needs an OpenGL context.
         seed: of the first reset that gets none.
 
     Raises GymError, SceneError, ModelError and TaskError: one line that names the option.
@@ -56,7 +59,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
     def __init__(
         self,
-        scene: Scene | str | Path | Mapping[str, Any],
+        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         *,
         render_mode: str | None = None,
@@ -68,7 +71,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._episodes = Episodes(self.settings, 1)
         self.observation_space = self._episodes.observed.space
         self.action_space = self._episodes.action_space
-        self._camera = Camera()
+        self._camera = camera_of(self.settings)
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
 
@@ -78,7 +81,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         """Begin an episode; options: "state" (a `rungwise.State`) and "parameters" (values by name)."""
         super().reset(seed=seed)
         self._episodes.begin(0, self.np_random, options)
-        self._camera = Camera()
+        self._camera.begin()
         return self._episodes.observe()[0], self._episodes.info(0)
 
     def step(self, action: NDArray[Any]) -> tuple[NDArray[Any], float, bool, bool, dict[str, Any]]:
@@ -92,10 +95,14 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return observation, float(reward[0]), bool(episodes.terminated[0]), bool(episodes.truncated[0]), info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The bodies and contact forces now (height, width, 3), or None without a render mode."""
+        """The bodies now (height, width, 3), in the plane with contact forces; None without a render mode."""
         if self.render_mode is None:
             return None
-        return self._camera.picture(self.settings.scene, self.settings.model, self.parameters, self.state)
+        return self._camera.picture(self.parameters, self.state)
+
+    def close(self) -> None:
+        """Give back what pictures hold."""
+        self._camera.close()
 
     @property
     def observation_names(self) -> tuple[str, ...]:
@@ -122,9 +129,15 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         """The inputs of the episode so far, as `rungwise.simulate` takes them."""
         return self._episodes.schedule(0)
 
-    def replay(self) -> Run:
+    def replay(self) -> Run | SpaceRun:
         """The episode so far once more as one run, bit for bit, with trajectory, reason and certificate."""
         return self._episodes.replay(0)
+
+
+def camera_of(settings: Settings) -> Camera | SpaceCamera:
+    """What draws episodes."""
+    scene = settings.scene
+    return SpaceCamera(scene) if isinstance(scene, SpaceScene) else Camera(scene, settings.model)
 
 
 def checked_render_mode(mode: object) -> str | None:
@@ -147,7 +160,7 @@ def checked_actions(given: object, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def make(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     *,
     render_mode: str | None = None,

@@ -11,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.gym.settings import GymError, Settings, Transition
-from rungwise.gym.spaces import action_space, observed, travel_of
+from rungwise.gym.space_world import SpaceWorld
+from rungwise.gym.spaces import Observed, action_space, observed
 from rungwise.gym.starts import Starts
 from rungwise.gym.world import Places, PlanarWorld, World
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import OUTCOMES, Code
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
 from rungwise.wording import choices
 
@@ -39,9 +42,10 @@ class Begun:
 def world_of(settings: Settings) -> World:
     """The world of the settings' scene."""
     s = settings
-    return PlanarWorld(
-        s.scene, s.model, s.parameters, s.hold, s.horizon, s.ramp, s.step, s.tol, s.theta, s.threads
-    )
+    rest = s.model, s.parameters, s.hold, s.horizon, s.ramp, s.step, s.tol, s.theta, s.threads
+    if isinstance(s.scene, SpaceScene):
+        return SpaceWorld(s.scene, *rest)
+    return PlanarWorld(s.scene, *rest)
 
 
 class Episodes:
@@ -51,12 +55,15 @@ class Episodes:
         self.settings, self.count = settings, count
         self.world: World = world_of(settings)
         self.starts = Starts(settings, self.world)
-        self.observed, self.action_space = observed(settings, self.starts.seen), action_space(settings)
+        self.observed, self.action_space = self._observed(), action_space(settings)
         self._begun: list[Begun | None] = [None] * count
         self._levels: list[list[Reals]] = [[] for _ in range(count)]
         self._places: Places | None = None
         self._instances = np.zeros((count, len(self.starts.seen)))
         self._began, self._lack, self._margin = np.zeros(count), np.zeros(count), np.zeros(count)
+
+    def _observed(self) -> Observed:
+        return observed(self.settings, self.starts.seen, self.world.travel(self.settings.parameters))
 
     # Beginning
 
@@ -100,7 +107,7 @@ class Episodes:
         travel = self.observed.travel
         if "q" not in self.settings.observe or not np.isfinite(travel).any():
             return
-        low, high = travel_of(self.settings.scene, parameters)
+        low, high = self.world.travel(parameters)
         if (low < travel[0]).any() or (high > travel[1]).any():
             raise GymError(
                 "parameters: a coordinate may travel beyond the space of observations, which is made at the"
@@ -217,12 +224,12 @@ class Episodes:
             for levels in self._levels[row]
         ]
 
-    def replay(self, row: int) -> Run:
+    def replay(self, row: int) -> Run | SpaceRun:
         """The episode once more by `simulate`, in one run. Raises GymError before the first step."""
         begun, s, inputs = self._of(row), self.settings, self.schedule(row)
         if not inputs:
             raise GymError("replay: nothing has moved yet; call step first")
-        run: Run = simulate(
+        run: Run | SpaceRun = simulate(
             s.scene, s.model, parameters=begun.parameters, state=begun.state, inputs=inputs, step=s.step,
             tol=s.tol, theta=s.theta, span=s.horizon,
         )  # fmt: skip

@@ -23,19 +23,25 @@ PIXELS, INCHES = 480, 4.8
 class Camera:
     """Draws the states of one episode; the view grows when bodies leave it, and never shrinks."""
 
-    def __init__(self) -> None:
+    def __init__(self, scene: Scene, model: Rung) -> None:
+        self._scene, self._model = scene, model
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the view of the episode before."""
         self._view: View | None = None
 
-    def picture(
-        self, scene: Scene, model: Rung, parameters: Mapping[str, float], state: State
-    ) -> NDArray[np.uint8]:
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def picture(self, parameters: Mapping[str, float], state: State) -> NDArray[np.uint8]:
         """Pixels (height, width, 3). Raises GymError where matplotlib is missing."""
         if find_spec("matplotlib") is None:
             raise GymError("render_mode: needs matplotlib (pip install 'rungwise[view]')")
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        clip = still(scene, model, parameters, state)
+        clip = still(self._scene, self._model, parameters, state)
         figure = Figure(figsize=(INCHES, INCHES), dpi=PIXELS / INCHES)
         canvas = FigureCanvasAgg(figure)
         self._view = _joined(self._view, view_of([clip], [state.time]))

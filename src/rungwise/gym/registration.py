@@ -11,16 +11,23 @@ MODELS = (
     "kinematic", "quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid", "dynamic-compliant",
 )  # fmt: skip
 SCENES: dict[str, dict[str, Any]] = {
+    "arm_push": {
+        "bounds": {"shoulder_to": (-1.2, 0.3), "elbow_to": (0.0, 2.0), "wrist_to": (-1.0, 1.0)},
+        "ramp": True,
+    },
     "four_finger": {},
     "grasp": {},
     "gripper": {"bounds": {"squeeze": (0.0, 20.0), "v": (1e-6, 0.2)}},
     "peg_in_hole": {},
     "push": {},
+    "shadow_hand": {},
     "snap": {},
     "squeeze": {"bounds": {"close": (0.0, 0.04)}},
+    "three_finger_lift": {},
     "two_finger": {},
 }
-"""Shipped scenes with inputs, and bounds of inputs where the scene has no task that states them."""
+"""Shipped scenes with inputs and a goal, and bounds of inputs, and how they are followed, where the scene has
+no task that states them."""
 ENTRY, VECTOR = "rungwise.gym.env:SceneEnv", "rungwise.gym.vector:SceneVectorEnv"
 
 

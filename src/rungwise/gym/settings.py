@@ -15,9 +15,11 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.planning.objects import moved_in_plane
+from rungwise.planning.objects import moved_in_plane, moved_in_space
 from rungwise.planning.task import Task, guarded_scene, task_of
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import check_options, count, moving_rung
 from rungwise.wording import choices, listed
@@ -42,9 +44,9 @@ class GymError(InputError):
 class Transition:
     """One step of one environment, for a reward of one's own.
 
-    q, v (n,) in the order of the scene's coordinates, and the same `before`; inputs (u,) as applied;
-    `lack`: by how much the goal fails, 0 where it holds, and `margin`, as of `rungwise.ask`; time since the
-    start of the episode; outcome: `running` where the episode goes on.
+    q (n_q,), v (n_v,) in the order of the scene's coordinates and velocities, and the same `before`; inputs
+    (u,) as applied; `lack`: by how much the goal fails, 0 where it holds, and `margin`, as of `rungwise.ask`;
+    time since the start of the episode; outcome: `running` where the episode goes on.
     """
 
     q_before: Reals
@@ -88,7 +90,7 @@ class Settings:
     """Checked options: low, high, rate (u,) of the inputs; an episode has at most `holds` actions, each held
     for `hold` seconds."""
 
-    scene: Scene
+    scene: Scene | SpaceScene
     model: Rung
     parameters: dict[str, float]
     low: Reals
@@ -123,7 +125,7 @@ class Settings:
 
 
 def read_settings(
-    scene: Scene | str | Path | Mapping[str, Any], model: Rung | str, given: Mapping[str, Any]
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, given: Mapping[str, Any]
 ) -> Settings:
     """The options, checked. Raises GymError, SceneError, ModelError and TaskError."""
     for name in given:
@@ -135,13 +137,13 @@ def read_settings(
     if not loaded.template.inputs:
         raise GymError("inputs: the scene has none; name the parameters that a policy changes over time")
     parameters = loaded.parameters(given.get("parameters"))
-    records = loaded.bind(parameters).records
     task = None if loaded.file.task is None else task_of(loaded, parameters)
+    duration, size = _extent(loaded, parameters)
     low, high, rate = _bounds(loaded, task, given.get("bounds"))
     step, tol, _, theta = check_options(given.get("step"), given.get("tol"), None, given.get("theta", 1.0))
     if step is None and tol is None:
-        tol = ACCURACY * moved_in_plane(loaded, records).size
-    hold, holds = _times(given, _longest(task, float(records.world[0]["duration"])))
+        tol = ACCURACY * size
+    hold, holds = _times(given, _longest(task, duration))
     ramp = given.get("ramp")
     return Settings(
         scene=loaded, model=rung, parameters=parameters, low=low, high=high, rate=rate,
@@ -155,8 +157,17 @@ def read_settings(
     )  # fmt: skip
 
 
+def _extent(scene: Scene | SpaceScene, parameters: dict[str, float]) -> tuple[float, float]:
+    """The scene's duration, and how far the largest object reaches."""
+    if isinstance(scene, SpaceScene):
+        bound = scene.bind(parameters)
+        return bound.duration, moved_in_space(bound).size
+    records = scene.bind(parameters).records
+    return float(records.world[0]["duration"]), moved_in_plane(scene, records).size
+
+
 def _bounds(
-    scene: Scene, task: Task | None, given: Mapping[str, Sequence[float]] | None
+    scene: Scene | SpaceScene, task: Task | None, given: Mapping[str, Sequence[float]] | None
 ) -> tuple[Reals, Reals, Reals]:
     """Least and greatest inputs (u,) and their rates: as given, of the task, or the parameters' ranges."""
     names = scene.template.inputs

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from rungwise.gym.settings import Settings
 from rungwise.kernel import Reals
 from rungwise.scene import Scene
-from rungwise.simulation.state import FARTHEST
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.state import FARTHEST, rates_of
 
 
 @dataclass(frozen=True)
 class Observed:
-    """What an observation consists of: names (o,), bounds low, high (o,), and the travel (2, n) of
+    """What an observation consists of: names (o,), bounds low, high (o,), and the travel (2, n_q) of
     coordinates, infinite where there is none."""
 
     names: tuple[str, ...]
@@ -36,21 +37,15 @@ class Observed:
         return np.clip(values, self.low, self.high).astype(self.dtype)
 
 
-def travel_of(scene: Scene, parameters: dict[str, float]) -> Reals:
-    """Least and greatest places (2, n) of coordinates."""
-    c = scene.bind(parameters).records.coordinates
-    return np.array([c["lower"], c["upper"]])
-
-
-def observed(settings: Settings, seen: tuple[str, ...]) -> Observed:
-    """What observations consist of; `seen` are the parameters of the instance."""
+def observed(settings: Settings, seen: tuple[str, ...], travel: Reals) -> Observed:
+    """What observations consist of; `seen` are the parameters of the instance, travel (2, n_q) that of
+    coordinates."""
     scene, template = settings.scene, settings.scene.template
-    travel = travel_of(scene, settings.parameters)
     anything = (-math.inf, math.inf)
     ranges = [scene.file.parameters[name].range or anything for name in seen]
     parts: dict[str, list[tuple[str, float, float]]] = {
         "q": [(name, *pair) for name, pair in zip(template.coordinates, travel.T.tolist(), strict=True)],
-        "v": [(f"speed({name})", *anything) for name in template.coordinates],
+        "v": [(f"speed({name})", *anything) for name in rates_of(scene)],
         "instance": [(name, *pair) for name, pair in zip(seen, ranges, strict=True)],
         "inputs": [(name, *_range(scene, name)) for name in template.inputs],
         "forces": [(f"force({a}, {b})", 0.0, math.inf) for a, b in template.contacts],
@@ -63,7 +58,7 @@ def observed(settings: Settings, seen: tuple[str, ...]) -> Observed:
     return Observed(tuple(row[0] for row in rows), low, high, travel, settings.dtype)
 
 
-def _range(scene: Scene, name: str) -> tuple[float, float]:
+def _range(scene: Scene | SpaceScene, name: str) -> tuple[float, float]:
     return scene.file.parameters[name].range or (-math.inf, math.inf)
 
 

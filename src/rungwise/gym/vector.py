@@ -1,4 +1,4 @@
-"""Many environments of one scene on one rung, advanced by one compiled call."""
+"""Many environments of one scene on one rung, advanced by one compiled call, or in space by processes."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from rungwise.gym.env import RENDER_MODES, checked_actions, checked_render_mode
+from rungwise.gym.env import RENDER_MODES, camera_of, checked_actions, checked_render_mode
 from rungwise.gym.episodes import Episodes
-from rungwise.gym.picture import Camera
 from rungwise.gym.settings import GymError, Options, read_settings
 from rungwise.kernel import Ints
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
@@ -43,7 +43,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def __init__(
         self,
         num_envs: int,
-        scene: Scene | str | Path | Mapping[str, Any],
+        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
@@ -62,7 +62,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._cameras = [Camera() for _ in range(self.num_envs)]
+        self._cameras = [camera_of(self.settings) for _ in range(self.num_envs)]
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -105,11 +105,15 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         """A picture of each environment, or None without a render mode."""
         if self.render_mode is None:
             return None
-        s = self.settings
         return tuple(
-            camera.picture(s.scene, s.model, self._episodes.parameters(row), self._episodes.state(row))
+            camera.picture(self._episodes.parameters(row), self._episodes.state(row))
             for row, camera in enumerate(self._cameras)
         )
+
+    def close_extras(self, **_kwargs: Any) -> None:
+        """Give back what pictures hold."""
+        for camera in self._cameras:
+            camera.close()
 
     @property
     def states(self) -> list[State]:
@@ -127,7 +131,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
             if generator is None:
                 raise gymnasium.error.ResetNeeded("call reset before step")
             self._episodes.begin(row, generator, options)
-            self._cameras[row] = Camera()
+            self._cameras[row].begin()
 
     def _infos(self, rows: Ints) -> dict[str, Any]:
         """What each of these environments tells, as Gymnasium joins it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,29 +26,20 @@ from rungwise.simulation.state import Memory, State, StateError
 class Places:
     """Where m copies of a scene have come to.
 
-    points (m, k): values of all parameters; bodies (m, 2 n + 1): q, v and time; memory (m, w): what a run
-    hands on; begins (m,): whether a copy has not moved since it was placed, so that its memory is not one to
-    go on from; outcome (m,) and residual (m,): of the last run, RUNNING where it may go on.
+    points (m, k): values of all parameters; q (m, n_q), v (m, n_v) and time (m,); memory (m, w): what a run
+    hands on, or (m,) arrays where their lengths differ; begins (m,): whether a copy has not moved since it
+    was placed, so that its memory is not one to go on from; outcome (m,) and residual (m,): of the last run,
+    RUNNING where it may go on.
     """
 
     points: Reals
-    bodies: Reals
-    memory: Reals
+    q: Reals
+    v: Reals
+    time: Reals
+    memory: NDArray[Any]
     begins: NDArray[np.bool_]
     outcome: Ints
     residual: Reals
-
-    @property
-    def q(self) -> Reals:
-        return self.bodies[:, : self.bodies.shape[1] // 2]
-
-    @property
-    def v(self) -> Reals:
-        return self.bodies[:, self.bodies.shape[1] // 2 : -1]
-
-    @property
-    def time(self) -> Reals:
-        return self.bodies[:, -1]
 
     def take(self, rows: Ints) -> Places:
         """Copies of these rows."""
@@ -63,7 +54,8 @@ class Places:
 class World(Protocol):
     """Copies of one scene on one rung. A world holds no state of them: `Places` do."""
 
-    scene: Scene
+    def travel(self, parameters: Mapping[str, float]) -> Reals:
+        """Least and greatest places (2, n_q) of coordinates, infinite where there are none."""
 
     def begin(self, points: Reals) -> Places:
         """The scene's start at values (m, k) of all its parameters; `invalid` where there is none."""
@@ -123,6 +115,10 @@ class PlanarWorld:
         given = (self.scene, self.model, self.nominal, self.hold, self.span, self.ramp, self.step, self.tol)
         return PlanarWorld, (*given, self.theta, self.threads)
 
+    def travel(self, parameters: Mapping[str, float]) -> Reals:
+        c = self.scene.bind(parameters).records.coordinates
+        return np.array([c["lower"], c["upper"]])
+
     def begin(self, points: Reals) -> Places:
         return self._run(points, None, None, None, 0.0)
 
@@ -134,17 +130,18 @@ class PlanarWorld:
         if begun.workspace is None or begun.reason:
             raise StateError(f"state: {begun.reason}")
         points = np.array([list(begun.parameters.values())])
-        bodies = np.array([[*state.q, *state.v, state.time]])
         if state.memory is None:
-            return self._run(points, bodies, None, None, 0.0)
+            return self._run(points, np.array([[*state.q, *state.v, state.time]]), None, None, 0.0)
         return Places(
-            points=points, bodies=bodies, memory=begun.workspace.state.memory[None].copy(),
+            points=points, q=state.q[None].copy(), v=state.v[None].copy(), time=np.array([state.time]),
+            memory=begun.workspace.state.memory[None].copy(),
             begins=np.zeros(1, bool), outcome=np.full(1, Code.RUNNING), residual=np.zeros(1),
         )  # fmt: skip
 
     def advance(self, places: Places, levels: Reals) -> Places:
         memory = np.where(places.begins, -1, np.arange(len(levels)))
-        return self._run(places.points, places.bodies, (places.memory, memory), levels, self.hold)
+        bodies = np.hstack([places.q, places.v, places.time[:, None]])
+        return self._run(places.points, bodies, (places.memory, memory), levels, self.hold)
 
     def _run(
         self,
@@ -164,11 +161,11 @@ class PlanarWorld:
         found = samples.results
         outcome = found["outcome"].astype(np.int64)
         outcome[(outcome == Code.MISSED) | (outcome == Code.TIMEOUT)] = Code.RUNNING
-        column = np.zeros(m, np.int64)  # one segment
+        column, n = np.zeros(m, np.int64), samples.final.shape[1] // 2  # one segment
         return Places(
-            points=points, bodies=np.hstack([samples.final, found["time"][:, None]]),
-            memory=samples.kept[np.arange(m), column], begins=np.full(m, levels is None), outcome=outcome,
-            residual=found["worst_residual"].copy(),
+            points=points, q=samples.final[:, :n].copy(), v=samples.final[:, n:].copy(),
+            time=found["time"].copy(), memory=samples.kept[np.arange(m), column],
+            begins=np.full(m, levels is None), outcome=outcome, residual=found["worst_residual"].copy(),
         )  # fmt: skip
 
     def goal(self, places: Places) -> Answers:
@@ -205,8 +202,8 @@ class PlanarWorld:
         return np.asarray(in_memory(self._crew.workspace.state, "values", places.memory))
 
     def state(self, places: Places, row: int, last: Segment | None) -> State:
-        names, n = self.scene.template.coordinates, places.q.shape[1]
-        q, v, time = places.bodies[row, :n], places.bodies[row, n : 2 * n], float(places.time[row])
+        names, q, v = self.scene.template.coordinates, places.q[row], places.v[row]
+        time = float(places.time[row])
         if places.begins[row]:
             return State(names, q, v, time)
         schedule = () if last is None else (last,)

@@ -286,12 +286,15 @@ def _search_scene(scene: Scene | SpaceScene, fields: TaskFields, reserve: float)
     return planar.load(scene.file.model_dump(exclude_unset=True) | changes)
 
 
-def guarded_scene(scene: Scene) -> Scene:
+def guarded_scene(scene: Scene | SpaceScene) -> Scene | SpaceScene:
     """The scene with what its task keeps out of as unsafe."""
     fields = scene.file.task
     if fields is None or not fields.keep_out:
         return scene
-    return planar.load(scene.file.model_dump(exclude_unset=True) | _unsafe(scene, fields))
+    changes = _unsafe(scene, fields)
+    if isinstance(scene, SpaceScene):
+        return scene.changed(**changes)
+    return planar.load(scene.file.model_dump(exclude_unset=True) | changes)
 
 
 def _unsafe(scene: Scene | SpaceScene, fields: TaskFields) -> dict[str, str]:

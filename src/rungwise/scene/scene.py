@@ -178,7 +178,7 @@ def _refuse_space(source: object) -> None:
 
 
 def shipped() -> tuple[str, ...]:
-    """Names of the scenes that come with the package."""
+    """Names of the planar scenes that come with the package (in space: `shipped_in_space`)."""
     return tuple(sorted(p.name.removesuffix(".yaml") for p in LIBRARY.iterdir() if p.name.endswith(".yaml")))
 
 

@@ -42,6 +42,10 @@ class System(Protocol):
 
     size: Size
 
+    @property
+    def driving(self) -> Reals:
+        """The part of the load in the last `fill` that drives are (n_v,)."""
+
     def start(self) -> tuple[Reals, Reals]:
         """q (n_q,) and v (n_v,) at t = 0, without overlap."""
 

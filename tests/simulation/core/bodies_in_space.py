@@ -66,6 +66,7 @@ class BodiesInSpace:
         n = len(self.bodies)
         self.pairs = list(combinations(range(n), 2))
         slots = CORNERS * n + len(self.pairs)
+        self.driving = np.zeros(6 * n)
         self.size = Size(7 * n, 6 * n, slots, 3, 0, min(body.reach for body in self.bodies))
 
     def start(self) -> tuple[Array, Array]:

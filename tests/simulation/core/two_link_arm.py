@@ -37,6 +37,10 @@ class TwoLinkArm:
 
     size = Size(2, 2, 1, 2, 0, 0.1)
 
+    @property
+    def driving(self) -> Array:
+        return np.array(self.torques)
+
     def start(self) -> tuple[Array, Array]:
         return np.array(self.q), np.array(self.v)
 

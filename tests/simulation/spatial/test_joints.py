@@ -231,3 +231,18 @@ def test_a_tendon_with_a_range_holds_a_fall(make: Make, rung: Rung) -> None:
 def test_a_prescribed_slide_moves_at_its_speed(make: Make, rung: Rung) -> None:
     scene = make(world(SLIDER), speeds={"p.j": "0.5 + t"}, duration=0.2)
     assert q(run(scene, rung, step=1e-2))[0] == pytest.approx(0.1 + 0.02, abs=1e-12)
+
+
+@pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
+def test_a_trajectory_has_the_forces_of_drives_limits_and_dry_friction(make: Make, rung: Rung) -> None:
+    held = SLIDER.replace('type="slide"', 'type="slide" frictionloss="3"')
+    stopped = SLIDER.replace('"p"', '"q"').replace('"j"', '"k" limited="true" range="0 1"')
+    motor = '<actuator><motor name="m" joint="j"/></actuator>'
+    scene = make(
+        world(held, stopped.replace("<body", '<body pos="1 0 0"'), after=motor), controls={"m": 18.0}
+    )
+    acting = run(scene, rung, duration=0.1).trajectory.isel(time=-1)
+    np.testing.assert_allclose(acting.drive_force, [18.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(acting.dry_friction, [2.0 * G - 18.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(acting.limit_force, [0.0, 2.0 * G], atol=1e-6)
+    assert abs(float(acting.drive_work)) < 1e-9

@@ -110,3 +110,13 @@ def test_bodies_that_overlap_at_the_start_are_told(scene: SpaceScene) -> None:
 def test_wrong_input_is_told_in_one_line(scene: SpaceScene, options: dict, words: str) -> None:
     with pytest.raises(rw.InputError, match=words):
         pushed(scene, **options)
+
+
+def test_a_state_hands_on_its_impulses_once(scene: SpaceScene) -> None:
+    """The impulse of the table on a box at rest is its weight times the time, in one run and in two."""
+    guarded = scene.changed(unsafe="impulse(box, world) > 1e9")
+    half, whole = (rw.simulate(guarded, "dynamic-rigid", inputs=[{"duration": each}]) for each in (0.1, 0.2))
+    rest = rw.simulate(guarded, "dynamic-rigid", state=half.state, inputs=[{"duration": 0.1}])
+    for run in (half, whole, rest):
+        (impulse,) = rw.ask(guarded, "impulse(box, world) > 0", run.state).values[0]
+        assert impulse == pytest.approx(0.5 * 9.81 * run.time)

@@ -79,7 +79,7 @@ class March:
     problem: ContactProblem = field(init=False)
     clock: np.void = field(init=False)
     attempts: int = field(init=False, default=0)
-    _contacts: int = field(init=False, default=0)
+    contacts: int = field(init=False, default=0)
     _driven: bool = field(init=False, default=False)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
@@ -157,7 +157,7 @@ class March:
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             self._fill(self._trial, v, h)
             status = solve_step(
-                self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem
+                self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem
             )
             if status != SUPPORTED:
                 return status, self.state.v
@@ -193,7 +193,7 @@ class March:
         moment = Moment(self.time, trial, state.v, h, rung.inertia, rung.metric)
         slots, fresh = self.system.fill(moment, terms, reach)
         count, d = len(slots), self.system.size.directions
-        self._contacts = count
+        self.contacts = count
         self.scratch.slots[:count] = slots
         forget(slots, fresh, state)
         if rung.compliant:
@@ -203,11 +203,11 @@ class March:
         if rung.inertia == 0.0:
             terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
             terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
-        state.passive[:] = terms.load
+        np.subtract(terms.load, self.system.driving, out=state.passive)
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time
-        sunk = accept(self._record, h, self.terms, self._contacts, self.state, self.scratch, self.problem)
+        sunk = accept(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
         self.q, self.time = self._trial, self.time + h
@@ -217,7 +217,7 @@ class March:
     def _explain(self, status: int) -> None:
         """Set the outcome: a jam or a missing support if proved, else not converged."""
         clock, terms = self.clock, self.terms
-        problem = trim(self.problem, int(clock["free"]), self._contacts, int(clock["limited"]))
+        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
         if status == UNSUPPORTED:
             grid = np.ix_(self.state.free[: int(clock["free"])], self.state.free[: int(clock["free"])])
             resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]

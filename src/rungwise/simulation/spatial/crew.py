@@ -14,6 +14,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.core.march import March
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.spatial.prepared import Prepared
@@ -22,8 +23,8 @@ from rungwise.simulation.state import State, digest
 
 FEW = 4
 """So many runs are not worth the start of other processes; they are made in this one."""
-KEPT = 4
-"""Scenes at parameters that a process keeps ready."""
+KEPT = 150_000_000
+"""Bytes of scenes at parameters that a thread keeps ready: enough for a hundred small ones."""
 
 Job = TypeVar("Job")
 Part = TypeVar("Part")
@@ -108,30 +109,51 @@ def prepared(scene: SpaceScene, parameters: dict[str, float]) -> Prepared:
     """The scene at these parameters, kept ready in this thread. Raises InvalidScene."""
     kept: dict[Any, Prepared] = _own.__dict__.setdefault("kept", {})
     key = digest(scene), tuple(parameters.items())
-    if key not in kept:
-        while len(kept) >= KEPT:
+    made = kept.pop(key, None)
+    if made is None:
+        made = Prepared.of(scene, parameters)
+        while kept and sum(each.bytes for each in (made, *kept.values())) > KEPT:
             del kept[next(iter(kept))]
-        kept[key] = Prepared.of(scene, parameters)
-    return kept[key]
+    kept[key] = made  # behind those that were used less lately
+    return made
 
 
 def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
     """The runs, one after the other; none depends on earlier ones."""
-    found = []
-    for sample in samples:
-        try:
-            found.append(_sampled(terms, sample))
-        except InputError as error:
-            found.append(nothing(terms.scene, str(error)))
-    return found
+    return [_told(_ran, terms, sample) for sample in samples]
 
 
-def _sampled(terms: Terms, sample: Sample) -> Sampled:
+def begin_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
+    """The same runs before their first steps."""
+    return [_told(_begun, terms, sample) for sample in samples]
+
+
+def _told(run: Callable[[Terms, Sample], Sampled], terms: Terms, sample: Sample) -> Sampled:
+    """What becomes of a sample, also where its input is wrong."""
+    try:
+        return run(terms, sample)
+    except InputError as error:
+        return nothing(terms.scene, str(error))
+
+
+def simulation_of(terms: Terms, sample: Sample) -> SpaceSimulation:
+    """The run before its first step. Raises InvalidScene, SceneError, StateError and ModelError."""
     made = prepared(terms.scene, terms.scene.parameters(sample.parameters))
-    simulation = SpaceSimulation(
+    return SpaceSimulation(
         terms.scene, terms.model, parameters=sample.parameters, state=sample.state, inputs=sample.inputs,
-        frames=3, prepared=made, **terms.options,
+        frames=None, prepared=made, **terms.options,
     )  # fmt: skip
+
+
+def _begun(terms: Terms, sample: Sample) -> Sampled:
+    simulation = simulation_of(terms, sample)
+    if simulation.march is None or simulation.outcome == Code.INVALID:
+        return nothing(terms.scene, simulation.reason)
+    return _sampled(simulation, simulation.march, 0, 0.0, None)
+
+
+def _ran(terms: Terms, sample: Sample) -> Sampled:
+    simulation = simulation_of(terms, sample)
     march = simulation.march
     if march is None or simulation.outcome == Code.INVALID:
         return nothing(terms.scene, simulation.reason)
@@ -144,6 +166,13 @@ def _sampled(terms: Terms, sample: Sample) -> Sampled:
             ends.note()
         if simulation.outcome == Code.RUNNING and simulation.steps - begun >= terms.budget:
             simulation.outcome = Code.NOT_CONVERGED
+    return _sampled(simulation, march, solved, worked, ends)
+
+
+def _sampled(
+    simulation: SpaceSimulation, march: March, solved: int, worked: float, ends: _Ends | None
+) -> Sampled:
+    """Where a run has come to, whose state had been solved for and worked on before."""
     return Sampled(
         outcome=int(simulation.outcome), time=march.time, margin=simulation.margin, steps=simulation.steps,
         attempts=march.attempts, solves=int(march.clock["solves"]) - solved, switches=simulation.segment,

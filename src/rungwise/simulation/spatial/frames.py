@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.march import March
 from rungwise.system.spatial.space import Space
+from rungwise.system.terms import JOINT, SUPPORT
 
 
 class Touch(NamedTuple):
@@ -27,7 +28,8 @@ class Touch(NamedTuple):
 
 
 class Frame(NamedTuple):
-    """A state of the run: time, q, v, memory, contacts, residual, energy and the work of all steps."""
+    """A state of the run: time, q, v, memory, contacts, residual, energy, the work of all steps, and
+    reactions (4, n_v) of the last step (see `REACTIONS`)."""
 
     time: float
     q: Reals
@@ -37,14 +39,19 @@ class Frame(NamedTuple):
     residual: float
     energy: float
     work: Reals
+    reactions: Reals
 
 
+REACTIONS = ("drive_force", "limit_force", "joint_force", "dry_friction")
+"""What acts on each velocity beside contacts and loads: drives, travel limits, equalities, dry friction in
+joints."""
 WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
 
 
 @dataclass
 class Recorder:
-    """Keeps at most `most` frames, every `stride` steps; the stride doubles when they are full."""
+    """Keeps at most `most` frames, none if that is 0, every `stride` steps; the stride doubles when they are
+    full."""
 
     most: int
     stride: int
@@ -53,6 +60,8 @@ class Recorder:
 
     def take(self, march: March, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
         """Keep the state, if it is its turn or the last."""
+        if self.most == 0:
+            return
         self._since += 1
         if not last and self.frames and self._since < self.stride:
             return
@@ -71,8 +80,24 @@ def frame(march: March, space: Space, memory: Reals) -> Frame:
     return Frame(
         march.time, march.q.copy(), march.v.copy(), memory, touching(march, space),
         float(clock["residual"]), space.energy(march.q, march.v),
-        np.array([float(clock[name]) for name in WORK]),
+        np.array([float(clock[name]) for name in WORK]), reactions(march, space),
     )  # fmt: skip
+
+
+def reactions(march: March, space: Space) -> Reals:
+    """What acted on each velocity in the last step, as of `REACTIONS`."""
+    terms, scratch, state = march.terms, march.scratch, march.state
+    found = np.zeros((len(REACTIONS), len(state.v)))
+    if not march.rung.loads:
+        return found
+    found[0] = state.reaction
+    d = space.size.directions
+    for k in np.flatnonzero(scratch.slots[: march.contacts] >= space.most):
+        found[1] += scratch.contact_force[k * d] * terms.rows[k * d]
+    for row, account in ((2, JOINT), (3, SUPPORT)):
+        own = terms.account == account
+        found[row] = scratch.limited_force[own] @ terms.limited[own]
+    return found
 
 
 def touching(march: March, space: Space) -> Touch:

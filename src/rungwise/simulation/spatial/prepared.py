@@ -8,12 +8,20 @@ from typing import NamedTuple
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.space import Laws, Space
 
+OWN = 1_000_000
+"""Bytes beside those of the model, as measured on scenes of a few bodies."""
+
 
 class Prepared(NamedTuple):
     """A bound scene and its system, which one run at a time may use."""
 
     bound: SpaceBound
     space: Space
+
+    @property
+    def bytes(self) -> int:
+        """Memory that it takes, about."""
+        return OWN + int(self.space.model.nbuffer + self.space.data.nbuffer)
 
     @classmethod
     def of(cls, scene: SpaceScene, parameters: Mapping[str, float]) -> Prepared:

@@ -20,7 +20,7 @@ from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.spatial.memory import memory_parts, recall
 from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.spatial.values import Values
+from rungwise.simulation.spatial.values import Values, pushes
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
 
 SLIDE, HINGE = 2, 3
@@ -139,3 +139,15 @@ class SpacePlace:
         for row in rows:
             normalise(self.bound.model, row.q)
         return rows
+
+
+def forces_in(memory: Reals, scene: SpaceScene, made: Prepared) -> Reals:
+    """Normal forces (c,) of pairs of bodies in the last step of a run of this scene that left this memory."""
+    march = March(made.space, KINEMATIC, made.bound.step)
+    made.space.forget()
+    recall(march, made.space, memory[memory_parts(scene).core])
+    bodies, forces = scene.template.bodies, np.zeros(len(scene.template.contacts))
+    number = {(bodies.index(a), bodies.index(b)): k for k, (a, b) in enumerate(scene.template.contacts)}
+    for a, b, force in pushes(march, made.space):
+        forces[number[min(a, b), max(a, b)]] += force
+    return forces

@@ -17,7 +17,7 @@ from rungwise.outcome import Outcome
 from rungwise.plain import cut
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.spatial.frames import WORK, Frame
+from rungwise.simulation.spatial.frames import REACTIONS, WORK, Frame
 from rungwise.simulation.state import Memory, State, digest
 from rungwise.simulation.trajectory import save
 from rungwise.system.spatial.space import Space
@@ -128,7 +128,8 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
     """Recorded frames with named coordinates.
 
     Variables over `time`: position per coordinate, velocity per velocity, residual, energy, and the work of
-    drives, loads, contacts, supports and joints; gap and contact_force (normal, and the length of the
+    drives, loads, contacts, supports and joints; drive_force, limit_force, joint_force (of equalities) and
+    dry_friction per velocity, in the last step; gap and contact_force (normal, and the length of the
     tangential force) per pair of geoms that touched or came near in some frame, and its mode: the greatest of
     its contacts. Over `touch`, contacts of all frames one after the other: touch_frame, touch_geoms, point,
     normal, force on the second geom (in the world), friction, mode and gap. Where impacts make forces
@@ -148,6 +149,8 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
         "energy": (("time",), np.array([each.energy for each in frames])),
     }
     data |= _touches(frames)
+    acting = np.array([each.reactions for each in frames])
+    data |= {name: (("time", "rate"), acting[:, k]) for k, name in enumerate(REACTIONS)}
     work = np.array([each.work for each in frames])
     data |= {name: (("time",), work[:, k]) for k, name in enumerate(WORK)}
     return xr.Dataset(

@@ -41,7 +41,8 @@ GAINED = 1e-12
 
 
 class SpaceSimulation:
-    """A run in space that is taken in turns; arguments and errors as of `simulation.run.Simulation`."""
+    """A run in space that is taken in turns; arguments and errors as of `simulation.run.Simulation`, but that
+    no frames are kept where `frames` is None, and that a scene may be `prepared` at these parameters."""
 
     def __init__(
         self,
@@ -57,7 +58,7 @@ class SpaceSimulation:
         motion: Mapping[str, float] | None = None,
         state: State | None = None,
         inputs: Schedule | None = None,
-        frames: int = 2000,
+        frames: int | None = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
         prepared: Prepared | None = None,
@@ -73,7 +74,7 @@ class SpaceSimulation:
         self.outcome = Code.RUNNING
         self.certificate: Certificate | None = None
         self.march: March | None = None
-        most = count("frames", frames, 3)
+        most = 0 if frames is None else count("frames", frames, 3)
         try:
             made = Prepared.of(scene, self.parameters) if prepared is None else prepared
         except InvalidScene as error:
@@ -101,7 +102,7 @@ class SpaceSimulation:
         if state is not None and not state.time < self.end:
             raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
         if stride is None:
-            stride = max(1, math.ceil(min(self.end / self.step / most, MANY)))
+            stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
         self._recorder = Recorder(most, stride)
         self.reason = overlapping(scene, self.space, self.march)
         if not self.reason and (state is None or state.memory is None):
@@ -109,7 +110,8 @@ class SpaceSimulation:
         if self.reason:
             self.outcome = Code.INVALID
             return
-        self._values.read(self.march, self.space)
+        self._values.place(self.march.time, self.march.q, self.march.v, self.space)
+        self._values.push(self.march, self.space, 0.0)  # the state's impulses hold those of its last step
         self._judge()
         self._recorder.take(self.march, self.space, self.memory)
         if self.outcome != Code.RUNNING:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 class Loads:
     """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
-    rows of actuators afterwards."""
+    rows of actuators afterwards, driving (n,) their part of the load."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
         import mujoco
@@ -27,6 +27,7 @@ class Loads:
         m = self.model = model
         self.drives = drives
         self.moment = np.zeros((m.nu, m.nv))
+        self.driving = np.zeros(m.nv)
         self._unit: tuple[mujoco.MjModel, mujoco.MjData] | None = None
         self._row = np.zeros(m.nv)
         self._filled: Terms | None = None
@@ -81,7 +82,8 @@ class Loads:
             load += d.qfrc_spring + d.qfrc_gravcomp
         if m.nu:
             fill_moments(d, self.moment)
-            load += self.drives.load(control, self.moment)
+            self.driving = self.drives.load(control, self.moment)
+            load += self.driving
         if terms is not self._filled or self._springs:
             self._fill_yielding(d, terms)
             self._filled = terms

@@ -107,6 +107,10 @@ class Space:
     def start(self) -> tuple[Reals, Reals]:
         return self.place, self.motion
 
+    @property
+    def driving(self) -> Reals:
+        return self.loads.driving
+
     def speeds(self, _time: float) -> Reals:
         return self.pace
 

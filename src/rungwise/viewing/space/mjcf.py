@@ -34,7 +34,7 @@ def film_of_model(model: mujoco.MjModel) -> tuple[list[str], list[Solid]]:
     becomes a mesh. Raises FilmError for other kinds of geoms.
     """
     bodies = [model.body(b).name or (f"body {b}" if b else "world") for b in range(model.nbody)]
-    collides, colours = touching(model), _colours(model)
+    collides, colours = touching(model), colours_of(model)
     shown = [_shown(model, collides, body) for body in range(model.nbody)]
     solids = [
         _solid(model, geom, colours[geom]) for geoms in shown for geom in geoms.tolist() if colours[geom, 3]
@@ -54,7 +54,7 @@ def _shown(model: mujoco.MjModel, collides: NDArray[np.bool_], body: int) -> NDA
     return geoms
 
 
-def _colours(model: mujoco.MjModel) -> NDArray[np.float64]:
+def colours_of(model: mujoco.MjModel) -> NDArray[np.float64]:
     """Colour of each geom (n, 4): its own, else its material's, else one of ours."""
     colours: NDArray[np.float64] = model.geom_rgba.astype(np.float64)
     moving = np.cumsum(model.body_weldid != 0) - 1
