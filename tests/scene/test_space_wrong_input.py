@@ -19,7 +19,7 @@ MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
 <body name="b" pos="0 0 .1"><freejoint/><geom name="g" size=".1" mass="1"/></body>
 <body name="p" pos="1 0 1"><joint name="j" type="slide"/><geom name="h" size=".1"/></body></worldbody>
 <actuator>{}<position name="a" joint="j" kp="5"/></actuator>{}
-<keyframe><key name="k" qpos="0 0 1 1 0 0 0 0"/></keyframe></mujoco>"""
+<keyframe><key name="k" qpos="0 0 1 1 0 0 0 0"/><key qpos="0 0 2 1 0 0 0 0"/></keyframe></mujoco>"""
 WHOLE: dict[str, Any] = {
     "name": "whole",
     "parameters": {"mu": {"default": 0.5, "range": [0.0, 1.0]}},
@@ -73,6 +73,7 @@ CASES: list[tuple[str, Any, str]] = [
     ("speeds", {"p.j": None}, "speeds.p.j: must be a number or an expression"),
     ("speeds.p.j", "inf", "speeds.p.j: must be finite, not inf at t = 0"),
     ("start.keyframe", "kk", "start.keyframe: unknown 'kk' (did you mean k?)"),
+    ("start.keyframe", "", "start.keyframe: "),
     ("start.places", {"b.zz": 1}, "start.places.b.zz: unknown name (did you mean b.z?)"),
     ("start.places", {"b.z": "t"}, "start.places.b.z: unknown name t"),
     ("start.places", {"b.z": "inf"}, "start.places.b.z: must be finite, not inf"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space.laws import touching
 
 if TYPE_CHECKING:
     import mujoco
@@ -42,7 +43,7 @@ def describe_space(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[s
 def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
     model = bound.model
     geoms = range(int(model.body_geomadr[b]), int(model.body_geomadr[b]) + int(model.body_geomnum[b]))
-    touching = [g for g in geoms if model.geom_contype[g] or model.geom_conaffinity[g]]
+    solid = [g for g in geoms if touching(model)[g]]
     first = int(model.body_jntadr[b])
     coordinates = {}
     for j in range(first, first + int(model.body_jntnum[b])):
@@ -61,8 +62,8 @@ def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
     return {
         "mass": float(model.body_mass[b]),
         "inertia": [float(x) for x in model.body_inertia[b]],
-        "shapes": [SHAPES[int(model.geom_type[g])] for g in touching],
-        "friction": sorted({float(model.geom_friction[g, 0]) for g in touching}),
+        "shapes": [SHAPES[int(model.geom_type[g])] for g in solid],
+        "friction": sorted({float(model.geom_friction[g, 0]) for g in solid}),
         "coordinates": coordinates,
     }
 

@@ -9,9 +9,11 @@ import pytest
 import rungwise as rw
 from rungwise.models.ladder import Rung
 from rungwise.scene import SceneError
+from rungwise.scene.space import SpaceScene
+from rungwise.scene.space.laws import default_law
 
 from .conftest import Make
-from .measure import MOVING, NO_GRAVITY, named, q, run, world
+from .measure import FLOOR, MOVING, NO_GRAVITY, WITH_LOADS, named, q, run, world
 
 ARM = (
     '<site name="s" pos="0 .3 1"/>'
@@ -128,3 +130,37 @@ def test_a_start_beyond_a_limit_or_with_an_open_equality_is_refused(
     else:
         assert found.outcome.name == "invalid"
         assert found.reason.startswith(f"start: {why}")
+
+
+SEEN_ONLY = '<geom name="seen" size=".3" pos="0 0 .2" contype="0" conaffinity="0" mass="0" {}/>'
+IN_PAIR = '<contact><pair geom1="floor" geom2="own"/></contact>'
+
+
+def test_geoms_that_touch_nothing_change_nothing(make: Make) -> None:
+    """Neither the distance of bodies, nor the stiffness of contacts, nor the motion."""
+    found = []
+    for seen in ("", SEEN_ONLY.format(""), SEEN_ONLY.format("").replace(".3", "1e-4")):
+        body = f'<body name="b" pos="0 0 .5"><freejoint/><geom size=".1" mass="1"/>{seen}</body>'
+        scene = make(world(FLOOR, body), goal="gap(world, b) <= 1e-4", duration=0.6)
+        result = run(scene, rw.DYNAMIC_COMPLIANT, step=2e-3)
+        assert isinstance(scene, SpaceScene)
+        found.append((*default_law(scene.bind().model), scene.size, result.time, *q(result)))
+    for other in found[1:]:
+        assert other == pytest.approx(found[0], abs=1e-12)
+    assert found[0][3] == pytest.approx(np.sqrt(2.0 * 0.4 / 9.81), abs=5e-3)
+
+
+@pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
+def test_a_pair_that_names_geoms_is_as_their_types(make: Make, rung: Rung) -> None:
+    """Contacts have the same size, law, room and motion, whichever way the file lets two geoms touch."""
+    found = []
+    for apart, after in (("", ""), ('contype="0" conaffinity="0"', IN_PAIR)):
+        geom = f'<geom name="own" type="box" size=".1 .2 .1" {apart}/>'
+        body = f'<body name="b" pos="0 0 .1"><freejoint/>{geom}</body>'
+        floor = FLOOR.replace("/>", f" {apart}/>")
+        scene = make(world(floor, body, after=after), start={"velocities": {"b.x": 1.0}}, duration=0.1)
+        result = run(scene, rung)
+        assert isinstance(scene, SpaceScene)
+        assert result.space is not None
+        found.append((*default_law(scene.bind().model), scene.size, result.space.room, *q(result)))
+    assert found[1] == pytest.approx(found[0], abs=1e-9)

@@ -162,3 +162,10 @@ def test_what_has_come_to_rest_without_load_stays_at_rest(make: Make, rung: Rung
     found = run(scene, rung)
     assert str(found.outcome) == "timeout", found.reason
     np.testing.assert_allclose(q(found), aim, atol=1e-12)
+
+
+@pytest.mark.parametrize("step", [0, -1e-3, float("nan"), float("inf"), "x"])
+def test_a_replay_with_an_impossible_step_is_refused(make: Make, step: object) -> None:
+    found = run(make(world(SLIDER), duration=0.01), rw.DYNAMIC_RIGID)
+    with pytest.raises(rw.InputError, match="step: must be a finite number greater than 0"):
+        rw.replay(found, step=step)  # type: ignore[arg-type]

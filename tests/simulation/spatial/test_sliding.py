@@ -113,3 +113,14 @@ def test_the_angle_of_friction_is_met_to_a_thousandth(rung: Rung) -> None:
     speed = slides.trajectory.velocity.values[:, 0]
     gained = (speed[-1] - speed[50]) / (slides.time - float(slides.trajectory.time[50]))
     assert gained == pytest.approx(1e-3 * G * sin(STEEP), rel=1e-3)
+
+
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+def test_contacts_without_tangents_stay_without_friction(make: Make, rung: Rung) -> None:
+    """Friction of an entry stands for the file's, and contacts of condim 1 have none."""
+    block = free("b", "0 0 .1", 'type="box" size=".1 .1 .1" condim="1"')
+    floor = FLOOR.replace("/>", ' condim="1"/>')
+    start = {"velocities": {"b.x": 1.0}}
+    found = run(make(world(floor, block), contacts=[{"friction": 0.5}], start=start, duration=0.1), rung)
+    assert found.final["b"]["x"] == pytest.approx(0.1, abs=1e-9)
+    assert not found.frames[-1].touch.friction.any()

@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.scene import InvalidScene
@@ -50,11 +51,25 @@ def contact_laws(
     return law, np.array(rows)
 
 
+def touching(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """For each geom (g,) whether it can touch any other: by its types, or by a pair that names it."""
+    found: NDArray[np.bool_] = (model.geom_contype | model.geom_conaffinity) != 0
+    found[model.pair_geom1] = True
+    found[model.pair_geom2] = True
+    return found
+
+
+def _sizes(model: mujoco.MjModel) -> Reals:
+    """Radii of the geoms that move and may touch."""
+    moving = touching(model) & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)
+    return np.asarray(model.geom_rbound[moving])
+
+
 def default_law(model: mujoco.MjModel) -> tuple[float, float]:
     """Stiffness and damping of contacts for which the scene gives none."""
     moving = model.body_weldid != 0
     mass = float(model.body_mass[moving].sum()) or 1.0
-    sizes = model.geom_rbound[(model.geom_rbound > 0.0) & moving[model.geom_bodyid]]
+    sizes = _sizes(model)
     gravity = float(np.linalg.norm(model.opt.gravity)) or EARTH
     stiffness = mass * gravity / (SINKS * float(sizes.min(initial=np.inf))) if len(sizes) else 1.0
     count = max(int((model.body_mass[moving] > 0.0).sum()), 1)
@@ -63,9 +78,7 @@ def default_law(model: mujoco.MjModel) -> tuple[float, float]:
 
 def smallest(model: mujoco.MjModel) -> float:
     """Radius of the smallest geom that moves and may touch; inf where there is none."""
-    touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    moving = touches & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)
-    return float(model.geom_rbound[moving].min(initial=np.inf))
+    return float(_sizes(model).min(initial=np.inf))
 
 
 def _row(

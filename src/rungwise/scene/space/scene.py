@@ -262,12 +262,12 @@ def _start(scene: SpaceScene, model: mujoco.MjModel, number: _Numbers) -> tuple[
     start = scene.file.start
     q, v, control = model.qpos0.copy(), np.zeros(model.nv), np.zeros(model.nu)
     if start.keyframe is not None:
-        keys = [model.key(k).name for k in range(model.nkey)]
+        keys = {model.key(k).name: k for k in range(model.nkey) if model.key(k).name}
         if start.keyframe not in keys:
             raise SceneError(
-                f"start.keyframe: unknown {start.keyframe[:60]!r}{choices(start.keyframe, keys)}"
+                f"start.keyframe: unknown {start.keyframe[:60]!r}{choices(start.keyframe, list(keys))}"
             )
-        key = keys.index(start.keyframe)
+        key = keys[start.keyframe]
         q[:], v[:], control[:] = model.key_qpos[key], model.key_qvel[key], model.key_ctrl[key]
     for path, given, known, target in (
         ("start.places", start.places, scene.template.coordinates, q),

@@ -18,6 +18,7 @@ from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import condition
+from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
@@ -99,7 +100,7 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
     run's frames. Velocities that the scene prescribes are set before each of the judge's steps.
 
     `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. Raises
-    ReplayError for a planar run and for one that never began.
+    ReplayError for a planar run and for one that never began, ModelError for a step that is not positive.
     """
     if in_ not in JUDGES:
         raise ReplayError(f"in: unknown {shown(in_)}{choices(in_, JUDGES)}")
@@ -107,7 +108,7 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
         raise ReplayError("run: is planar; only runs of scenes in space are replayed")
     if run.space is None or len(run.frames) < 2:
         raise ReplayError(f"run: did not begin: {run.reason}")
-    course = _Course(run, step)
+    course = _Course(run, None if step is None else positive("step", step))
     states = [course.start(), *(course.at(frame.time) for frame in run.frames[1:])]
     times = np.array([frame.time for frame in run.frames])
     extent = float(run.space.model.stat.extent)

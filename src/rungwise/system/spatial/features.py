@@ -247,9 +247,8 @@ def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features
 def _fill_law(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     terms.gap[k], terms.lever[k] = seen.dist[c], 1.0
-    terms.friction[k] = seen.friction[c, 0] if seen.dim[c] > 1 else 0.0
-    if not math.isnan(law[5]):
-        terms.friction[k] = law[5]
+    friction = seen.friction[c, 0] if math.isnan(law[5]) else law[5]
+    terms.friction[k] = friction if seen.dim[c] > 1 else 0.0
     terms.restitution[k] = law[4]
     for i in range(d):
         for j in range(d):

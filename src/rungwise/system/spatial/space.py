@@ -14,6 +14,7 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
+from rungwise.scene.space.laws import touching
 from rungwise.system.moving import Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
@@ -72,8 +73,8 @@ class Space:
         self.reaches = reaches(m)
         self.drives: Drives = drives(m)
         self.boxes = Boxes(m)
-        touching = (m.geom_contype != 0) | (m.geom_conaffinity != 0)
-        moving = touching & (m.body_weldid[m.geom_bodyid] != 0)
+        touches = touching(m)
+        moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
         length = float(sizes[moving].min(initial=np.inf))
@@ -143,7 +144,8 @@ class Space:
         return self.limited.violations(self.data, self.data.efc_J.reshape(-1, self.model.nv))
 
     def gap(self, q: Reals, a: int, b: int) -> float:
-        """The distance of two bodies, negative where they overlap."""
+        """The distance of two bodies, negative where they overlap: of their geoms that may touch something,
+        or of all geoms of a body that has none."""
         self._at(q)
         m, nothing = self.model, None
         far = 10.0 * float(m.stat.extent)
@@ -153,9 +155,10 @@ class Space:
                 least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
         return float(least)
 
-    def _geoms_of(self, body: int) -> range:
-        first = int(self.model.body_geomadr[body])
-        return range(first, first + int(self.model.body_geomnum[body]))
+    def _geoms_of(self, body: int) -> list[int]:
+        own = self.model.geom_bodyid == body
+        solid = own & touching(self.model)
+        return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
         return 2.0 * float((self.reaches @ np.abs(v)).max())
@@ -245,9 +248,7 @@ class Space:
 
 def directions(model: mujoco.MjModel) -> int:
     """Directions of the contacts of a model: 3, or 4 with torsion, or 6 with rolling friction as well."""
-    dims = np.concatenate(
-        [model.geom_condim[(model.geom_contype | model.geom_conaffinity) != 0], model.pair_dim]
-    )
+    dims = np.concatenate([model.geom_condim[touching(model)], model.pair_dim])
     most = int(dims.max(initial=3))
     return max(most, 3)
 

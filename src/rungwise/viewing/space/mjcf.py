@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.scene.space.laws import touching
 from rungwise.viewing.space.film import FilmError, Solid
 
 if TYPE_CHECKING:
@@ -33,20 +34,12 @@ def film_of_model(model: mujoco.MjModel) -> tuple[list[str], list[Solid]]:
     becomes a mesh. Raises FilmError for other kinds of geoms.
     """
     bodies = [model.body(b).name or (f"body {b}" if b else "world") for b in range(model.nbody)]
-    collides, colours = _colliding(model), colours_of(model)
+    collides, colours = touching(model), colours_of(model)
     shown = [_shown(model, collides, body) for body in range(model.nbody)]
     solids = [
         _solid(model, geom, colours[geom]) for geoms in shown for geom in geoms.tolist() if colours[geom, 3]
     ]
     return bodies, solids
-
-
-def _colliding(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """For each geom whether it can touch any other."""
-    found: NDArray[np.bool_] = (model.geom_contype | model.geom_conaffinity) != 0
-    found[model.pair_geom1] = True
-    found[model.pair_geom2] = True
-    return found
 
 
 def _shown(model: mujoco.MjModel, collides: NDArray[np.bool_], body: int) -> NDArray[np.intp]:
