@@ -57,13 +57,12 @@ def test_a_cup_that_falls_is_nothing_for_quasistatic_rungs(model: str) -> None:
 
 def test_a_climb_skips_rungs_on_which_cups_cannot_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     """It says why, and the search goes on from the design of dynamic-rigid."""
-    for name, value in (("DESIGNS", 4), ("DRAWS", 8)):
-        monkeypatch.setattr(design, name, value)
+    monkeypatch.setattr(design, "DESIGNS", 4)
     monkeypatch.setattr(tune, "SCAN", 3)
     monkeypatch.setattr(tune, "HALVINGS", 0)
     found = rw.design(
-        "part_feeder", ("pin_x", "pin_y"), from_="quasistatic-rigid", robust=True, samples=30, budget=1,
-        box={"pin_x": (0.036, 0.041), "pin_y": (-0.016, -0.006)}, accuracy=TOL,
+        "part_feeder", ("pin_x", "pin_y"), from_="quasistatic-rigid", robust=True, draws=8, samples=30,
+        budget=1, box={"pin_x": (0.036, 0.041), "pin_y": (-0.016, -0.006)}, accuracy=TOL,
     )  # fmt: skip
     names = [each.model.name for each in found.earlier]
     assert names == ["quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid"]
