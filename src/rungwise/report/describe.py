@@ -141,16 +141,22 @@ def describe_text(report: Mapping[str, Any]) -> str:
             f"  {a} | {b}: friction {c['friction']:.6g}, restitution {c['restitution']:.6g},"
             f" stiffness {c['stiffness']:.6g}, damping {c['damping']:.6g}"
         )
-    lines.append("parameters")
+    lines += stated(report, 12)
+    return "\n".join(lines)
+
+
+def stated(report: Mapping[str, Any], width: int) -> list[str]:
+    """Lines of the parameters, whose names have this width, of the conditions, and of times and tolerance."""
+    lines = ["parameters"]
     for name, p in report["parameters"].items():
         unit = "" if p["unit"] == "1" else f" {p['unit']}"
         within = "" if p["range"] is None else f", {p['range'][0]:g} to {p['range'][1]:g}"
-        lines.append(f"  {name:12s} {p['value']:.6g}{unit}{within}  {p['about']}")
+        lines.append(f"  {name:{width}s} {p['value']:.6g}{unit}{within}  {p['about']}")
     lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
-    lines.append(
+    told = (
         f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
     )
-    return "\n".join(lines)
+    return [*lines, told]
 
 
 def _travel(coordinate: Mapping[str, Any], unit: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.report.describe import stated
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.laws import touching
 
@@ -112,13 +113,4 @@ def describe_space_text(report: Mapping[str, Any]) -> str:
             f"  {friction}, restitution {law['restitution']:.6g}, stiffness {law['stiffness']:.6g},"
             f" damping {law['damping']:.6g}"
         )
-    lines.append("parameters")
-    for name, p in report["parameters"].items():
-        unit = "" if p["unit"] == "1" else f" {p['unit']}"
-        within = "" if p["range"] is None else f", {p['range'][0]:g} to {p['range'][1]:g}"
-        lines.append(f"  {name:20s} {p['value']:.6g}{unit}{within}  {p['about']}")
-    lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
-    lines.append(
-        f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
-    )
-    return "\n".join(lines)
+    return "\n".join([*lines, *stated(report, 20)])

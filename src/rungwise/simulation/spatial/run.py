@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -315,14 +314,3 @@ class SpaceSimulation:
 def _schedule_of(state: State | None) -> tuple[Segment, ...]:
     """The schedule that the run of a state followed, if it has a memory."""
     return () if state is None or state.memory is None else state.memory.inputs
-
-
-def simulate_in_space(
-    scene: SpaceScene, model: Rung | str, on_progress: Any = None, **options: Any
-) -> SpaceRun:
-    """Run a scene in space to its outcome; see `simulation.run.simulate`."""
-    simulation = SpaceSimulation(scene, model, **options)
-    while simulation.advance():
-        if on_progress is not None:
-            on_progress(simulation)
-    return simulation.result()
