@@ -71,7 +71,7 @@ def solve_spatial(
         return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
-        np.empty(n, np.int64), np.empty(n),
+        np.empty(n, np.int64), np.empty(n), np.empty(n),
     )  # fmt: skip
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
@@ -82,6 +82,7 @@ def solve_spatial(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
         np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
+        np.empty(count),
     )  # fmt: skip
     answers = Answers(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
@@ -190,6 +191,9 @@ def _solve_island(
             if not (product <= _STALLED * earlier or found <= _STALLED * before):
                 break
             earlier, before = product, found
+        if found < least:
+            least = found
+            _put(groups, span, point, best)
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
@@ -197,8 +201,8 @@ def _solve_island(
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)
-            if least <= _ENOUGH * TOLERANCE:
-                break
+        if least <= _ENOUGH * TOLERANCE:
+            break
     _put(groups, span, best, point)
     return PIVOTING
 

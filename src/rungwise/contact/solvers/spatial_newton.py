@@ -23,6 +23,9 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 GIVE = 1e-6
 """Yield of a force, over the yield of its bodies and contact, with which steps are computed: steps err by as
 much, and forces by rounding over it. Chosen by trial, to a decade."""
+_FIRMER, _LEAST = 1e-2, 1e-13
+"""Factor on the yield where whole steps are slow, as where a light body carries a heavy one, and the least
+yield. Chosen by trial, to a decade."""
 _HALVINGS = 7
 _FALL = 1e-2
 """Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
@@ -100,8 +103,8 @@ def evaluate(
 
 @inner_kernel
 def reach(groups: Groups, g: int, n: int) -> float:
-    """Force per rate with which the map looks ahead: one over the mean yield."""
-    total = groups.scale[g]
+    """Force per rate with which the map looks ahead: one over the mean yield, while drives hold."""
+    total = groups.held[g]
     for i in range(n):
         total += groups.R[g, i, i] / n
     return 1.0 / total if total > 0.0 else 1.0
@@ -373,6 +376,8 @@ def descend(
                 if attempt == 0:
                     return done + 1
                 break
+            if length == 1.0 and newer > _FAST * size:
+                give = max(give * _FIRMER, _LEAST)
             size = newer
             _take(groups, span, trial, point)
             if hold > 0.0:
