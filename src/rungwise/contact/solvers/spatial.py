@@ -162,7 +162,7 @@ def _solve_island(
     found = residual_at(bodies, groups, span, quantum, point, steps)
     if found <= _ENOUGH * TOLERANCE:
         return GUESS
-    known = False
+    known, give = False, GIVE
     for turn in range(_TURNS):
         if turn > 0 or not found <= _NEAR:
             if not known:
@@ -170,7 +170,7 @@ def _solve_island(
                 known = True
             sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
             accelerate(bodies, groups, span, point)
-        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL

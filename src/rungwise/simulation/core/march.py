@@ -61,7 +61,8 @@ class March:
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
-    Python reads it fastest.
+    Python reads it fastest. `leap` is the farthest motion, as a length, in a step without momentum, with the
+    step's start and length.
     """
 
     system: System
@@ -72,6 +73,7 @@ class March:
     outcome: Code = Code.RUNNING
     certificate: Certificate | None = None
     residual: float = 0.0
+    leap: tuple[float, float, float] = (0.0, 0.0, 0.0)
     q: Reals = field(init=False)
     state: State = field(init=False)
     scratch: Scratch = field(init=False)
@@ -210,6 +212,9 @@ class March:
         sunk = accept(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
+        if self.rung.inertia == 0.0 and not self.rung.metric:
+            moved = h * self.system.fastest(self.q, np.abs(self.state.v))
+            self.leap = max(self.leap, (moved, self.time, h))
         self.q, self.time = self._trial, self.time + h
         if self.rung.compliant and sunk > SINKING * self.system.size.length:
             self.outcome = Code.MODEL_INVALID

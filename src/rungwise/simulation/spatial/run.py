@@ -281,8 +281,15 @@ class SpaceSimulation:
             )
 
     def _notes(self) -> tuple[str, ...]:
-        """Remarks on the model and on the geometry of contacts."""
-        return self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+        """Remarks on the model, on the geometry of contacts, and on steps that went far."""
+        remarks = self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+        moved, begun, h = (0.0, 0.0, 0.0) if self.march is None else self.march.leap
+        if moved > self.space.size.length:
+            remarks += (
+                f"step: in one of {h:.3g} from t = {begun:.6g} something moved by {moved:.3g}, farther than the"
+                " smallest body: without momentum or damping motions jump; a dynamic rung follows the way",
+            )
+        return remarks
 
     def result(self) -> SpaceRun:
         """The run as far as it has come."""
