@@ -19,6 +19,7 @@ from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import (
     SUPPORTED,
@@ -118,11 +119,13 @@ class March:
 
     def advance(self, h: float, tol: float = math.inf) -> float:
         """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where
-        its error is above `tol`, a length. Returns the length for the next step.
+        its error is above `tol`, a length. Where there is none, however short, `rw.solve` is asked once, for
+        forces to start from or for a proof. Returns the length for the next step.
 
         To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
         than `tol` in the step, it is small enough.
         """
+        asked = False
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -137,8 +140,10 @@ class March:
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
-                self._explain(status)
-                return h
+                if self._explain(status, asked):
+                    return h
+                asked = True
+                continue
             h *= 0.5
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
@@ -220,19 +225,24 @@ class March:
         if self.rung.compliant and sunk > SINKING * self.system.size.length:
             self.outcome = Code.MODEL_INVALID
 
-    def _explain(self, status: int) -> None:
-        """Set the outcome: a jam or a missing support if proved, else not converged."""
-        clock, terms = self.clock, self.terms
+    def _explain(self, status: int, asked: bool) -> bool:
+        """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
+        unless it was asked before, solves the step: its forces are the forces to start from."""
+        clock, terms, state = self.clock, self.terms, self.state
         problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
         if status == UNSUPPORTED:
-            grid = np.ix_(self.state.free[: int(clock["free"])], self.state.free[: int(clock["free"])])
+            grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
             resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
             self.certificate = certify_unsupported(problem, resisting)
             self.outcome = Code.UNSUPPORTED
         else:
-            self.certificate = certify_infeasible(
-                without_law(problem, terms, self.state.free, self.rung.inertia)
-            )
+            problem = without_law(problem, terms, state.free, self.rung.inertia)
+            self.certificate = certify_infeasible(problem)
+            if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
+                solved, self.certificate = ask(problem, terms, state, self.scratch)
+                if solved:
+                    return False
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
+        return True
