@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.contact.judge import Certificate, check
+from rungwise.contact.judge import Certificate, check_in_space
 from rungwise.contact.step import trim
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
@@ -70,11 +70,39 @@ def test_the_checker_takes_no_proof_of_another_problem(make: Make) -> None:
     march, found = simulation.march, simulation.certificate
     assert march is not None and found is not None
     problem = trim(march.problem, int(march.clock["free"]), march.contacts, int(march.clock["limited"]))
-    assert check(problem, found)
-    assert not check(problem, Certificate(found.kind, found.vectors[:-1], found.modes[:-1]))
-    assert not check(problem, Certificate(found.kind, tuple(-p for p in found.vectors), found.modes))
+    assert check_in_space(problem, found)
+    assert not check_in_space(problem, Certificate(found.kind, found.vectors[:-1], found.modes[:-1]))
+    assert not check_in_space(problem, Certificate(found.kind, tuple(-p for p in found.vectors), found.modes))
     problem.mu[:] = 0.1
-    assert not check(problem, found)
+    assert not check_in_space(problem, found)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_ball_among_plates_moves_on_or_is_proved_to_jam(make: Make, seed: int) -> None:
+    """Three or four plates touch it anywhere, and one pushes."""
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(3 + seed % 2, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    plates = []
+    for i, normal in enumerate(normals):
+        first = np.cross(normal, [1.0, 0.0, 0.0])
+        first /= np.linalg.norm(first)
+        axes = " ".join(f"{x:.17g}" for x in (*first, *np.cross(normal, first)))
+        place = " ".join(f"{x:.17g}" for x in -(R + 0.002) * normal)
+        joint = '<joint name="s" type="slide" axis="0 0 1"/>' if i == 0 else ""
+        plates.append(
+            f'<body name="p{i}" pos="{place}" xyaxes="{axes}">{joint}'
+            '<geom type="box" size="0.01 0.01 0.002" mass="1"/></body>'
+        )
+    ball = f'<body name="ball"><freejoint/><geom size="{R}" mass="1"/></body>'
+    scene = make(
+        world(*plates, ball, before='<option gravity="0 0 0"/>'),
+        speeds={"p0.s": 0.1},
+        contacts=[{"between": ["*", "*"], "friction": float(rng.uniform(0.1, 0.8))}],
+    )
+    found = rw.simulate(scene, rw.QUASISTATIC_RIGID, duration=5e-3, step=1e-3)
+    assert found.outcome.name in ("timeout", "jammed")
+    assert (found.outcome.name == "jammed") == (found.certificate is not None)
 
 
 @pytest.mark.parametrize("condim", [4, 6])

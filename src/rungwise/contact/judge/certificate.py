@@ -5,7 +5,6 @@
   neither loads nor momentum.
 * frictional: for every contact mode a Farkas vector (y, z >= 0) with y E + z G = 0 and y . e + z . g > 0. A
   mode in which some contacts are left open to ANY has fewer rows, and its vector serves all its completions.
-  In space modes and vectors are as of `farkas`: of the scaled problem, with cones in pieces.
 * unsupported: a motion d along which the loads do work that contacts, friction and drives cannot resist:
   c . d > F |S d|, (W_n +- mu W_t) d >= 0 and H_0 d = 0; joints do not move at all.
 * unbalanced: Farkas vectors for every contact mode, as in a frictional certificate, of the problem with H_0
@@ -29,9 +28,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.judge.farkas import Infeasible, proves
-from rungwise.contact.prepare.system import scaled
-from rungwise.contact.problem import Problem
 from rungwise.contact.step.modes import ANY, choices, contains, linear_system, natural_units, parts, yielding
 from rungwise.contact.step.problem import ContactProblem, trim
 
@@ -67,8 +63,6 @@ def check(
     match certificate.kind:
         case "kinematic":
             return _check_kinematic(problem, certificate.vectors[0])
-        case "frictional" if problem.R.shape[1] > 2:
-            return _check_in_space(problem, certificate)
         case "frictional":
             return _check_frictional(problem, certificate, held=True)
         case "unsupported":
@@ -151,11 +145,6 @@ def _check_frictional(problem: ContactProblem, certificate: Certificate, held: b
     if any(len(mode) != len(options) for mode in modes) or not _cover(modes, (ANY,) * len(options), options):
         return False
     return all(excludes_mode(problem, *pair, held) for pair in zip(modes, certificate.vectors, strict=True))
-
-
-def _check_in_space(problem: ContactProblem, certificate: Certificate) -> bool:
-    given = Problem.of(problem)
-    return proves(given, scaled(given), Infeasible("jammed", certificate.modes, certificate.vectors))
 
 
 def _cover(modes: Sequence[tuple[int, ...]], part: tuple[int, ...], options: list[tuple[int, ...]]) -> bool:

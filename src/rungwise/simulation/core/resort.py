@@ -3,7 +3,7 @@ proofs."""
 
 from __future__ import annotations
 
-from rungwise.contact.judge import Certificate, check
+from rungwise.contact.judge import Certificate, check_in_space
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step import OPEN, STICK, ContactProblem
@@ -31,4 +31,4 @@ def ask(
     if answer.status != Status.JAMMED or answer.certificate is None:
         return False, None
     found = Certificate("frictional", answer.certificate.vectors, answer.certificate.modes)
-    return False, found if check(problem, found) else None
+    return False, found if check_in_space(problem, found) else None
