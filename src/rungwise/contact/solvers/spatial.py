@@ -3,7 +3,8 @@
 Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
 on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
 Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
-method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Accepts: H positive
+method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried as if there
+were no drives, and as if drives held, which may be all that resists a motion. Accepts: H positive
 definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
 the problem as it was given.
 """
@@ -82,7 +83,7 @@ def solve_spatial(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
         np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
-        np.empty(count),
+        np.empty(count), np.empty(count),
     )  # fmt: skip
     answers = Answers(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
@@ -150,7 +151,7 @@ def _solve_island(
 ) -> int:
     """Solve from the forces at the point; returns the stage that it took."""
     tol = _MARGIN * TOLERANCE
-    point, trial, attempt, best = points
+    point, trial, _, best = points
     # At rest, velocities that are differences of forces would be rounding.
     for i in range(span.low, span.high):
         point.v[i] = 0.0
@@ -162,24 +163,76 @@ def _solve_island(
     found = residual_at(bodies, groups, span, quantum, point, steps)
     if found <= _ENOUGH * TOLERANCE:
         return GUESS
-    known, give = False, GIVE
-    for turn in range(_TURNS):
-        if turn > 0 or not found <= _NEAR:
-            if not known:
-                respond(bodies, groups, span, answers)
-                known = True
-            sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
-            accelerate(bodies, groups, span, point)
-        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
-        found = measure(bodies, groups, span, quantum, point, steps.dv)
-        if found <= tol:
-            return PROXIMAL
-    if not known:
-        respond(bodies, groups, span, answers)
-    least = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
-    if least <= _ENOUGH * TOLERANCE:
-        return PROXIMAL
     _put(groups, span, point, best)
+    if found <= _NEAR:
+        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+            return PROXIMAL
+    respond(bodies, groups, span, answers)
+    for holds in (False, True):
+        if not _look_ahead(groups, span, holds) and holds:
+            break
+        _put(groups, span, best, point)
+        if _by_newton(bodies, groups, span, quantum, answers, point, trial, steps):
+            return PROXIMAL
+    for holds in (True, False):
+        if not _look_ahead(groups, span, holds) and holds:
+            continue
+        if _by_path(bodies, groups, span, quantum, answers, points, duals, steps):
+            break
+    return PIVOTING
+
+
+@inner_kernel
+def _look_ahead(groups: Groups, span: Span, holds: bool) -> bool:
+    """Let the map look ahead with yields while drives hold, or as if there were no drives; whether they
+    differ."""
+    differ = False
+    for g in range(span.first, span.last):
+        groups.ahead[g] = groups.held[g] if holds else groups.scale[g]
+        differ |= groups.held[g] != groups.scale[g]
+    return differ
+
+
+@kernel
+def _by_newton(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    answers: Answers,
+    point: Point,
+    trial: Point,
+    steps: Steps,
+) -> bool:
+    """Turns of sweeps and Newton steps, and the proximal point method; whether the point is a solution."""
+    tol, give = _MARGIN * TOLERANCE, GIVE
+    accelerate(bodies, groups, span, point)
+    for turn in range(_TURNS):
+        sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
+        accelerate(bodies, groups, span, point)
+        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+            return True
+    found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    return bool(found <= _ENOUGH * TOLERANCE)
+
+
+@kernel
+def _by_path(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    answers: Answers,
+    points: tuple[Point, Point, Point, Point],
+    duals: Duals,
+    steps: Steps,
+) -> bool:
+    """The interior point method, with the proximal point method from it; leaves the least residual met at
+    the point, and returns whether it is a solution."""
+    tol, least = _MARGIN * TOLERANCE, math.inf
+    point, trial, attempt, best = points
     begin(bodies, groups, span, point, duals, steps)
     finish, earlier, before = _FINISH, math.inf, math.inf
     for done in range(_PATH):
@@ -204,7 +257,7 @@ def _solve_island(
         if least <= _ENOUGH * TOLERANCE:
             break
     _put(groups, span, best, point)
-    return PIVOTING
+    return bool(least <= _ENOUGH * TOLERANCE)
 
 
 @inner_kernel

@@ -103,8 +103,8 @@ def evaluate(
 
 @inner_kernel
 def reach(groups: Groups, g: int, n: int) -> float:
-    """Force per rate with which the map looks ahead: one over the mean yield, while drives hold."""
-    total = groups.held[g]
+    """Force per rate with which the map looks ahead: one over the mean yield."""
+    total = groups.ahead[g]
     for i in range(n):
         total += groups.R[g, i, i] / n
     return 1.0 / total if total > 0.0 else 1.0

@@ -39,7 +39,8 @@ class Groups(NamedTuple):
     contact, or number of contacts plus limited row.
 
     mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,); scale (g,):
-    mean yield of bodies to forces, as if no coordinates were coupled; held (g,): the same while drives hold.
+    mean yield of bodies to forces, as if no coordinates were coupled; held (g,): the same while drives hold;
+    ahead (g,): the one with which the map looks ahead.
     """
 
     row: Ints
@@ -54,6 +55,7 @@ class Groups(NamedTuple):
     W: Reals
     scale: Reals
     held: Reals
+    ahead: Reals
 
 
 @allocating_kernel
@@ -234,3 +236,4 @@ def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
             held += groups.W[at] * groups.W[at] / bodies.firm[touched[j]]
             at += 1
     groups.scale[g], groups.held[g] = total / size, held / size
+    groups.ahead[g] = groups.scale[g]
