@@ -15,7 +15,8 @@ import math
 
 import numpy as np
 
-from rungwise.contact.solvers.spatial_newton import GIVE, Point, Span, Steps, descend, measure
+from rungwise.contact.solvers.spatial_measure import Point, Span, measure
+from rungwise.contact.solvers.spatial_newton import GIVE, Steps, descend
 from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.spatial_proximal import approach, residual_at
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows

@@ -14,10 +14,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from rungwise.contact.solvers.spatial_measure import Point, Span
 from rungwise.contact.solvers.spatial_newton import (
     GIVE,
-    Point,
-    Span,
     Steps,
     added_yield,
     assemble,

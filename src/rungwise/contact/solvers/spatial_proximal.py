@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solvers.spatial_newton import Point, Span, Steps, descend, evaluate, measure
+from rungwise.contact.solvers.spatial_measure import Point, Span, measure
+from rungwise.contact.solvers.spatial_newton import Steps, descend, evaluate
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups
 from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, sweep
 from rungwise.kernel import inner_kernel, kernel

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solvers.spatial_newton import Point, Span, reach
+from rungwise.contact.solvers.spatial_measure import Point, Span
+from rungwise.contact.solvers.spatial_newton import reach
 from rungwise.contact.solvers.spatial_rows import Bodies, Groups, substitute_bodies
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 

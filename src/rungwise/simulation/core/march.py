@@ -19,16 +19,10 @@ from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.simulation.core.accept import accept, forget
 from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
-from rungwise.simulation.core.step import (
-    SUPPORTED,
-    UNSOLVED,
-    UNSUPPORTED,
-    accept,
-    forget,
-    solve_step,
-)
+from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
 from rungwise.system.moving import Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms

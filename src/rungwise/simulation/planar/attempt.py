@@ -8,7 +8,8 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
-from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED, accept_forces, account, end_velocity
+from rungwise.simulation.core.accept import accept_forces, account, end_velocity
+from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember

@@ -1,0 +1,159 @@
+"""A solved step is taken over: forces, deformations, work, impulses, velocities at its end, and time."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.step import OPEN, ContactProblem
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
+from rungwise.models.assemble import deform
+from rungwise.simulation.core.state import Scratch, State
+from rungwise.system.terms import DRIVE, SUPPORT, Terms
+
+
+@inner_kernel
+def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> float:
+    """Velocity at the end of a step, where `v_new` is the velocity at theta (a prescribed one is
+    constant)."""
+    return v_new if prescribed else (v_new - (1.0 - theta) * v_old) / theta
+
+
+@kernel
+def accept(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> float:
+    """Take over the solved step: forces, deformations, work, impulses, velocities at its end, and time.
+
+    Returns the greatest normal deformation."""
+    clock, deepest = state.clock[0], 0.0
+    accept_forces(rung, h, terms, contacts, state, scratch, problem)
+    account(rung, h, terms, contacts, state, scratch, state.v)
+    for i in range(state.v.shape[0]):
+        state.v[i] = end_velocity(clock.theta, state.v[i], scratch.v_new[i], state.prescribed[i] == 1)
+    for k in range(contacts):
+        slot = scratch.slots[k]
+        deepest = max(deepest, abs(state.deformation[slot, 0]))
+        for i in range(state.force.shape[1]):
+            state.impulse[slot, i] += h * state.force[slot, i]
+    clock.time += h
+    clock.steps += 1
+    return deepest
+
+
+@kernel
+def forget(slots: Ints, fresh: Ints, state: State) -> None:
+    """Slots whose features are new have neither force nor deformation."""
+    for k in range(slots.shape[0]):
+        if fresh[k]:
+            state.modes[slots[k]] = OPEN
+            for i in range(state.force.shape[1]):
+                state.force[slots[k], i] = state.deformation[slots[k], i] = 0.0
+
+
+@kernel
+def accept_forces(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> None:
+    """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
+    force, slots = scratch.contact_force, scratch.slots
+    d = state.force.shape[1]
+    for slot in range(state.force.shape[0]):
+        for i in range(d):
+            state.force[slot, i] = 0.0
+    if rung[0].compliant:
+        _relax(h, terms, contacts, state, scratch, problem)
+    for k in range(contacts):
+        slot = slots[k]
+        state.modes[slot] = scratch.mode[k]
+        for i in range(d):
+            state.force[slot, i] = terms.lever[k] * force[k * d + i]
+    for r in range(state.clock[0].limited):
+        scratch.limited_mode[r] = scratch.mode[contacts + r]
+
+
+@kernel
+def _relax(
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+) -> None:
+    """Fill in new deformations. A slot that is too far away to be among the contacts is at rest."""
+    for k in range(contacts):
+        if math.isfinite(terms.contact_stiffness[k, 0, 0]):
+            deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
+            for i in range(scratch.after.shape[0]):
+                state.deformation[scratch.slots[k], i] = scratch.after[i]
+
+
+@kernel
+def account(
+    rung: RecordArray, h: float, terms: Terms, contacts: int, state: State, scratch: Scratch, v_old: Reals
+) -> None:
+    """Add reactions of drives, and the work of drives, loads, contacts and supports over the step.
+
+    With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
+    rounding. On the kinematic rung there is neither force nor work.
+    """
+    if rung[0].metric:
+        return
+    clock = state.clock[0]
+    n, d, theta = state.v.shape[0], state.force.shape[1], clock.theta
+    momentum = rung[0].inertia > 0.0
+    _push(terms, contacts * d, scratch.contact_force, state.reaction)
+    for i in range(n):
+        contact = state.reaction[i]
+        limited, support, joint = 0.0, 0.0, 0.0
+        for r in range(clock.limited):
+            force = terms.limited[r, i] * scratch.limited_force[r]
+            if terms.account[r] == DRIVE:
+                limited += force
+            elif terms.account[r] == SUPPORT:
+                support += force
+            else:
+                joint += force
+        elastic = 0.0
+        for j in range(n):
+            elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
+            support -= terms.damping[i, j] * scratch.v_new[j]
+        drive = terms.load[i] - state.passive[i] + elastic + limited
+        if state.prescribed[i]:
+            inertial = 0.0
+            for j in range(n if momentum else 0):
+                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
+                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
+            drive = inertial - state.passive[i] - contact - support - joint
+        lever = scratch.v_new[i]
+        if momentum:
+            end = end_velocity(theta, v_old[i], scratch.v_new[i], state.prescribed[i])
+            lever = 0.5 * (v_old[i] + end)
+        state.reaction[i] = drive
+        clock.drive_work += h * lever * drive
+        clock.load_work += h * lever * state.passive[i]
+        clock.contact_work += h * lever * contact
+        clock.support_work += h * lever * support
+        clock.joint_work += h * lever * joint
+
+
+@kernel
+def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
+    """Write what forces along the first rows do to each coordinate into `push` (n,)."""
+    push[:] = 0.0
+    for r in range(rows):
+        if force[r] != 0.0:
+            for i in range(push.shape[0]):
+                push[i] += terms.rows[r, i] * force[r]
