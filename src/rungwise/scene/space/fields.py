@@ -48,7 +48,8 @@ class Model(Strict):
 class Contact(Strict):
     """How geoms touch. Names are those of geoms or of their bodies and may use ``*``; the first entry that
     names a pair holds. Stiffness and damping are those of compliant contact (N/m, N s/m), restitution of
-    rigid contact; friction replaces the model's where it is given."""
+    rigid contact; friction replaces the model's where it is given, and torsional and rolling friction (m),
+    which otherwise change in the same proportion."""
 
     between: tuple[Pattern, Pattern] = ("*", "*")
     stiffness: Number | None = None
@@ -57,6 +58,8 @@ class Contact(Strict):
     tangential_damping: Number | None = None
     restitution: Number = 0.0
     friction: Number | None = None
+    torsional_friction: Number | None = None
+    rolling_friction: Number | None = None
 
 
 class Start(Strict):

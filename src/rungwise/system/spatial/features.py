@@ -51,8 +51,9 @@ def allocate_features(slots: int) -> Features:
 class Solids(Block):
     """What a model says of its geoms, and where its bodies are.
 
-    body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 6):
-    normal and tangential stiffness and damping, restitution, and friction, nan for MuJoCo's; free (n,):
+    body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 8):
+    normal and tangential stiffness and damping, restitution, and sliding, torsional and rolling friction, nan
+    for MuJoCo's; free (n,):
     whether a velocity is not prescribed; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's
     memory.
     """
@@ -114,7 +115,8 @@ def fill_contacts(
         slots[count] = slot
         _fill_rows(c, count, slot, seen, solids, kept, found, bool(fresh[count]), d, n, terms)
         _fill_law(c, count, seen, solids, d, terms)
-        found.world[slot, 9], found.world[slot, 10] = seen.dist[c], terms.friction[count]
+        slides = _frictions(c, seen, solids)[0] if seen.dim[c] > 1 else 0.0
+        found.world[slot, 9], found.world[slot, 10] = seen.dist[c], slides
         count += 1
     return count
 
@@ -221,10 +223,13 @@ def _fill_rows(
     if d > 3 and seen.dim[c] > 3:
         for j in range(n):
             terms.rows[k * d + 3, j] = seen.rows[first + 3, j]
-    for i in range(3, min(d, seen.dim[c])):
-        unit = seen.friction[c, i - 1] / seen.friction[c, 0] if seen.friction[c, 0] > 0.0 else 0.0
+    friction = _frictions(c, seen, solids)
+    unit = _unit(friction)
+    for i in range(1, min(d, seen.dim[c])):
+        own = friction[0] if i < 3 else friction[1] if i == 3 else friction[2]
+        part = own / unit if unit > 0.0 else 1.0
         for j in range(n):
-            terms.rows[k * d + i, j] *= unit
+            terms.rows[k * d + i, j] *= part
 
 
 @kernel
@@ -244,11 +249,29 @@ def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features
 
 
 @kernel
+def _frictions(c: int, seen: Seen, solids: Solids) -> tuple[float, float, float]:
+    """Sliding, torsional and rolling friction of a contact: those of its law, and in place of those that it
+    does not give the model's, which change as sliding friction does."""
+    law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
+    own = seen.friction[c]
+    slide = own[0] if math.isnan(law[5]) else law[5]
+    part = slide / own[0] if own[0] > 0.0 else 1.0
+    twist = part * own[2] if math.isnan(law[6]) else law[6]
+    return slide, twist, part * own[3] if math.isnan(law[7]) else law[7]
+
+
+@kernel
+def _unit(friction: tuple[float, float, float]) -> float:
+    """The friction that a contact's rows are scaled for: of sliding, where there is any."""
+    return friction[0] if friction[0] > 0.0 else max(friction[1], friction[2])
+
+
+@kernel
 def _fill_law(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     terms.gap[k], terms.lever[k] = seen.dist[c], 1.0
-    friction = seen.friction[c, 0] if math.isnan(law[5]) else law[5]
-    terms.friction[k] = friction if seen.dim[c] > 1 else 0.0
+    friction = _frictions(c, seen, solids)
+    terms.friction[k] = _unit(friction) if seen.dim[c] > 3 else friction[0] if seen.dim[c] > 1 else 0.0
     terms.restitution[k] = law[4]
     for i in range(d):
         for j in range(d):
