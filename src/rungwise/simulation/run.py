@@ -453,8 +453,8 @@ def simulate(
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
-        theta=theta, motion=motion, state=state, inputs=inputs, frames=frames, stride=stride,
-        save_hard=save_hard,
+        theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
+        stride=stride, save_hard=save_hard,
     )  # fmt: skip
     while simulation.advance():
         if on_progress is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.resources import files
@@ -56,7 +57,12 @@ def model_path(name: str, folder: Path) -> Path:
     for path in candidates:
         if path.is_file():
             return path
-    raise SceneError(f"model.file: {shown(name)} is no file")
+    raise SceneError(f"model.file: {shown(name)} is {no_file(candidates[0])}")
+
+
+def no_file(path: Path) -> str:
+    """What stands where a model file should."""
+    return "a folder, not a model file" if path.is_dir() else "no file"
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
@@ -71,12 +77,20 @@ def read_spec(path: Path) -> mujoco.MjSpec:
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The model of a specification. Raises SceneError with the compiler's message."""
     try:
-        model = spec.compile()
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
     if model.nv == 0:
         raise SceneError(f"model: {path.name!r}: nothing can move in it")
+    try:
+        bytes(model.names).decode()
+    except UnicodeDecodeError:
+        raise SceneError(f"model: {path.name!r}: a name in it is not UTF-8") from None
     check_numbers(model)
+    for each in told:  # of a model that is not refused
+        warnings.warn(str(each.message), stacklevel=2)
     return model
 
 

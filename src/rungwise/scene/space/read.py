@@ -14,7 +14,7 @@ from rungwise.scene.scene import explain, read_yaml
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, label, labels
-from rungwise.scene.space.model import LIBRARY, compiled, model_path, read_spec
+from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene, SpaceTemplate
 from rungwise.scene.tasks import check_task
@@ -115,7 +115,7 @@ def _of_model(path: Path) -> SpaceScene:
     """A scene of a model alone: its actuators are the inputs, and contacts have the laws of
     `contact_laws`."""
     if not path.is_file():
-        raise SceneError(f"scene: {str(path)[:200]!r} is no file")
+        raise SceneError(f"scene: {str(path)[:200]!r} is {no_file(path)}")
     model = compiled(read_spec(path), path)
     names = labels(model)
     parameters, controls = {}, {}

@@ -63,10 +63,11 @@ def rollout_in_space(
     options = {name: value for name, value in options.items() if name != "motion"}
     most = BUDGET if budget is None else count("budget", budget, 1)
     processes = min(threads_of(threads), os.cpu_count() or 1)
+    size = None if chunk is None else count("chunk", chunk, 1)
     terms = Terms(scene, model, options, most, keep)
     m = len(wanted.points)
     numbers = [i for i in range(m) if i not in wanted.faults]
-    size = chunk or max(1, min(16, len(numbers) // (4 * processes)))
+    size = size or max(1, min(16, len(numbers) // (4 * processes)))
     parts = [
         [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
         for at in range(0, len(numbers), size)
