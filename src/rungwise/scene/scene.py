@@ -22,7 +22,8 @@ from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
 from rungwise.scene.drawing import with_outlines
 from rungwise.scene.expression import STACK
-from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
+from rungwise.scene.fields import Parameter, SceneFile
+from rungwise.scene.shapes import MANY, ONE
 from rungwise.scene.template import SceneError, Template, out_of_range
 from rungwise.scene.values import finite, shown
 from rungwise.wording import choices

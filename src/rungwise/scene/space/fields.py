@@ -11,7 +11,8 @@ from typing import Annotated
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from rungwise.scene.fields import MANY, ONE, Parameter
+from rungwise.scene.fields import Parameter
+from rungwise.scene.shapes import MANY, ONE
 from rungwise.scene.strict import Strict
 from rungwise.scene.task import Task
 from rungwise.scene.values import Name, Number, Pattern, Text
