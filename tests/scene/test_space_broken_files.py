@@ -67,8 +67,12 @@ def _broken(name: str, damage: Callable[[bytes, random.Random], bytes]) -> Itera
 @pytest.mark.parametrize("name", FILES)
 @pytest.mark.filterwarnings("ignore")
 def test_a_damaged_file_is_read_or_refused_in_one_line(
-    tmp_path: Path, name: str, damage: Callable[[bytes, random.Random], bytes]
+    tmp_path: Path,
+    name: str,
+    damage: Callable[[bytes, random.Random], bytes],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # MuJoCo keeps a log of warnings where it runs
     path, refused = tmp_path / name, 0
     for content in _broken(name, damage):
         path.write_bytes(content)
