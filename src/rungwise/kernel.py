@@ -63,6 +63,12 @@ class Kernel:
 
         return KernelDispatcher(self.function, "outside", **self.options)
 
+    def code_for(self, arguments: tuple[object, ...]) -> Callable[..., object]:
+        """What calls the machine code for the types of arguments with which the kernel has been called."""
+        kinds = tuple(self._outside.typeof_pyval(each) for each in arguments)
+        code: Callable[..., object] = self._outside.overloads[kinds].entry_point
+        return code
+
     @cached_property
     def inside(self) -> Any:
         """Numba's dispatcher for calls from compiled code."""
@@ -122,6 +128,25 @@ def inner_kernel(function: F) -> F:
 def summing_kernel(function: F) -> F:
     """An inner kernel whose sums are taken in whatever order is fastest, several terms at a time."""
     return _compile(function, True, forceinline=True, fastmath={"reassoc", "contract"})
+
+
+def steady(kernel: F) -> F:
+    """A caller of a kernel for arguments that keep their types, which are looked at in its first call alone:
+    for loops in Python, where that takes as long as a short kernel. Arguments of other types would be read
+    wrongly."""
+    if not isinstance(kernel, Kernel):
+        return kernel
+    code: Callable[..., object] | None = None
+
+    def call(*arguments: object) -> object:
+        nonlocal code
+        if code is not None:
+            return code(*arguments)
+        found = kernel(*arguments)
+        code = kernel.code_for(arguments)
+        return found
+
+    return call  # type: ignore[return-value]
 
 
 def linking_time() -> float:

@@ -1,8 +1,9 @@
 """What an answer is worth, and proofs that there is none. Knows no solver."""
 
 from rungwise.contact.judge.certificate import Certificate
+from rungwise.contact.judge.in_space import check_in_space
 from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
 
 __all__ = [
-    "Certificate", "certify_infeasible", "certify_unsupported",
+    "Certificate", "certify_infeasible", "certify_unsupported", "check_in_space",
 ]  # fmt: skip

@@ -13,9 +13,9 @@ the forces that loads may make of contacts: a heavy body on a light one presses 
 
 A proof must also hold for the problem as it was given (`proves`): the multipliers of the rows of eliminated
 unknowns follow from the multipliers of the others, p_g = -A_gg^-T A_kg^T p_k, and everything is summed again
-from the given numbers. This needs no unit: no solution has terms |p| |A| |x| below `REACH` times the sum of
-the terms |p| |b| of the gain. As no remainder is known better than to `_KNOWN` of its terms, the gain is more
-than 1e-9 of its own.
+from the given numbers: no solution has terms |p| |A| |x| below `REACH` times the sum of the terms |p| |b| of
+the gain, where the terms of eliminated velocities count beside the largest of them, in units of energy. As no
+remainder is known better than to `_KNOWN` of its terms, the gain is more than 1e-9 of its own.
 """
 
 from __future__ import annotations
@@ -54,7 +54,16 @@ SLIPS: dict[int, dict[int, tuple[float, ...]]] = {
     2: {4: (1.0,), 5: (-1.0,)},
     3: {4: (1.0, 1.0), 5: (1.0, -1.0), 6: (-1.0, 1.0), 7: (-1.0, -1.0)},
 }
-"""A contact's pieces: no force; y_n = 0, which divides into no slip, and slip in each quadrant of signs."""
+"""A contact's pieces: no force; y_n = 0, which divides into no slip, and slip in each quadrant of signs. In
+space a quadrant, and each arc of headings after it, divides into two: of piece i, 2 i and 2 i + 1."""
+_QUADRANTS = {4: 0.0, 5: 3.0, 6: 1.0, 7: 2.0}
+"""Where quadrants begin, in right angles."""
+_FINEST = 512
+"""Pieces below which arcs divide: into 128ths of a right angle, where the forces of an arc exceed the disc by
+2e-5 of it."""
+_WIDER = 1e-6
+"""Angle by which arcs are taken wider where multipliers are sought, so that rounding leaves them valid;
+chosen by trial, to a decade."""
 LOWER, INSIDE, UPPER = 1, 2, 3
 """Pieces of another unknown: at a limit, or between limits, where its rate is zero."""
 
@@ -83,6 +92,8 @@ def pieces(system: System, law: int, piece: int) -> tuple[int, ...]:
             return (OPEN, CLOSED)
         if piece == CLOSED and system.mu[law] > 0.0 and SLIPS[system.directions]:
             return (STICK, *SLIPS[system.directions])
+        if system.directions == 3 and STICK < piece < _FINEST:
+            return (2 * piece, 2 * piece + 1)
         return ()
     lower, upper = system.lower[law - contacts], system.upper[law - contacts]
     if piece != HULL or (np.isneginf(lower) and np.isposinf(upper)):
@@ -106,10 +117,37 @@ def generators(system: System, k: int, piece: int) -> Array:
         angle = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
         corners = mu / np.cos(np.pi / _SIDES) * np.column_stack([np.cos(angle), np.sin(angle)])
         ends = np.vstack([ends, corners])
+    if d == 3 and piece > STICK and piece not in SLIPS[d]:
+        first, last = arc(piece)
+        outer = (first + last) / (1.0 + first @ last)
+        ends = -mu * np.vstack([first, last, outer])
     slip = SLIPS[d].get(piece)
     if slip is not None:
         ends = ends[(ends * slip <= _AXIS * mu).all(axis=1)]
     return np.column_stack([np.ones(len(ends)), ends])
+
+
+def arc(piece: int, wider: float = 0.0) -> tuple[Array, Array]:
+    """The first and the last heading (2,) of an arc of slips in space, taken wider by an angle."""
+    halvings = piece.bit_length() - 3
+    quadrant = piece >> halvings
+    width = 0.5 * np.pi / (1 << halvings)
+    first = 0.5 * np.pi * _QUADRANTS[quadrant] + width * (piece - (quadrant << halvings))
+    ends = np.array([first - wider, first + width + wider])
+    return np.array([np.cos(ends[0]), np.sin(ends[0])]), np.array([np.cos(ends[1]), np.sin(ends[1])])
+
+
+def headings(system: System, mode: Mode, wider: float = _WIDER) -> Array:
+    """Rows (g, N): a multiplier's product with the first and the last heading of each arc of the mode, which
+    may not be negative, as no product with a slip of the arc may be."""
+    d, rows = system.directions, []
+    for k, piece in enumerate(mode[: len(system.mu)]):
+        if piece > STICK and piece not in SLIPS[d]:
+            for heading in arc(piece, wider):
+                row = np.zeros(system.size)
+                row[k * d + 1 : (k + 1) * d] = heading
+                rows.append(row)
+    return np.array(rows).reshape(-1, system.size)
 
 
 def signs(system: System, mode: Mode) -> tuple[Array, Array]:
@@ -120,7 +158,7 @@ def signs(system: System, mode: Mode) -> tuple[Array, Array]:
         most[k * d] = np.inf
         least[k * d] = 0.0 if piece in (HULL, OPEN) else -np.inf
         tangents = slice(k * d + 1, (k + 1) * d)
-        if piece == STICK:
+        if piece >= STICK:
             least[tangents], most[tangents] = -np.inf, np.inf
         if piece in SLIPS[d]:
             slip = np.array(SLIPS[d][piece])
@@ -169,7 +207,7 @@ def covers(system: System, mode: Mode, leaves: tuple[Mode, ...]) -> bool:
 
 
 def _within(system: System, law: int, piece: int, part: int) -> bool:
-    return piece == part or piece in pieces(system, law, part)
+    return piece == part or any(_within(system, law, piece, own) for own in pieces(system, law, part))
 
 
 def excludes(system: System, mode: Mode, p: Array) -> bool:
@@ -178,7 +216,7 @@ def excludes(system: System, mode: Mode, p: Array) -> bool:
     if p.shape != (s.size,) or not np.isfinite(p).all():
         return False
     least, most = signs(s, mode)
-    if (p < least).any() or (p > most).any():
+    if (p < least).any() or (p > most).any() or (headings(s, mode, 0.0) @ p < 0.0).any():
         return False
     A = s.matrix()
     pull = A.T @ p
@@ -187,7 +225,7 @@ def excludes(system: System, mode: Mode, p: Array) -> bool:
     left = float(doubt.max(initial=0.0))
     for k, piece in enumerate(mode[: len(s.mu)]):
         own = pull[k * d : (k + 1) * d]
-        if piece in SLIPS[d]:
+        if piece > STICK:
             left = max(left, float((generators(s, k, piece) @ own).max()))
         elif piece != OPEN:
             left = max(left, own[0] + s.mu[k] * float(np.linalg.norm(own[1:])))
@@ -221,10 +259,15 @@ def _excludes(problem: Problem, system: System, mode: Mode, q: Array) -> bool:
     pull, terms = A.T @ q, abs(A).T @ size
     share = np.abs(pull) / np.where(terms > 0.0, terms, 1.0)
     kept, others = s.kept, s.kept[s.rows :]
-    left = float(np.delete(share, kept).max(initial=0.0))
+    gone = np.delete(np.arange(len(b)), kept)
+    own = A.diagonal()[gone]
+    unit = 1.0 / np.sqrt(np.where(own > 0.0, own, np.inf))
+    greatest = float((terms[gone] * unit).max(initial=0.0))
+    beside = np.abs(pull[gone]) * unit / (greatest or 1.0)
+    left = float(np.where(own > 0.0, beside, share[gone]).max(initial=0.0))
     for k, piece in enumerate(mode[: len(s.mu)]):
         own, most = pull[k * d : (k + 1) * d], float(terms[k * d : (k + 1) * d].max())
-        if piece in SLIPS[d]:
+        if piece > STICK:
             left = max(left, float((generators(s, k, piece) @ own).max()) / (most or 1.0))
         elif piece != OPEN:
             left = max(left, (own[0] + s.mu[k] * float(np.linalg.norm(own[1:]))) / (most or 1.0))
@@ -243,7 +286,8 @@ _lifts: WeakKeyDictionary[System, Lift] = WeakKeyDictionary()
 
 def _lift(problem: Problem, system: System) -> Lift:
     """A function from multipliers of the kept rows to multipliers (N,) of all rows that pull no free unknown:
-    with all of them, and without multipliers that are rounding beside others that pull the same unknown."""
+    with all of them, without multipliers that are rounding beside others that pull the same unknown, and with
+    the kept rows alone: rates that exclude each other whatever the balance of forces is."""
     found = _lifts.get(system)
     if found is None:
         found = _lifts[system] = _lifting(problem, system)
@@ -267,7 +311,9 @@ def _lifting(problem: Problem, system: System) -> Lift:
         share = sp.diags_array(np.abs(q[gone])) @ sizes @ per
         fewer = q.copy()
         fewer[gone[_least(share) < _NOTHING]] = 0.0
-        return q, fewer
+        alone = q.copy()
+        alone[gone] = 0.0
+        return q, fewer, alone
 
     return lift
 

@@ -6,8 +6,8 @@ that point Newton steps are tried; if they lead nowhere the law that x violates 
 searched one by one: a proof that excludes one excludes the whole. Source: Land and Doig, Econometrica 28
 (1960) 497-520; for complementarity, Bard and Moore, SIAM J. Sci. Stat. Comput. 11 (1990) 281-292. Accepts:
 everything; it goes beyond the root of an island up to `LARGEST` unknowns. Promises: at most `NODES` linear
-programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a proof only
-where the quadrants of slip give one.
+programs; a solution or a proof for LCPs, boxes and planar friction if these suffice; in space a proof where
+arcs of slips give one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,18 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import block_diag
 
-from rungwise.contact.judge.farkas import Infeasible, Mode, check, generators, hull, limits, pieces, signs
+from rungwise.contact.judge.farkas import (
+    Infeasible,
+    Mode,
+    check,
+    excludes,
+    generators,
+    headings,
+    hull,
+    limits,
+    pieces,
+    signs,
+)
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
@@ -38,6 +49,9 @@ _STEPS = 15
 ROUNDING = 1e-9
 """Size in scaled units below which multipliers, at most 1, and their gain are rounding: ten times the
 tolerances of the linear programs."""
+_ACTIVE = (1e-6, 1e-8, 1e-10)
+"""Sizes in scaled units below which a constraint on multipliers may be active: the first that gives a proof
+counts. Chosen by trial."""
 OPTIONS = {
     "primal_feasibility_tolerance": 1e-10,
     "dual_feasibility_tolerance": 1e-10,
@@ -173,19 +187,26 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
         return None, None
     if found.fun < -ROUNDING:
         rows = np.vstack([push, drawn]) if s.size <= LARGEST else sp.vstack([push, drawn], format="csr")
-        return _sharpen(np.asarray(found.x)[: s.size], rows[:, : s.size]), None
-    contact = -np.asarray(found.ineqlin.marginals) @ cone if push.shape[0] else np.zeros(s.rows)
+        for active in _ACTIVE:
+            p = _sharpen(np.asarray(found.x)[: s.size], rows[:, : s.size], active)
+            if excludes(s, mode, p):
+                break
+        return p, None
+    contact = np.zeros(s.rows)
+    if cone.shape[0]:
+        contact = -np.asarray(found.ineqlin.marginals)[: cone.shape[0]] @ cone
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
     return None, np.concatenate([contact, others])
 
 
 def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
-    """Rays of all contacts, how multipliers draw along them, and (A^T p)_j = above - below: how much x_j is
-    drawn to its upper and to its lower limit. Dense for few unknowns."""
+    """Rays of all contacts; how multipliers draw along them, and against arcs of slips; and (A^T p)_j = above
+    - below: how much x_j is drawn to its upper and to its lower limit. Dense for few unknowns."""
     rays, m = [generators(s, k, mode[k]) for k in range(len(s.mu))], len(s.lower)
     if s.size <= LARGEST:
         back, cone = s.dense().T, block_diag(*rays) if rays else np.zeros((0, 0))
-        push = np.hstack([cone @ back[: s.rows], np.zeros((len(cone), 2 * m))])
+        push = np.vstack([cone @ back[: s.rows], -headings(s, mode)])
+        push = np.hstack([push, np.zeros((len(push), 2 * m))])
         return cone, push, np.hstack([back[s.rows :], -np.eye(m), np.eye(m)])
     back = sp.csr_array(s.matrix().T)
     cone = sp.block_diag(rays, format="csr") if rays else sp.csr_array((0, 0))
@@ -193,11 +214,11 @@ def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:
     return cone, push, sp.hstack([back[s.rows :], -sp.eye_array(m), sp.eye_array(m)], format="csr")
 
 
-def _sharpen(p: Array, constraints: Matrix) -> Array:
+def _sharpen(p: Array, constraints: Matrix, nearly: float) -> Array:
     """p with rounding removed: entries nearly zero are zero, and constraints nearly active are met."""
     p = np.where(np.abs(p) > ROUNDING, p, 0.0)
     inside = np.abs(p) > 0.0
-    active = np.abs(constraints @ p) < 1e-6
+    active = np.abs(constraints @ p) < nearly
     rows = constraints[active][:, inside]
     rows = rows.toarray() if sp.issparse(rows) else rows
     for _ in range(2):

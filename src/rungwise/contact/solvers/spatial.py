@@ -71,7 +71,7 @@ def solve_spatial(
         return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
-        np.empty(n, np.int64), np.empty(n),
+        np.empty(n, np.int64), np.empty(n), np.empty(n),
     )  # fmt: skip
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
@@ -82,6 +82,7 @@ def solve_spatial(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
         np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
+        np.empty(count),
     )  # fmt: skip
     answers = Answers(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
@@ -161,7 +162,7 @@ def _solve_island(
     found = residual_at(bodies, groups, span, quantum, point, steps)
     if found <= _ENOUGH * TOLERANCE:
         return GUESS
-    known = False
+    known, give = False, GIVE
     for turn in range(_TURNS):
         if turn > 0 or not found <= _NEAR:
             if not known:
@@ -169,7 +170,7 @@ def _solve_island(
                 known = True
             sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
             accelerate(bodies, groups, span, point)
-        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
         found = measure(bodies, groups, span, quantum, point, steps.dv)
         if found <= tol:
             return PROXIMAL
@@ -190,6 +191,9 @@ def _solve_island(
             if not (product <= _STALLED * earlier or found <= _STALLED * before):
                 break
             earlier, before = product, found
+        if found < least:
+            least = found
+            _put(groups, span, point, best)
         if found < finish:
             finish = _NEARER * found
             _put(groups, span, point, attempt)
@@ -197,8 +201,8 @@ def _solve_island(
             if found < least:
                 least = found
                 _put(groups, span, attempt, best)
-            if least <= _ENOUGH * TOLERANCE:
-                break
+        if least <= _ENOUGH * TOLERANCE:
+            break
     _put(groups, span, best, point)
     return PIVOTING
 

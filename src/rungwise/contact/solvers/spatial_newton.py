@@ -23,6 +23,9 @@ from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 GIVE = 1e-6
 """Yield of a force, over the yield of its bodies and contact, with which steps are computed: steps err by as
 much, and forces by rounding over it. Chosen by trial, to a decade."""
+_FIRMER, _LEAST = 1e-3, 1e-14
+"""Factor on the yield where whole steps are slow, as where a light body carries a heavy one, and the least
+yield. Chosen by trial, to a decade."""
 _HALVINGS = 7
 _FALL = 1e-2
 """Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
@@ -100,8 +103,8 @@ def evaluate(
 
 @inner_kernel
 def reach(groups: Groups, g: int, n: int) -> float:
-    """Force per rate with which the map looks ahead: one over the mean yield."""
-    total = groups.scale[g]
+    """Force per rate with which the map looks ahead: one over the mean yield, while drives hold."""
+    total = groups.held[g]
     for i in range(n):
         total += groups.R[g, i, i] / n
     return 1.0 / total if total > 0.0 else 1.0
@@ -352,13 +355,13 @@ def descend(
     point: Point,
     trial: Point,
     steps: Steps,
-) -> int:
+) -> float:
     """Move the point by Newton steps while the map falls, until the residual is within `tol`, or with hold
-    the map. Returns the number of factorisations."""
+    the map. Returns the yield of the last steps, less than `give` where whole steps were slow."""
     size = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
-    for done in range(most):
+    for _ in range(most):
         if not prepare(bodies, groups, span, give, hold, steps):
-            return done
+            return give
         for attempt in range(1 + _CHORDS):
             find_step(groups, span, point, steps)
             length, newer = 1.0, math.inf
@@ -370,19 +373,22 @@ def descend(
                 length, newer = 0.5 * length, math.inf
             if not newer < math.inf:
                 evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
-                if attempt == 0:
-                    return done + 1
+                if attempt == 0 and give <= _LEAST:
+                    return give
+                give = max(give * _FIRMER, _LEAST) if attempt == 0 else give
                 break
+            if length == 1.0 and newer > _FAST * size:
+                give = max(give * _FIRMER, _LEAST)
             size = newer
             _take(groups, span, trial, point)
             if hold > 0.0:
                 if size <= tol:
-                    return done + 1
+                    return give
             elif measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
-                return done + 1
+                return give
             if length < 1.0:
                 break
-    return most
+    return give
 
 
 @inner_kernel

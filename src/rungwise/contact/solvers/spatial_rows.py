@@ -20,7 +20,8 @@ from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 class Bodies(NamedTuple):
     """n coordinates, sorted: H (n, n), its factors L L^T by blocks (n, n), first and last (n,) coordinate of
     the own block, the latter excluded, load c (n,), place (n,) in the problem, unit (n,): a velocity of the
-    problem over one here."""
+    problem over one here, firm (n,): resistance of a coordinate and of the drives that move it, over its
+    own."""
 
     H: Reals
     factor: Reals
@@ -29,6 +30,7 @@ class Bodies(NamedTuple):
     c: Reals
     place: Ints
     unit: Reals
+    firm: Reals
 
 
 class Groups(NamedTuple):
@@ -37,7 +39,7 @@ class Groups(NamedTuple):
     contact, or number of contacts plus limited row.
 
     mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,); scale (g,):
-    mean yield of bodies to forces, as if no coordinates were coupled.
+    mean yield of bodies to forces, as if no coordinates were coupled; held (g,): the same while drives hold.
     """
 
     row: Ints
@@ -51,6 +53,7 @@ class Groups(NamedTuple):
     touched: Ints
     W: Reals
     scale: Reals
+    held: Reals
 
 
 @allocating_kernel
@@ -102,7 +105,7 @@ def sort_rows(
             placed += 1
             island[count, 0], island[count, 1] = done, placed
             count += 1
-    return count if _fill_bodies(p, n, bodies) else -1
+    return count if _fill_bodies(p, n, limited, bodies) else -1
 
 
 @inner_kernel
@@ -137,15 +140,19 @@ def _touch(row: Reals, isle: Ints, home: int) -> int:
 
 
 @kernel
-def _fill_bodies(p: ContactProblem, n: int, bodies: Bodies) -> bool:
+def _fill_bodies(p: ContactProblem, n: int, limited: int, bodies: Bodies) -> bool:
     """Scale, sort and factorise; whether H is positive definite."""
-    H, L, first, last, c, place, unit = bodies
+    H, L, first, last, c, place, unit, firm = bodies
     for i in range(n):
         own = p.H[place[i], place[i]]
         if not own > 0.0:
             return False
         unit[i] = 1.0 / math.sqrt(own)
         c[i] = unit[i] * p.c[place[i]]
+        firm[i] = 1.0
+        for r in range(limited):
+            if p.R_s[r] > 0.0:
+                firm[i] += (unit[i] * p.S[r, place[i]]) ** 2 / p.R_s[r]
     for i in range(n):
         for j in range(first[i], last[i]):
             H[i, j] = unit[i] * unit[j] * p.H[place[i], place[j]]
@@ -210,7 +217,7 @@ def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
     """Keep the columns in which a row has an entry."""
     size, n = rows.shape
     touched = groups.touched[groups.column[g] :]
-    width, total = 0, 0.0
+    width, total, held = 0, 0.0, 0.0
     for i in range(n):
         found = False
         for r in range(size):
@@ -224,5 +231,6 @@ def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
         for j in range(width):
             groups.W[at] = rows[r, bodies.place[touched[j]]] * bodies.unit[touched[j]]
             total += groups.W[at] * groups.W[at]
+            held += groups.W[at] * groups.W[at] / bodies.firm[touched[j]]
             at += 1
-    groups.scale[g] = total / size
+    groups.scale[g], groups.held[g] = total / size, held / size

@@ -16,9 +16,10 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
 from rungwise.contact.step import ContactProblem, allocate_problem, trim
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import (
     SUPPORTED,
@@ -61,7 +62,8 @@ class March:
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
-    Python reads it fastest.
+    Python reads it fastest. `leap` is the farthest motion, as a length, in a step without momentum, with the
+    step's start and length.
     """
 
     system: System
@@ -72,6 +74,7 @@ class March:
     outcome: Code = Code.RUNNING
     certificate: Certificate | None = None
     residual: float = 0.0
+    leap: tuple[float, float, float] = (0.0, 0.0, 0.0)
     q: Reals = field(init=False)
     state: State = field(init=False)
     scratch: Scratch = field(init=False)
@@ -97,6 +100,7 @@ class March:
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
+        self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
         clock = self.clock
         clock["limited"] = size.limited
         clock["surfaces"] = bool((self.terms.surface != APART).any())
@@ -115,11 +119,13 @@ class March:
 
     def advance(self, h: float, tol: float = math.inf) -> float:
         """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where
-        its error is above `tol`, a length. Returns the length for the next step.
+        its error is above `tol`, a length. Where there is none, however short, `rw.solve` is asked once, for
+        forces to start from or for a proof. Returns the length for the next step.
 
         To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
         than `tol` in the step, it is small enough.
         """
+        asked = False
         while True:
             status, v = self._attempt(h)
             if status == SUPPORTED:
@@ -134,8 +140,10 @@ class March:
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
-                self._explain(status)
-                return h
+                if self._explain(status, asked):
+                    return h
+                asked = True
+                continue
             h *= 0.5
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
@@ -156,7 +164,7 @@ class March:
         self._trial, v = self.q, self.state.v
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             self._fill(self._trial, v, h)
-            status = solve_step(
+            status = self._solve(
                 self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem
             )
             if status != SUPPORTED:
@@ -195,7 +203,7 @@ class March:
         count, d = len(slots), self.system.size.directions
         self.contacts = count
         self.scratch.slots[:count] = slots
-        forget(slots, fresh, state)
+        self._forget(slots, fresh, state)
         if rung.compliant:
             terms.deformation[: count * d] = state.deformation[slots].ravel()
         if trial is not self.q:
@@ -207,26 +215,34 @@ class March:
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time
-        sunk = accept(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        sunk = self._take(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
+        if self.rung.inertia == 0.0 and not self.rung.metric:
+            moved = h * self.system.fastest(self.q, np.abs(self.state.v))
+            self.leap = max(self.leap, (moved, self.time, h))
         self.q, self.time = self._trial, self.time + h
         if self.rung.compliant and sunk > SINKING * self.system.size.length:
             self.outcome = Code.MODEL_INVALID
 
-    def _explain(self, status: int) -> None:
-        """Set the outcome: a jam or a missing support if proved, else not converged."""
-        clock, terms = self.clock, self.terms
+    def _explain(self, status: int, asked: bool) -> bool:
+        """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
+        unless it was asked before, solves the step: its forces are the forces to start from."""
+        clock, terms, state = self.clock, self.terms, self.state
         problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
         if status == UNSUPPORTED:
-            grid = np.ix_(self.state.free[: int(clock["free"])], self.state.free[: int(clock["free"])])
+            grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
             resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
             self.certificate = certify_unsupported(problem, resisting)
             self.outcome = Code.UNSUPPORTED
         else:
-            self.certificate = certify_infeasible(
-                without_law(problem, terms, self.state.free, self.rung.inertia)
-            )
+            problem = without_law(problem, terms, state.free, self.rung.inertia)
+            self.certificate = certify_infeasible(problem)
+            if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
+                solved, self.certificate = ask(problem, terms, state, self.scratch)
+                if solved:
+                    return False
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
+        return True

@@ -201,7 +201,7 @@ class _Course:
         assert self.run.space is not None
         d = self.data
         self.values.place(d.time, d.qpos.copy(), d.qvel.copy(), self.run.space)
-        return self.values.verdict()
+        return self.values.judge()[0]
 
 
 def _apart(course: _Course, frame: Frame, q: Reals, extent: float) -> Reals:

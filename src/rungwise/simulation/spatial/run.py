@@ -287,9 +287,8 @@ class SpaceSimulation:
         """Set the outcome where a condition decides it, or the schedule is over."""
         if self._values.verdicts:
             best, danger = self._margins
-            goal, near = self._values.margins()
+            self.outcome, goal, near = self._values.judge()
             self._margins = max(best, goal), max(danger, near)
-            self.outcome = self._values.verdict()
         clock, values = self._clock, self._values
         if self.outcome != Code.RUNNING:
             return
@@ -317,8 +316,15 @@ class SpaceSimulation:
             )
 
     def _notes(self) -> tuple[str, ...]:
-        """Remarks on the model and on the geometry of contacts."""
-        return self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+        """Remarks on the model, on the geometry of contacts, and on steps that went far."""
+        remarks = self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+        moved, begun, h = (0.0, 0.0, 0.0) if self.march is None else self.march.leap
+        if moved > self.space.size.length:
+            remarks += (
+                f"step: in one of {h:.3g} from t = {begun:.6g} something moved by {moved:.3g}, farther than"
+                " the smallest body: without momentum or damping motions jump; a dynamic rung follows them",
+            )
+        return remarks
 
     def result(self) -> SpaceRun:
         """The run as far as it has come."""

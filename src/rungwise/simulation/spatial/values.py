@@ -93,27 +93,22 @@ class Values:
         first, count = self._first_of_contacts, len(self.scene.template.contacts)
         self.all[first + 2 * count : first + 3 * count] = before[first + 2 * count : first + 3 * count]
 
-    def verdict(self) -> Code:
-        """The first condition of the scene that holds, RUNNING if none does."""
-        for k, code in enumerate(self.verdicts):
-            if self._holds(k):
-                return code
-        return Code.RUNNING
-
-    def margins(self) -> tuple[float, float]:
-        """Signed margins of the goal, and of the unsafe or doomed condition that is nearer; -inf where none
-        is stated."""
-        goal, danger = -np.inf, -np.inf
+    def judge(self) -> tuple[Code, float, float]:
+        """The first condition of the scene that holds, RUNNING if none does; signed margins of the goal, and
+        of the unsafe or doomed condition that is nearer, -inf where none is stated."""
+        verdict, goal, danger = Code.RUNNING, -np.inf, -np.inf
         for k, code in enumerate(self.verdicts):
             first, last = self._programs.table[k]
             found = evaluate(
                 self._programs.code, self._programs.constants, first, last, self.all, self._stack
             )
+            if verdict == Code.RUNNING and (found >= 0.0 or (found != found and self._holds(k))):
+                verdict = code
             if code == Code.GOAL:
                 goal = found
             else:
                 danger = max(danger, found)
-        return goal, danger
+        return verdict, goal, danger
 
     def is_guarded(self, number: int) -> bool:
         """Whether a condition ends segment k."""

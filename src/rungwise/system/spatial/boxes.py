@@ -32,6 +32,7 @@ class Boxes:
 
         self.model = model
         self.is_box = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).astype(np.int64)
+        self.may_meet = bool(self.is_box.sum() > 1)
         self._alone = np.zeros(1, np.int64)
         self._found, self._spare = np.zeros((CORNERS, 4)), np.zeros((CORNERS, 3))
         self._cut, self._normal = np.zeros((CORNERS, 3)), np.zeros(3)

@@ -121,16 +121,13 @@ def fill_contacts(
 
 
 @kernel
-def keep(kept: Features, found: Features) -> None:
-    """The features found are those of the step before the next."""
-    for s in range(max(kept.used[0], found.used[0])):
-        for i in range(2):
-            kept.geoms[s, i] = found.geoms[s, i]
-        for i in range(6):
-            kept.place[s, i], kept.along[s, i] = found.place[s, i], found.along[s, i]
-        for i in range(11):
-            kept.world[s, i] = found.world[s, i]
-    kept.used[0] = found.used[0]
+def least_gap(seen: Seen) -> float:
+    """The smallest gap of contacts that have rows; inf where there is none."""
+    least = math.inf
+    for c in range(seen.dist.shape[0]):
+        if seen.address[c] >= 0:
+            least = min(least, seen.dist[c])
+    return least
 
 
 @kernel

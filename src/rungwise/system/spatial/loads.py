@@ -56,6 +56,7 @@ class Loads:
         if self._unit is None:
             model = _of_unit_mass(self.model)
             self._unit = model, self._mujoco.MjData(model)
+            self._mujoco.mj_setConst(*self._unit)  # it keeps M of bodies whose M is constant
         model, data = self._unit
         data.qpos[:] = q
         self._mujoco.mj_kinematics(model, data)

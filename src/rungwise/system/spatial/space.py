@@ -13,12 +13,19 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, steady
 from rungwise.scene.space.laws import touching
 from rungwise.system.moving import Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
-from rungwise.system.spatial.features import Features, Seen, Solids, allocate_features, fill_contacts, keep
+from rungwise.system.spatial.features import (
+    Features,
+    Seen,
+    Solids,
+    allocate_features,
+    fill_contacts,
+    least_gap,
+)
 from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
 from rungwise.system.spatial.noise import Noise
@@ -60,6 +67,7 @@ class Space:
     pace: Reals
     size: Size = field(init=False)
     kept: Features = field(init=False)
+    _found: Features = field(init=False)
     directions: int = field(init=False)
 
     def __post_init__(self) -> None:
@@ -102,6 +110,9 @@ class Space:
         self._from = self._filled = self.place
         self._heard = 0
         self.forget()
+        # By whether there are several contacts: numpy's arrays of one are contiguous, another type.
+        self._fill_contacts = steady(fill_contacts), steady(fill_contacts)
+        self._least_gap = steady(least_gap), steady(least_gap)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
 
     def start(self) -> tuple[Reals, Reals]:
@@ -122,10 +133,7 @@ class Space:
     def least_gap(self, q: Reals) -> float:
         self._at(q)
         if self._least is None:
-            contact = self.data.contact
-            self._least = np.inf
-            if self.data.ncon:
-                self._least = float(contact.dist[contact.efc_address >= 0].min(initial=np.inf))
+            self._least = self._least_gap[self.data.ncon > 1](self._seen)
         return self._least
 
     def overlaps(self, q: Reals) -> list[tuple[float, int, int]]:
@@ -171,7 +179,7 @@ class Space:
         return float(self.data.energy[0] + 0.5 * v @ product)
 
     def accept(self) -> None:
-        keep(self.kept, self._found)
+        self.kept, self._found = self._found, self.kept
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
         m, d = self.model, self.data
@@ -181,17 +189,11 @@ class Space:
         self.loads.fill(d, moment, self.control, self.pace, self._all_free, terms)
         rows = d.efc_J.reshape(-1, m.nv)
         self.limited.fill(d, rows, self.loads.moment, self.control, not moment.metric, terms)
-        count = 0
-        if d.ncon:
-            c = d.contact
-            seen = Seen(c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address, rows)
-            count = fill_contacts(
-                seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
-            )
-            if count < 0:
-                raise InputError(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
-        else:
-            self._found.geoms[:], self._found.used[0] = -1, 0
+        count = self._fill_contacts[d.ncon > 1](
+            self._seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
+        )
+        if count < 0:
+            raise InputError(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
         self._listen(moment, count, terms)
         known, count = count, self.limited.fill_limits(d, rows, reach, count, terms, self._slots)
         self._fresh[known:count] = 0
@@ -230,7 +232,7 @@ class Space:
         if q is not self._q and not np.array_equal(q, self._q):
             m, d = self.model, self.data
             d.qpos[:] = q
-            if self.boxes.is_box.sum() < 2:
+            if not self.boxes.may_meet:
                 self._mujoco.mj_fwdPosition(m, d)
             else:
                 self._mujoco.mj_kinematics(m, d)
@@ -242,7 +244,9 @@ class Space:
                 self.boxes.mend(d)
                 self._mujoco.mj_makeConstraint(m, d)
                 self._mujoco.mj_transmission(m, d)
-            self._least = None
+            c, self._least = d.contact, None
+            rows = d.efc_J.reshape(-1, m.nv)
+            self._seen = Seen(c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address, rows)
         self._q = q
 
 

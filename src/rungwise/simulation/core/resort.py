@@ -1,0 +1,34 @@
+"""The last resort of a step that the compiled chain does not solve, however short: `rw.solve` and its
+proofs."""
+
+from __future__ import annotations
+
+from rungwise.contact.judge import Certificate, check_in_space
+from rungwise.contact.solution import Status
+from rungwise.contact.solve import solve
+from rungwise.contact.step import OPEN, STICK, ContactProblem
+from rungwise.simulation.core.state import Scratch, State
+from rungwise.system.terms import Terms
+
+IN_SPACE = 3
+"""Directions of contacts that `rw.solve` and the checker of certificates know; a step may have more, for
+torsion and rolling."""
+
+
+def ask(
+    problem: ContactProblem, terms: Terms, state: State, scratch: Scratch
+) -> tuple[bool, Certificate | None]:
+    """Whether `rw.solve` solves a step's problem, and else the checked certificate of a jam, if there is one.
+    The forces of a solution become the forces to start from."""
+    answer = solve(problem)
+    if answer.status == Status.SOLVED:
+        for k, force in enumerate(answer.r.reshape(-1, IN_SPACE)):
+            slot = scratch.slots[k]
+            state.modes[slot] = STICK if force[0] > 0.0 else OPEN
+            state.force[slot] = terms.lever[k] * force
+        scratch.limited_force[: len(answer.z)] = answer.z
+        return True, None
+    if answer.status != Status.JAMMED or answer.certificate is None:
+        return False, None
+    found = Certificate("frictional", answer.certificate.vectors, answer.certificate.modes)
+    return False, found if check_in_space(problem, found) else None
