@@ -72,7 +72,7 @@ def _clear(begun: Reals, values: Values, segment: int, h: float, step: float, lo
 
     def met(part: float) -> bool:
         values.between(part, begun, ended)
-        return values.verdict() != Code.RUNNING or values.until_margin(segment) >= 0.0
+        return values.judge()[0] != Code.RUNNING or values.until_margin(segment) >= 0.0
 
     count = max(1, math.ceil(SIGHTS * h / longest - 1e-9))
     before, after = 0.0, next((k / count for k in range(1, count + 1) if met(k / count)), np.inf)
