@@ -20,7 +20,7 @@ import yaml
 import rungwise as rw
 from rungwise import cli
 from rungwise.compilation.progress import compiling
-from rungwise.scene.space.scene import shipped_in_space
+from rungwise.scene.space.read import shipped_in_space
 
 
 class Answer(NamedTuple):

@@ -42,7 +42,7 @@ from .planning.verify import Verification, verify
 from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema, shipped
 from .scene.read import load
 from .scene.space import SpaceScene
-from .scene.space.scene import shipped_in_space
+from .scene.space.read import shipped_in_space
 from .sets.between import Between, between
 from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
 from .sets.feasible import FeasibleSet, feasible_set, load_set

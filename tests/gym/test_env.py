@@ -19,7 +19,7 @@ import rungwise.gym
 from rungwise.errors import InputError
 from rungwise.gym import SceneEnv, Transition, make
 from rungwise.gym.registration import SCENES
-from rungwise.scene.space.scene import file_of, shipped_in_space
+from rungwise.scene.space.read import file_of, shipped_in_space
 
 PAIRS = (
     ("push", "dynamic-rigid"),

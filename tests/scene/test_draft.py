@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.scene import draft, fields, parts
+from rungwise.scene import draft, fields, parts, shapes
 from rungwise.scene.symbol import Symbol
 
 
@@ -77,7 +77,7 @@ def test_a_built_scene_is_saved_as_a_file(tmp_path: Path) -> None:
 
 
 def test_all_kinds_have_a_function_with_the_fields_of_the_file() -> None:
-    unions = (fields.Shape, fields.Motion, fields.Drive, fields.Pressure)
+    unions = (shapes.Shape, fields.Motion, fields.Drive, fields.Pressure)
     models = [model for union in unions for model in get_args(get_args(union)[0])]
     for model in models:
         kind = get_args(model.model_fields["kind"].annotation)[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,10 @@ import pytest
 
 import rungwise as rw
 from rungwise import cli
+from rungwise.errors import InputError
 from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.options import ModelError
 
 MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
 <body name="b" pos="0 0 .1"><freejoint/><geom name="g" size=".1" mass="1"/></body>
@@ -215,6 +217,121 @@ def test_the_command_line_ends_with_2_and_one_line(tmp_path: Path, rungwise: Com
     ):
         code, said = rungwise(*arguments)
         assert code == 2 and word in said and "Traceback" not in said and "\n" not in said
+
+
+# What is wrong whatever the parameters' values is told when the scene is read.
+UNKNOWN: list[tuple[str, Any, str]] = [
+    ("model.set.geoms", {"gg": {"density": 1}}, "model.set.geoms.gg: unknown geom"),
+    ("model.set.joints", {"jj": {"damping": 1}}, "model.set.joints.jj: unknown joint"),
+    ("model.set.geoms", {"g": {"dens": 1}}, "model.set.geoms.g.dens: unknown field"),
+    ("model.set.geoms.g.density", "2 * muu", "model.set.geoms.g.density: unknown name muu"),
+    ("model.set.option.gravity", [0, 0, "gg"], "model.set.option.gravity.2: unknown name gg"),
+    ("contacts.0.between", ["zz", "b"], "contacts.0.between.0: 'zz' matches no geom and no body"),
+    ("contacts.0.friction", "muu", "contacts.0.friction: unknown name muu"),
+    (
+        "contacts.0.torsional_friction",
+        0.1,
+        "contacts.0.torsional_friction: these contacts have condim 3, not 4",
+    ),
+    ("contacts.0.rolling_friction", 0.1, "contacts.0.rolling_friction: these contacts have condim 3, not 6"),
+    ("controls", {"b": 1}, "controls.b: unknown name; valid: a"),
+    ("controls.a", "b.x", "controls.a: unknown name b.x"),
+    ("speeds", {"b.qw": 1}, "speeds.b.qw: unknown name"),
+    ("speeds", {"p.j": "2 *"}, "speeds.p.j: "),
+    ("start.keyframe", "kk", "start.keyframe: unknown 'kk' (did you mean k?)"),
+    ("start.places", {"b.zz": 1}, "start.places.b.zz: unknown name (did you mean b.z?)"),
+    ("start.places", {"b.z": "t"}, "start.places.b.z: unknown name t"),
+    ("start.velocities", {"b.qw": 1}, "start.velocities.b.qw: unknown name"),
+    ("duration", "muu", "duration: unknown name muu"),
+]
+
+
+@pytest.mark.parametrize(("field", "value", "line"), UNKNOWN, ids=[f"{f}={v}"[:40] for f, v, _ in UNKNOWN])
+def test_unknown_names_are_told_when_the_scene_is_read(
+    tmp_path: Path, field: str, value: Any, line: str
+) -> None:
+    with pytest.raises(SceneError) as error:
+        rw.load(changed(tmp_path, field, value))
+    assert str(error.value).startswith(line) and "\n" not in str(error.value)
+
+
+IMPOSSIBLE = [1e300, 1e76, -1e300]
+SETTABLE = [
+    ("geoms", "g", "density", [-1.0, 0.0, 1e300]),
+    ("geoms", "g", "mass", [-1.0, 0.0, 1e300]),
+    ("geoms", "g", "size", [-1.0, 0.0, 1e300]),
+    ("geoms", "g", "pos", IMPOSSIBLE),
+    ("geoms", "g", "friction", [-1.0, 1e300]),
+    ("bodies", "b", "pos", IMPOSSIBLE),
+    ("joints", "j", "damping", [-1.0, 1e300]),
+    ("joints", "j", "frictionloss", [-1.0, 1e300]),
+    ("joints", "j", "armature", [-1.0, 1e300]),
+    ("joints", "j", "stiffness", [-1.0, 1e300]),
+    ("actuators", "a", "gainprm", IMPOSSIBLE),
+]
+NUMBERS = [(*way, value) for *way, values in SETTABLE for value in values]
+
+
+@pytest.mark.parametrize(("group", "name", "field", "value"), NUMBERS, ids=str)
+def test_impossible_numbers_of_the_model_are_one_line(
+    tmp_path: Path, group: str, name: str, field: str, value: float
+) -> None:
+    scene = changed(tmp_path, "model.set", {group: {name: {field: "mu * value"}}})
+    scene["parameters"] |= {"value": {"default": 2.0 * value}}
+    if field == "density":  # which the geom's own mass would stand for
+        bare = MODEL.format("", "").replace(' mass="1"', "")
+        scene["model"]["file"] = str(written(tmp_path, "bare.xml", bare))
+    loaded = rw.load(scene)  # well written, and impossible at these parameters
+    run = rw.simulate(loaded, rw.DYNAMIC_RIGID)
+    assert run.outcome.name == "invalid", "other parameters are possible"
+    assert run.reason.startswith("model: ") and "\n" not in run.reason
+    rolled = rw.rollout(loaded, rw.DYNAMIC_RIGID, parameters={"value": [2.0 * value]}, durations=0.01)
+    assert rolled.faults[0] == f"sample 0: {run.reason}"
+
+
+@pytest.mark.parametrize("where", ["places", "velocities"])
+@pytest.mark.parametrize("value", [1e300, -1e11, 1e76])
+def test_a_start_too_far_or_too_fast_is_refused_by_name(tmp_path: Path, where: str, value: float) -> None:
+    said = told(
+        lambda: rw.simulate(rw.load(changed(tmp_path, f"start.{where}", {"b.z": value})), "kinematic")
+    )
+    assert said.startswith(f"start.{where}.b.z: ") and "must be within" in said
+
+
+WRONG: dict[str, Sequence[Any]] = {
+    "step": (0, -1.0, NAN, INF, "x", True),
+    "tol": (0, -1.0, NAN, INF, "x", True),
+    "duration": (0, -1.0, NAN, INF, "x", True),
+    "span": (0, -1.0, NAN, INF, "x", True),
+    "theta": (0, 2, NAN, INF, "x", True),
+    "frames": (0, 2, -1, 3.5, NAN, INF, "x", True, None),
+    "stride": (0, -1, 1.5, NAN, INF, "x", True),
+}
+OPTIONS = [(name, value) for name, values in WRONG.items() for value in values]
+
+
+@pytest.mark.parametrize(("name", "value"), OPTIONS, ids=str)
+@pytest.mark.parametrize("scene", ["ball", "two_finger"])
+def test_options_out_of_range_are_refused_by_name_in_space_as_in_the_plane(
+    scene: str, name: str, value: Any
+) -> None:
+    with pytest.raises(ModelError, match=f"^{'time' if name == 'duration' else name}: must be"):
+        rw.simulate(scene, rw.DYNAMIC_RIGID, **{name: value})
+
+
+@pytest.mark.parametrize("name", ["budget", "threads", "chunk"])
+@pytest.mark.parametrize("value", [0, -1, 1.5, NAN, INF, "x", True])
+@pytest.mark.parametrize("scene", ["ball", "two_finger"])
+def test_counts_of_rollouts_are_refused_by_name(scene: str, name: str, value: Any) -> None:
+    with pytest.raises(InputError, match=f"^{name}: .*must be"):
+        rw.rollout(scene, rw.DYNAMIC_RIGID, durations=0.01, **{name: value})
+
+
+@pytest.mark.parametrize("step", [0, -1.0, NAN, INF, "x", True])
+def test_the_step_of_a_replay_is_refused_by_name(step: Any) -> None:
+    run = rw.simulate("ball", rw.DYNAMIC_RIGID, duration=0.01)
+    with pytest.raises(ModelError, match=r"^step: must be"):
+        rw.replay(run, step=step)
 
 
 def test_states_and_schedules_of_another_scene_are_refused() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rungwise.scene import InvalidScene, SceneError, fields, load, shipped, task, values
+from rungwise.scene import InvalidScene, SceneError, fields, load, shapes, shipped, task, values
 
 WHOLE: dict[str, Any] = {
     "name": "whole",
@@ -516,9 +516,9 @@ def test_whole_scene_is_right_and_fills_every_field_of_every_model() -> None:
     """But for drawings, which are outlines once they are read, and have tests of their own."""
     load(WHOLE).bind()
     filled = {(info, name) for path, kind, info in PARTS if kind == MODEL for name in at(WHOLE, path)}
-    known = [*vars(fields).values(), *vars(task).values()]
+    known = [each for module in (fields, shapes, task) for each in vars(module).values()]
     models = {m for m in known if isinstance(m, type) and issubclass(m, fields.Strict)}
-    models -= {fields.Strict, fields.Drawing}
+    models -= {fields.Strict, shapes.Drawing}
     assert filled == {(model, name) for model in models for name in model.model_fields}
 
 
@@ -973,4 +973,4 @@ def test_any_mapping_is_a_scene(kind: Any) -> None:
 
 def test_a_part_may_be_a_model() -> None:
     load(put((*TIP, "pose"), fields.Pose(x=1.0, y=9.0))).bind()
-    load(put((*TIP, "shape"), fields.Disc(kind="disc", radius=0.1))).bind()
+    load(put((*TIP, "shape"), shapes.Disc(kind="disc", radius=0.1))).bind()

@@ -17,7 +17,7 @@ def scenes(
     """The scenes that ship."""
     from rungwise.scene import load, shipped
     from rungwise.scene import schema as scene_schema
-    from rungwise.scene.space.scene import file_of, shipped_in_space
+    from rungwise.scene.space.read import file_of, shipped_in_space
 
     if schema:
         show_json(scene_schema(), indent=None if as_json else 1)

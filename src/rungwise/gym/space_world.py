@@ -84,9 +84,8 @@ class SpaceWorld:
         sample = Sample(given, state, self._segments(None))
         begun = simulation_of(self._terms, sample)
         if begun.outcome == Code.INVALID:
-            raise StateError(f"state: {begun.reason.removeprefix('start: ')}")
-        memory = state.memory
-        goes_on = memory is not None and memory.scene == self._digest and memory.model == self.model
+            raise StateError(begun.reason)
+        goes_on = state.memory is not None and state.memory.scene == self._digest
         points = np.array([list(given.values())])
         return self._places(points, begin_samples(self._terms, [sample]), begins=not goes_on)
 

@@ -19,6 +19,7 @@ from rungwise.outcome import Code
 from rungwise.planning.worlds import CONDITIONS
 from rungwise.scene.space import SpaceBound, SpaceScene, load_space
 from rungwise.scene.space.fields import ENTRIES
+from rungwise.scene.space.laws import FROM
 from rungwise.simulation.spatial.run import SpaceSimulation
 
 FIELDS = ("stiffness", "tangential_stiffness", "damping", "tangential_damping")
@@ -49,7 +50,7 @@ def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: 
         number = int(bound.law[a, b])
         row, bounce, ratio = _alike(bound.laws[number], mass)
         extra[BOUNCE.format(len(entries))] = bounce
-        entry = _entry((names[a], names[b]), row, _friction(scene, number))
+        entry = _entry((names[a], names[b]), row, _frictions(scene, number))
         entries.append(entry | {"restitution": BOUNCE.format(len(entries))})
         ratios.append(ratio)
         words = (
@@ -63,9 +64,9 @@ def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: 
     if not masses:
         notes.append("no pair of geoms touches under the scene's own inputs, restitution as it is")
     for number, own in enumerate(scene.file.contacts, 1):
-        scaled = _entry(own.between, bound.laws[number], own.friction)
+        scaled = _entry(own.between, bound.laws[number], _frictions(scene, number))
         entries.append(scaled | {"restitution": own.restitution})
-    entries.append(_entry(("*", "*"), bound.laws[0], None))
+    entries.append(_entry(("*", "*"), bound.laws[0], {}))
     given = {"parameters": file.get("parameters", {}) | {n: {"default": x} for n, x in extra.items()}}
     given["contacts"] = entries
     return Matched(
@@ -91,17 +92,21 @@ def _alike(law: Reals, mass: float) -> tuple[Reals, float, float]:
     return row, restitution(ratio), ratio
 
 
-def _entry(between: tuple[str, str], row: Reals, friction: float | str | None) -> dict[str, Any]:
+def _entry(between: tuple[str, str], row: Reals, frictions: dict[str, float | str]) -> dict[str, Any]:
     factors = (STIFFNESS, STIFFNESS, DAMPING, DAMPING)
     numbers = {
         name: f"{float(x)!r} * {factor}" for name, x, factor in zip(FIELDS, row, factors, strict=False)
     }
-    return {"between": list(between), **numbers} | ({} if friction is None else {"friction": friction})
+    return {"between": list(between), **numbers, **frictions}
 
 
-def _friction(scene: SpaceScene, number: int) -> float | str | None:
-    """Friction of a law as it is written; None for the model's."""
-    return scene.file.contacts[number - 1].friction if number else None
+def _frictions(scene: SpaceScene, number: int) -> dict[str, float | str]:
+    """Friction of a law as far as it is written; the rest is the model's."""
+    if not number:
+        return {}
+    entry = scene.file.contacts[number - 1]
+    given = {name: getattr(entry, name) for name in ("friction", *FROM)}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _is_one(scene: SpaceScene, bound: SpaceBound, geom: int) -> bool:

@@ -9,23 +9,35 @@ import numpy as np
 
 from rungwise.report.describe import stated
 from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space.elements import equality, named
 from rungwise.scene.space.laws import touching
 
 if TYPE_CHECKING:
     import mujoco
 
 JOINTS = ("free", "ball", "slide", "hinge")
+LAW = (
+    "stiffness", "tangential_stiffness", "damping", "tangential_damping", "restitution", "friction",
+    "torsional_friction", "rolling_friction",
+)  # fmt: skip
+"""What the columns of laws of contact are; the last three are of friction."""
 SHAPES = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 
 
 def describe_space(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, Any]:
-    """Bodies with mass and coordinates, actuators, laws of contact, parameters, conditions. Plain values."""
+    """Bodies with mass and coordinates, tendons, equalities, actuators, laws of contact, parameters, and
+    conditions. Plain values."""
     bound = scene.bind(parameters)
     model, file, names = bound.model, scene.file, scene.labels
     return {
         "scene": scene.name,
         "about": file.about,
         "bodies": {name: _body(scene, bound, b) for b, name in enumerate(names.bodies)},
+        "tendons": {named(model.tendon(t).name, t): _tendon(model, t) for t in range(model.ntendon)},
+        "equalities": {
+            own.name: {"kind": own.kind, "between": list(own.between), "active": bool(model.eq_active0[e])}
+            for e, own in enumerate(equality(model, names, e) for e in range(model.neq))
+        },
         "actuators": {name: _actuator(model, a, bound) for a, name in enumerate(names.actuators)},
         "contacts": [_law(row) for row in bound.laws],
         "parameters": {
@@ -69,6 +81,18 @@ def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:
     }
 
 
+def _tendon(model: mujoco.MjModel, t: int) -> dict[str, Any]:
+    limited = bool(model.tendon_limited[t])
+    return {
+        "length": float(model.tendon_length0[t]),
+        "lower": float(model.tendon_range[t, 0]) if limited else -np.inf,
+        "upper": float(model.tendon_range[t, 1]) if limited else np.inf,
+        "stiffness": float(model.tendon_stiffness[t]),
+        "damping": float(model.tendon_damping[t]),
+        "dry_friction": float(model.tendon_frictionloss[t]),
+    }
+
+
 def _actuator(model: mujoco.MjModel, a: int, bound: SpaceBound) -> dict[str, Any]:
     stiff, damp = (float(-x) for x in model.actuator_biasprm[a, 1:3])
     limited = bool(model.actuator_forcelimited[a])
@@ -82,9 +106,7 @@ def _actuator(model: mujoco.MjModel, a: int, bound: SpaceBound) -> dict[str, Any
 
 
 def _law(row: Any) -> dict[str, Any]:
-    names = ("stiffness", "tangential_stiffness", "damping", "tangential_damping", "restitution", "friction")
-    values = dict(zip(names, (float(x) for x in row), strict=True))
-    return values | {"friction": None if np.isnan(row[5]) else values["friction"]}
+    return {name: None if np.isnan(x) else float(x) for name, x in zip(LAW, row, strict=True)}
 
 
 def describe_space_text(report: Mapping[str, Any]) -> str:
@@ -100,6 +122,18 @@ def describe_space_text(report: Mapping[str, Any]) -> str:
             driven = "" if c["speed"] is None else f", driven at the speed {c['speed']:.6g}"
             travel = "" if np.isinf(c["lower"]) else f", travels {c['lower']:.6g} to {c['upper']:.6g}"
             lines.append(f"    {label}: {c['joint']}, starts at {c['start']:.6g}{travel}{driven}")
+    if report["tendons"]:
+        lines.append("tendons")
+    for name, t in report["tendons"].items():
+        travel = "" if np.isinf(t["lower"]) else f", travels {t['lower']:.6g} to {t['upper']:.6g}"
+        spring = f", stiffness {t['stiffness']:.6g}" if t["stiffness"] else ""
+        drag = f", damping {t['damping']:.6g}" if t["damping"] else ""
+        lines.append(f"  {name:20s} length {t['length']:.6g} at the model's own pose{travel}{spring}{drag}")
+    if report["equalities"]:
+        lines.append("equalities")
+    for name, e in report["equalities"].items():
+        off = "" if e["active"] else ", inactive"
+        lines.append(f"  {name:20s} {e['kind']} of {' and '.join(e['between'])}{off}")
     if report["actuators"]:
         lines.append("actuators")
     for name, a in report["actuators"].items():
@@ -108,7 +142,8 @@ def describe_space_text(report: Mapping[str, Any]) -> str:
         lines.append(f"  {name:20s} {a['kind']}{gains}{force}, control {a['control']:.6g}")
     lines.append("contacts (the last line is for pairs that no entry names)")
     for law in [*report["contacts"][1:], report["contacts"][0]]:
-        friction = "the model's friction" if law["friction"] is None else f"friction {law['friction']:.6g}"
+        given = [f"{name.replace('_', ' ')} {law[name]:.6g}" for name in LAW[5:] if law[name] is not None]
+        friction = ", ".join(given) or "the model's friction"
         lines.append(
             f"  {friction}, restitution {law['restitution']:.6g}, stiffness {law['stiffness']:.6g},"
             f" damping {law['damping']:.6g}"

@@ -9,25 +9,13 @@ import numpy as np
 
 from rungwise.scene import records as rec
 from rungwise.scene.expression import STACK, Programs
-from rungwise.scene.fields import (
-    Box,
-    Capsule,
-    Contact,
-    Coordinate,
-    Disc,
-    HalfPlane,
-    Hinge,
-    Outline,
-    Polygon,
-    SceneFile,
-    Shape,
-    Slide,
-)  # fmt: skip
+from rungwise.scene.fields import Contact, Coordinate, Hinge, SceneFile, Slide
 from rungwise.scene.joints import write_joint
 from rungwise.scene.names import Names
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.outline import convex_pieces
 from rungwise.scene.pairing import matched, shape_pairs
+from rungwise.scene.shapes import Box, Capsule, Disc, HalfPlane, Outline, Polygon, Shape
 from rungwise.scene.supports import spot_count, supports, write_supports
 from rungwise.scene.task import numbers_of
 from rungwise.scene.tasks import write_task

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rungwise.scene.fields import Body, Drawing, Outline, SceneFile, Shape
+from rungwise.scene.fields import Body, SceneFile
 from rungwise.scene.paths import METRES, Drawn, File, Place, read_drawing
+from rungwise.scene.shapes import Drawing, Outline, Shape
 from rungwise.scene.template import SceneError
 from rungwise.wording import listed
 

@@ -1,4 +1,4 @@
-"""The fields of a scene file: bodies, shapes, motion, drives, contacts, goal (pydantic models).
+"""The fields of a scene file: bodies, motion, drives, contacts, goal (pydantic models); shapes in `shapes`.
 
 Every `Number` is a number or an expression of the scene's parameters (see `expression`); numbers marked
 *timed* may also use the time ``t``. Units are the scene's own, as long as they are consistent.
@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from rungwise.scene.kinds import kinds
+from rungwise.scene.shapes import Shape, Shapes
 from rungwise.scene.strict import Strict
 from rungwise.scene.task import Task
 from rungwise.scene.values import Finite, Name, Number, Pair, Pattern, Text, Unit
-
-ONE, MANY = "<one>", "<many>"
-"""Tags of a field that takes one value or a list; pydantic puts them into the place of an error."""
 
 
 class Parameter(Strict):
@@ -33,102 +31,6 @@ class Parameter(Strict):
         if self.range is not None and not self.range[0] <= self.default <= self.range[1]:
             raise PydanticCustomError("range", "range must be [low, high] with low <= default <= high")
         return self
-
-
-Loop = Annotated[tuple[Pair, ...], Field(min_length=3, max_length=500)]
-LengthUnit = Literal["m", "cm", "mm", "um", "nm", "in"]
-Positive = Annotated[Finite, Field(gt=0.0)]
-
-
-class Point(Strict):
-    kind: Literal["point"]
-    at: Pair = (0.0, 0.0)
-
-
-class Disc(Strict):
-    kind: Literal["disc"]
-    radius: Number
-    at: Pair = (0.0, 0.0)
-
-
-class Capsule(Strict):
-    """All points within `radius` of a segment of `length` along the body's x axis."""
-
-    kind: Literal["capsule"]
-    length: Number
-    radius: Number
-    at: Pair = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class Box(Strict):
-    kind: Literal["box"]
-    width: Number
-    height: Number
-    radius: Number = 0.0
-    at: Pair = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class Polygon(Strict):
-    """Convex polygon, in either sense of rotation, grown by a rounding `radius`."""
-
-    kind: Literal["polygon"]
-    vertices: Loop
-    radius: Number = 0.0
-    at: Pair = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class Outline(Strict):
-    """Simple polygon that need not be convex, and may have holes; it is split into convex pieces at the
-    parameters' defaults."""
-
-    kind: Literal["outline"]
-    vertices: Loop
-    holes: Annotated[tuple[Loop, ...], Field(max_length=32)] = ()
-    at: Pair = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class Drawing(Strict):
-    """The outline that a file draws (SVG or DXF), read when the scene is loaded; holes are kept.
-
-    `path` is an identifier (SVG) or a layer (DXF), needed where the file draws several outlines; `unit` is
-    the scene's unit of length, `drawn_in` the file's, where it states none or another one. Curves become
-    chords that depart from them by at most `tolerance` (default: a thousandth of the drawing's size). With
-    the origin `centroid` the body's frame is centred on the outline, with `drawing` it is the file's, y
-    upwards.
-    """
-
-    kind: Literal["drawing"]
-    file: Text
-    path: Text | None = None
-    unit: LengthUnit = "m"
-    drawn_in: LengthUnit | None = None
-    tolerance: Positive | None = None
-    origin: Literal["centroid", "drawing"] = "centroid"
-    at: Pair = (0.0, 0.0)
-    angle: Number = 0.0
-
-
-class HalfPlane(Strict):
-    """All points behind the line through `at` whose outward normal is `normal`."""
-
-    kind: Literal["halfplane"]
-    normal: Pair = (0.0, 1.0)
-    at: Pair = (0.0, 0.0)
-
-
-Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | Outline | Drawing | HalfPlane,
-    Field(discriminator="kind"),
-    kinds(Point, Disc, Capsule, Box, Polygon, Outline, Drawing, HalfPlane),
-]
-Shapes = Annotated[
-    Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
-    Discriminator(lambda value: MANY if isinstance(value, list | tuple) else ONE),
-]
 
 
 class Speed(Strict):

@@ -10,6 +10,7 @@ from rungwise.keywords import keywords
 from rungwise.scene import scene as planar
 from rungwise.scene.scene import Scene
 from rungwise.scene.space import SpaceScene, is_space, load_space
+from rungwise.scene.space.read import shipped_in_space
 
 
 @keywords
@@ -20,4 +21,6 @@ def load(source: Scene | SpaceScene | str | Path | Mapping[str, Any]) -> Scene |
 
     Raises SceneError: one line that names the field and its valid values.
     """
-    return load_space(source) if is_space(source) else planar.load(source)  # type: ignore[arg-type]
+    if is_space(source):
+        return load_space(source)  # type: ignore[arg-type]
+    return planar.read(source, sorted((*planar.shipped(), *shipped_in_space())))  # type: ignore[arg-type]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -22,7 +22,8 @@ from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
 from rungwise.scene.drawing import with_outlines
 from rungwise.scene.expression import STACK
-from rungwise.scene.fields import MANY, ONE, Parameter, SceneFile
+from rungwise.scene.fields import Parameter, SceneFile
+from rungwise.scene.shapes import MANY, ONE
 from rungwise.scene.template import SceneError, Template, out_of_range
 from rungwise.scene.values import finite, shown
 from rungwise.wording import choices
@@ -153,12 +154,17 @@ def parameter_values(known: Mapping[str, Parameter], given: Mapping[str, float] 
 def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
     """Read a planar scene (see `read.load`). Raises SceneError: one line that names the field and its valid
     values."""
+    _refuse_space(source)
+    return read(source, shipped())
+
+
+def read(source: Scene | str | Path | Mapping[str, Any], known: Sequence[str]) -> Scene:
+    """The planar scene of a source, which is told `known` names where it is none. Raises SceneError."""
     if isinstance(source, Scene):
         return source
-    _refuse_space(source)
     if not isinstance(source, str | Path | Mapping):
         raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
-    data = dict(source) if isinstance(source, Mapping) else _read(source)
+    data = dict(source) if isinstance(source, Mapping) else _read(source, known)
     folder = Path() if isinstance(source, Mapping) else Path(source).parent
     try:
         file = with_outlines(SceneFile.model_validate(data), folder)
@@ -265,10 +271,10 @@ def _parameter(path: str, value: object, declared: Parameter) -> float:
     return number
 
 
-def _read(source: str | Path) -> object:
+def _read(source: str | Path, known: Sequence[str]) -> object:
     if str(source) in shipped():
         return yaml.load((LIBRARY / f"{source}.yaml").read_text("utf-8"), Loader=_Loader)
-    return read_yaml("scene", source, f" and no scene that ships{choices(str(source), shipped())}")
+    return read_yaml("scene", source, f" and no scene that ships{choices(str(source), known)}")
 
 
 def as_yaml(data: Any) -> str:

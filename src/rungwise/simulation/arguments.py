@@ -18,7 +18,7 @@ from rungwise.scene.values import shown
 from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.inputs import ScheduleError, Segment, condition
 from rungwise.simulation.rows import States, rows_of
-from rungwise.simulation.state import FARTHEST, State, StateError, check_state, rates_of
+from rungwise.simulation.state import State, StateError, check_state, farthest, rates_of
 from rungwise.wording import choices
 
 
@@ -185,12 +185,13 @@ def faults_of(
     if begins is not None:
         names = scene.template.coordinates
         labels = [f"q.{name}" for name in names] + [f"v.{name}" for name in rates_of(scene)] + ["time"]
-        bad = ~np.isfinite(begins.bodies) | (np.abs(begins.bodies) > FARTHEST)
+        most = farthest(scene)
+        bad = ~np.isfinite(begins.bodies) | (np.abs(begins.bodies) > most)
         note(
             bad,
             lambda at: (
                 f"states.{labels[at[1]]}: must be finite and within"
-                f" -{FARTHEST:g}..{FARTHEST:g}, not {begins.bodies[at]:g}"
+                f" -{most:g}..{most:g}, not {begins.bodies[at]:g}"
             ),
         )
     note(

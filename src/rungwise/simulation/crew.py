@@ -28,7 +28,8 @@ from rungwise.simulation.planar.samples import (
     run_samples,
 )
 from rungwise.simulation.planar.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
-from rungwise.simulation.run import CLOSER, JAM, LONGEST, LOOKS
+from rungwise.simulation.reasons import CLOSER, JAM, LOOKS
+from rungwise.simulation.run import LONGEST
 from rungwise.simulation.state import Memory, digest
 from rungwise.wording import choices, listed
 

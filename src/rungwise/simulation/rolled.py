@@ -21,6 +21,7 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.run import simulate
+from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.state import Memory, State, digest
 
 
@@ -67,24 +68,34 @@ class Rolled:
         )
 
     @property
-    @abstractmethod
     def times(self) -> Reals:
         """Times (m, s) at the ends of segments."""
+        return self._kept("time")
 
     @property
-    @abstractmethod
     def q(self) -> Reals:
         """Places (m, s, n_q) at the ends of segments."""
+        return self._kept("q")
 
     @property
-    @abstractmethod
     def v(self) -> Reals:
         """Velocities (m, s, n_v) at the ends of segments."""
+        return self._kept("v")
 
     @property
-    @abstractmethod
     def work(self) -> Reals:
         """Work (m, s, 5) since the beginning: of drives, loads, contacts, supports and joints."""
+        return np.stack([self._kept(name) for name in WORK], axis=-1)
+
+    def _kept(self, name: str) -> NDArray[Any]:
+        """What was kept (m, s, ...) at the ends of segments. Raises ValueError where nothing was."""
+        if not len(self.memory) and len(self.outcome):
+            raise ValueError(f"{name}: was not kept; roll out with keep=True")
+        return self._at_ends(name)
+
+    @abstractmethod
+    def _at_ends(self, name: str) -> NDArray[Any]:
+        """Time, q, v, or one kind of work at the ends of segments (m, s, ...)."""
 
     @keywords
     def state(self, sample: int, segment: int | None = None) -> State:

@@ -29,8 +29,6 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.spatial.rollout import SpaceRollouts, rollout_in_space
 from rungwise.simulation.state import State, StateError, memory_of
 
-WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
-
 
 @dataclass(frozen=True, repr=False)
 class Rollouts(Rolled):
@@ -39,21 +37,6 @@ class Rollouts(Rolled):
 
     scene: Scene
     _like: Like = field(repr=False)
-
-    @property
-    def times(self) -> Reals:
-        """Times (m, s) at the ends of segments."""
-        return self._kept("time")
-
-    @property
-    def q(self) -> Reals:
-        """Places (m, s, n) at the ends of segments."""
-        return self._kept("q")
-
-    @property
-    def v(self) -> Reals:
-        """Velocities (m, s, n) at the ends of segments."""
-        return self._kept("v")
 
     @property
     def points(self) -> list[str]:
@@ -72,14 +55,7 @@ class Rollouts(Rolled):
         """Normal and tangential forces (m, s, p, 2) at contact points."""
         return self._kept("force")[:, :, : len(self.points)]
 
-    @property
-    def work(self) -> Reals:
-        """Work (m, s, 5) since the beginning: of drives, loads, contacts, supports and joints."""
-        return np.stack([self._kept(name) for name in WORK], axis=-1)
-
-    def _kept(self, name: str) -> NDArray[Any]:
-        if not len(self.memory) and len(self.outcome):
-            raise ValueError(f"{name}: was not kept; roll out with keep=True")
+    def _at_ends(self, name: str) -> NDArray[Any]:
         m, s, w = self.memory.shape
         found = in_memory(self._like, name, self.memory.reshape(m * s, w))
         return found.reshape(m, s, *found.shape[1:])

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import TOLERANCE, ContactProblem, trim
+from rungwise.contact.judge import Certificate
+from rungwise.contact.step import ContactProblem, trim
 from rungwise.kernel import linking_time
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -21,9 +21,7 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
 from rungwise.scene import InvalidScene, Scene, load
 from rungwise.scene.space import SpaceScene, is_space, load_space
-from rungwise.simulation.core.support import without_law
-from rungwise.simulation.inputs import Schedule, Segment, compile_segments, ignored, read_schedule
-from rungwise.simulation.leaps import leap_ahead, leap_taken
+from rungwise.simulation.inputs import Schedule, Segment, compile_segments, read_schedule
 from rungwise.simulation.options import (
     MANY,
     ModelError,
@@ -36,7 +34,8 @@ from rungwise.simulation.options import (
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.inputs import begin_inputs
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
-from rungwise.simulation.remarks import advice, remarks, untouchable
+from rungwise.simulation.reasons import JAM as JAM
+from rungwise.simulation.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state, digest
@@ -52,9 +51,6 @@ TURN_S = 0.1
 
 LONGEST = 10
 """Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
-JAM, CLOSER, LOOKS = 0.25, 0.1, 4
-"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
-where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
 
 
 class Simulation:
@@ -239,8 +235,8 @@ class Simulation:
         if self.hard is not None:
             self.hard.take(self.workspace)
         if self.outcome != Code.RUNNING:
-            self._explain()
-        if self.outcome == Code.NOT_CONVERGED and self._looks_closer():
+            self.outcome, self.reason, self.certificate, self.problem = self._reasons().explain(self.outcome)
+        if self.outcome == Code.NOT_CONVERGED and self._reasons().looks_closer():
             self.outcome, self.reason, self.problem = Code.RUNNING, "", None
         if self.outcome != Code.RUNNING and self.hard is not None:
             self._save_last(self.hard, self.workspace)
@@ -250,7 +246,7 @@ class Simulation:
         problem = self.problem
         if problem is not None and self.outcome == Code.UNSUPPORTED:
             problem = trim(problem, len(problem.c), len(problem.mu), len(problem.F))
-            problem.H[...] = self._resisting()
+            problem.H[...] = self._reasons().resisting()
         last = hard.end(workspace, OUTCOMES[self.outcome].name, problem)
         if self.outcome == Code.NOT_CONVERGED and last is not None:
             self.reason += f" Here: rungwise solve {last}"
@@ -293,127 +289,14 @@ class Simulation:
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,
-            notes=self._notes(),
+            notes=() if self.workspace is None else self._reasons().notes(),
         )
 
-    def _undefined(self) -> str:
-        """Which number that depends on time is not finite, and when."""
+    def _reasons(self) -> Reasons:
         assert self.workspace is not None
-        slot = int(self.workspace.scratch.undefined[0])
-        checks = self.scene.template.checks
-        path = checks.paths[checks.slots.tolist().index(slot)]
-        value, now = self._bound.buffer[slot], self.workspace.state.values[len(self.parameters)]
-        return f"{path}: must be finite, not {value:g}, at t = {now:g}"
-
-    def _waited(self, number: int) -> str:
-        """Which condition of the schedule did not come to hold within its segment, if that ended the run."""
-        assert self.workspace is not None
-        clock, segment = self.workspace.state.clock[0], self.inputs[number]
-        if segment.until is None or clock["time"] < clock["switch"]:
-            return ""
-        return (
-            f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
-            f" (from t = {clock['switched']:.6g} on)"
+        return Reasons(
+            self.scene, self.model, self.theta, self.inputs, self._bound, self._control, self.workspace
         )
-
-    def _explain(self) -> None:
-        """Set the reason of the outcome; a jam or a missing support must be proved, else the run is not
-        converged."""
-        assert self.workspace is not None
-        outcome = OUTCOMES[self.outcome]
-        clock = self.workspace.state.clock[0]
-        self.reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
-        if self.outcome == Code.INVALID:
-            self.reason = self._undefined()
-        if self.outcome == Code.TIMEOUT and clock["segment"] < len(self.inputs):
-            self.reason = self._waited(int(clock["segment"])) or self.reason
-        if self.outcome not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
-            return
-        n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
-        self.problem = trim(self.workspace.problem, n, contacts, limited)
-        if self.outcome == Code.NOT_CONVERGED:
-            self._give_up()
-            return
-        if self.outcome == Code.JAMMED:
-            terms, free = self.workspace.terms, self.workspace.state.free
-            self.problem = without_law(self.problem, terms, free, self.model.inertia)
-            self.certificate = certify_infeasible(self.problem)
-        else:
-            self.certificate = certify_unsupported(self.problem, self._resisting())
-        if self.certificate is not None:
-            self.reason = (
-                f"{outcome.meaning} ({self.certificate.kind} certificate, checked). {outcome.advice}"
-            )
-        else:
-            self._give_up()
-
-    def _give_up(self) -> None:
-        assert self.workspace is not None
-        self.outcome, outcome = Code.NOT_CONVERGED, OUTCOMES[Code.NOT_CONVERGED]
-        residual = float(self.workspace.state.clock[0]["residual"])
-        why = f"residual {residual:.1e}"
-        if residual <= TOLERANCE:
-            why += (
-                ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
-            )
-        leap = None
-        if self.model.metric:
-            span = max(float(self._control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
-            leap = leap_ahead(self.scene, self._bound, self.workspace, self._far(), span)
-        self.reason = str(leap or f"{outcome.meaning} ({why}). {outcome.advice}")
-
-    def _far(self) -> float:
-        """Least jump of a target that is reported."""
-        return float(self._control[0]["tolerance"])
-
-    def _notes(self) -> tuple[str, ...]:
-        """Remarks on the run so far (see `simulation.remarks`)."""
-        if self.workspace is None:
-            return ()
-        found = remarks(
-            self.model, self.theta, self._control, self.workspace.state.clock, self._least_moved()
-        )
-        found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
-        leap = leap_taken(self.scene, self._bound, self.workspace, self._far())
-        return found if leap is None else (*found, str(leap))
-
-    def _least_moved(self) -> float:
-        """Reach of the smallest body with a coordinate that forces move, by its largest shape; inf if there
-        is none."""
-        assert self.workspace is not None
-        records, free = self._bound.records, self.workspace.state.prescribed == 0
-        least = math.inf
-        for b in np.unique(records.coordinates["body"][free]):
-            reach = records.shapes["reach"][records.shapes["body"] == b]
-            least = min(least, float(reach.max(initial=0.0)) or math.inf)
-        return least
-
-    def _looks_closer(self) -> bool:
-        """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
-        certificate.
-
-        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
-        """
-        assert self.workspace is not None
-        state, frames = self.workspace.state, self.workspace.frames
-        clock, least = state.clock[0], JAM * CLOSER**LOOKS * self._control[0]["tolerance"]
-        if clock["outcome"] != Code.JAMMED or self._control[0]["jam"] * CLOSER < 0.99 * least:
-            return False
-        self._control["jam"] *= CLOSER
-        state.clock["outcome"] = Code.RUNNING
-        # The frame recorded as the last frame is not the last.
-        state.clock["frames"] -= 1
-        state.impulse[:] += frames.impulse[int(clock["frames"])]
-        return True
-
-    def _resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
-        """H of the last problem without its inertia."""
-        assert self.workspace is not None
-        state, terms = self.workspace.state, self.workspace.terms
-        free = state.free[: int(state.clock[0]["free"])]
-        grid = np.ix_(free, free)
-        step = float(state.clock[0]["theta"]) * float(state.clock[0]["tried"])
-        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])
 
 
 def simulation_of(
@@ -453,8 +336,8 @@ def simulate(
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
-        theta=theta, motion=motion, state=state, inputs=inputs, frames=frames, stride=stride,
-        save_hard=save_hard,
+        theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
+        stride=stride, save_hard=save_hard,
     )  # fmt: skip
     while simulation.advance():
         if on_progress is not None:

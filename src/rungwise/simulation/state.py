@@ -22,8 +22,8 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.plain import cut
 from rungwise.scene import Scene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.scene.space.scene import normalise
+from rungwise.scene.space import SpaceBound, SpaceScene, numbers
+from rungwise.scene.space.bind import normalise
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
@@ -31,7 +31,7 @@ from rungwise.simulation.planar.workspace import in_memory
 from rungwise.wording import choices
 
 FARTHEST = 1e75
-"""Farthest place, in the scene's unit: products of four places are finite."""
+"""Farthest place in the plane, in the scene's unit: products of four places are finite."""
 
 
 class StateError(InputError):
@@ -119,7 +119,7 @@ class State:
                     raise StateError(f"state.{field}: unknown {shown(name)}{choices(name, known)}")
                 values[known.index(name)] = finite(f"state.{field}.{name}", value, StateError)
         if q and isinstance(loaded, SpaceScene):
-            normalise(loaded.bind(parameters).model, places)
+            normalise(places, loaded, "state.q", StateError)
         return cls(names, places, speeds, finite("state.time", time, StateError))
 
     def __repr__(self) -> str:
@@ -210,6 +210,11 @@ def _start(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) ->
     return places, speeds
 
 
+def farthest(scene: Scene | SpaceScene) -> float:
+    """Farthest place of a coordinate, in the scene's unit."""
+    return numbers.FARTHEST if isinstance(scene, SpaceScene) else FARTHEST
+
+
 def digest(scene: Scene | SpaceScene) -> str:
     """What tells scenes apart, as a hash."""
     return hashlib.sha256(scene.content.encode()).hexdigest()
@@ -229,9 +234,12 @@ def check_state(state: State, scene: Scene | SpaceScene) -> None:
             raise StateError(f"state.{field}: must have the shape ({len(known)},), not {values.shape}")
         for name, value in zip(known, values, strict=True):
             finite(f"state.{field}.{name}", value, StateError)
+    most = farthest(scene)
     for name, value in zip(names, state.q, strict=True):
-        if abs(value) > FARTHEST:
-            raise StateError(f"state.q.{name}: must be within -{FARTHEST:g}..{FARTHEST:g}, not {value:g}")
+        if abs(value) > most:
+            raise StateError(f"state.q.{name}: must be within -{most:g}..{most:g}, not {value:g}")
+    if isinstance(scene, SpaceScene):
+        normalise(state.q.copy(), scene, "state.q", StateError)
     finite("state.time", state.time, StateError)
     if state.memory is not None and not _is_memory(state.memory):
         raise StateError("state.memory: must be null, or the memory of a run's state")

@@ -112,7 +112,7 @@ STARTS = [
     (
         SLIDE,
         '<equality><joint name="e" joint1="j" polycoef=".5 0 0 0 0"/></equality>',
-        "equality e is open by 0.5;",
+        "equality e (joint of p.j) is open by 0.5;",
     ),
     (SLIDE, '<equality><joint joint1="j" polycoef="1e-4 0 0 0 0"/></equality>', None),
 ]

@@ -11,7 +11,8 @@ from typing import Annotated
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from rungwise.scene.fields import MANY, ONE, Parameter
+from rungwise.scene.fields import Parameter
+from rungwise.scene.shapes import MANY, ONE
 from rungwise.scene.strict import Strict
 from rungwise.scene.task import Task
 from rungwise.scene.values import Name, Number, Pattern, Text
@@ -48,7 +49,8 @@ class Model(Strict):
 class Contact(Strict):
     """How geoms touch. Names are those of geoms or of their bodies and may use ``*``; the first entry that
     names a pair holds. Stiffness and damping are those of compliant contact (N/m, N s/m), restitution of
-    rigid contact; friction replaces the model's where it is given."""
+    rigid contact; friction replaces the model's where it is given, and torsional and rolling friction (m),
+    which otherwise change in the same proportion."""
 
     between: tuple[Pattern, Pattern] = ("*", "*")
     stiffness: Number | None = None
@@ -57,6 +59,8 @@ class Contact(Strict):
     tangential_damping: Number | None = None
     restitution: Number = 0.0
     friction: Number | None = None
+    torsional_friction: Number | None = None
+    rolling_friction: Number | None = None
 
 
 class Start(Strict):

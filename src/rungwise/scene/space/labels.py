@@ -20,13 +20,15 @@ PLACES, TURNS, RATES = ("x", "y", "z"), ("qw", "qx", "qy", "qz"), ("rx", "ry", "
 
 @dataclass(frozen=True)
 class Labels:
-    """bodies (b,), geoms (g,), actuators (a,), coordinates (n_q,), velocities (n_v,)."""
+    """bodies (b,), geoms (g,), actuators (a,), coordinates (n_q,), velocities (n_v,); turns: for each
+    quaternion the number of its first coordinate."""
 
     bodies: tuple[str, ...]
     geoms: tuple[str, ...]
     actuators: tuple[str, ...]
     coordinates: tuple[str, ...]
     velocities: tuple[str, ...]
+    turns: tuple[int, ...]
 
 
 def labels(model: mujoco.MjModel) -> Labels:
@@ -34,10 +36,12 @@ def labels(model: mujoco.MjModel) -> Labels:
     bodies = _unique([model.body(b).name for b in range(model.nbody)], "body")
     coordinates: list[str] = []
     velocities: list[str] = []
+    turns: list[int] = []
     taken: set[str] = set()
     for j in range(model.njnt):
         body, kind, name = bodies[model.jnt_bodyid[j]], int(model.jnt_type[j]), model.jnt(j).name
         if kind == 0:
+            turns.append(len(coordinates) + len(PLACES))
             coordinates += [f"{body}.{each}" for each in PLACES + TURNS]
             velocities += [f"{body}.{each}" for each in PLACES + RATES]
             continue
@@ -45,6 +49,7 @@ def labels(model: mujoco.MjModel) -> Labels:
         while own in taken:
             own += "_"
         taken.add(own)
+        turns += [len(coordinates)] if kind == 1 else []
         coordinates += [f"{own}_{each}" for each in TURNS] if kind == 1 else [own]
         velocities += [f"{own}_{each}" for each in RATES] if kind == 1 else [own]
     return Labels(
@@ -53,6 +58,7 @@ def labels(model: mujoco.MjModel) -> Labels:
         _unique([model.actuator(a).name for a in range(model.nu)], "actuator"),
         tuple(coordinates),
         tuple(velocities),
+        tuple(turns),
     )
 
 

@@ -24,6 +24,8 @@ SINKS = 1e-3
 of the smallest geom."""
 RATIO = 0.5
 """Damping ratio of the damping that is taken by default, for a body of the mean mass."""
+FROM = {"torsional_friction": 4, "rolling_friction": 6}
+"""Kinds of friction, and the condim from which on contacts have them."""
 EARTH = 9.81
 """Gravity (m/s^2) that stiffness is measured by where the model has none."""
 
@@ -34,21 +36,43 @@ def contact_laws(
     entries: Sequence[Contact],
     number: Callable[[float | str, str], float],
 ) -> tuple[Ints, Reals]:
-    """law (g, g) and rows (l, 6): normal and tangential stiffness and damping, restitution, and friction, nan
-    for the model's. Raises SceneError for names that nothing has, InvalidScene for impossible numbers."""
+    """law (g, g) and rows (l, 8): normal and tangential stiffness and damping, restitution, and sliding,
+    torsional and rolling friction, nan for the model's. Raises SceneError for names that nothing has,
+    InvalidScene for impossible numbers."""
     stiffness, damping = default_law(model)
-    rows: list[tuple[float, ...]] = [(stiffness, stiffness, damping, damping, 0.0, math.nan)]
+    rows: list[tuple[float, ...]] = [(stiffness, stiffness, damping, damping, 0.0, *(math.nan,) * 3)]
     law = np.zeros((model.ngeom, model.ngeom), np.int64)
-    for k, entry in enumerate(entries):
-        sides = [
-            _matching(model, names, pattern, f"contacts.{k}.between.{i}")
-            for i, pattern in enumerate(entry.between)
-        ]
+    for k, (entry, sides) in enumerate(zip(entries, sides_of(model, names, entries), strict=True)):
         rows.append(_row(entry, f"contacts.{k}", stiffness, number))
         for a, b in (sides, sides[::-1]):
             both = np.ix_(a, b)
             law[both] = np.where(law[both] == 0, k + 1, law[both])
     return law, np.array(rows)
+
+
+def sides_of(model: mujoco.MjModel, names: Labels, entries: Sequence[Contact]) -> list[tuple[Ints, Ints]]:
+    """Geoms that each entry names on either side. Raises SceneError for names that nothing has, and for
+    friction of a kind that none of these geoms has."""
+    found = []
+    for k, entry in enumerate(entries):
+        a, b = (
+            _matching(model, names, pattern, f"contacts.{k}.between.{i}")
+            for i, pattern in enumerate(entry.between)
+        )
+        directions = _directions(model, a, b)
+        for name, least in FROM.items():
+            if getattr(entry, name) is not None and directions < least:
+                raise SceneError(f"contacts.{k}.{name}: these contacts have condim {directions}, not {least}")
+        found.append((a, b))
+    return found
+
+
+def _directions(model: mujoco.MjModel, a: Ints, b: Ints) -> int:
+    """The greatest condim of contacts between geoms a and geoms b."""
+    one, other = model.geom_condim[a], model.geom_condim[b]
+    pairs = np.stack([model.pair_geom1, model.pair_geom2])
+    named = (np.isin(pairs[0], a) & np.isin(pairs[1], b)) | (np.isin(pairs[0], b) & np.isin(pairs[1], a))
+    return int(max(one.max(), other.max(), model.pair_dim[named].max(initial=1)))
 
 
 def touching(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -91,16 +115,18 @@ def _row(
     normal = value("stiffness", stiffness)
     damping = value("damping", 0.0 if entry.stiffness is not None else 2.0 * RATIO * math.sqrt(normal))
     across, drag = value("tangential_stiffness", normal), value("tangential_damping", damping)
-    restitution, friction = value("restitution", 0.0), value("friction", math.nan)
+    restitution = value("restitution", 0.0)
     for name, x, least in (
         ("stiffness", normal, 0.0), ("tangential_stiffness", across, 0.0), ("damping", damping, -1.0),
         ("tangential_damping", drag, -1.0), ("restitution", restitution, -1.0),
     ):  # fmt: skip
         if not least < x < math.inf or x < 0.0 or (name == "restitution" and x > 1.0):
             raise InvalidScene(f"{path}.{name}: {x:g} is outside its range")
-    if friction < 0.0:
-        raise InvalidScene(f"{path}.friction: {friction:g} must be >= 0")
-    return normal, across, damping, drag, restitution, friction
+    frictions = [value(name, math.nan) for name in ("friction", *FROM)]
+    for name, x in zip(("friction", *FROM), frictions, strict=True):
+        if x < 0.0:
+            raise InvalidScene(f"{path}.{name}: {x:g} must be >= 0")
+    return normal, across, damping, drag, restitution, *frictions
 
 
 def _matching(model: mujoco.MjModel, names: Labels, pattern: str, path: str) -> Ints:

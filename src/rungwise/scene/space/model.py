@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from rungwise.errors import InputError
+from rungwise.scene.space.fields import Changes, Numbers
+from rungwise.scene.space.numbers import check_numbers
 from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.wording import choices
@@ -28,7 +31,6 @@ KINDS = {
     "tendons": "tendon",
 }
 """Groups of elements that a scene may change -> what MuJoCo calls one of them."""
-Values = Mapping[str, Mapping[str, Mapping[str, float | tuple[float, ...]]]]
 
 
 def library() -> Any:
@@ -55,7 +57,12 @@ def model_path(name: str, folder: Path) -> Path:
     for path in candidates:
         if path.is_file():
             return path
-    raise SceneError(f"model.file: {shown(name)} is no file")
+    raise SceneError(f"model.file: {shown(name)} is {no_file(candidates[0])}")
+
+
+def no_file(path: Path) -> str:
+    """What stands where a model file should."""
+    return "a folder, not a model file" if path.is_dir() else "no file"
 
 
 def read_spec(path: Path) -> mujoco.MjSpec:
@@ -70,11 +77,20 @@ def read_spec(path: Path) -> mujoco.MjSpec:
 def compiled(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The model of a specification. Raises SceneError with the compiler's message."""
     try:
-        model = spec.compile()
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            model = spec.compile()
     except (ValueError, RuntimeError) as error:
         raise SceneError(f"model: {path.name!r}: {_line(error)}") from None
     if model.nv == 0:
         raise SceneError(f"model: {path.name!r}: nothing can move in it")
+    try:
+        bytes(model.names).decode()
+    except UnicodeDecodeError:
+        raise SceneError(f"model: {path.name!r}: a name in it is not UTF-8") from None
+    check_numbers(model)
+    for each in told:  # of a model that is not refused
+        warnings.warn(str(each.message), stacklevel=2)
     return model
 
 
@@ -83,34 +99,57 @@ def _line(error: BaseException) -> str:
     return " ".join(str(error).split())[:300]
 
 
-def change(spec: mujoco.MjSpec, values: Values, option: Mapping[str, float | tuple[float, ...]]) -> None:
-    """Set fields of elements. Raises SceneError that names the field and lists the valid ones."""
-    for group, elements in values.items():
-        known = {each.name: each for each in getattr(spec, group)}
-        for name, given in elements.items():
+class Target(NamedTuple):
+    """A field of an element, where it stands in the scene, and what it is set to."""
+
+    path: str
+    element: Any
+    field: str
+    given: Numbers
+
+
+def targets(spec: mujoco.MjSpec, changes: Changes) -> list[Target]:
+    """What a scene changes in a specification. Raises SceneError that names the field and lists the valid
+    ones."""
+    found = []
+    for group, kind in KINDS.items():
+        known = {each.name: each for each in getattr(spec, group) if each.name}
+        for name, fields in getattr(changes, group).items():
             path = f"model.set.{group}.{name}"
             if name not in known:
-                raise SceneError(f"{path}: unknown {KINDS[group]}{choices(name, [k for k in known if k])}")
-            for field, value in given.items():
-                _set(known[name], field, value, f"{path}.{field}")
-    for field, value in option.items():
-        _set(spec.option, field, value, f"model.set.option.{field}")
+                raise SceneError(f"{path}: unknown {kind}{choices(name, known)}")
+            found += [Target(f"{path}.{key}", known[name], key, given) for key, given in fields.items()]
+    option = changes.option.items()
+    found += [Target(f"model.set.option.{key}", spec.option, key, given) for key, given in option]
+    for target in found:
+        _check(target)
+    return found
 
 
-def _set(element: Any, field: str, value: float | tuple[float, ...], path: str) -> None:
-    fields = [name for name in dir(element) if not name.startswith("_") and _is_number(element, name)]
-    if field not in fields:
-        raise SceneError(f"{path}: unknown field {shown(field)}{choices(field, fields)}")
-    old = getattr(element, field)
-    if not isinstance(old, np.ndarray):
-        if isinstance(value, tuple):
-            raise SceneError(f"{path}: must be a number, not a list")
-        setattr(element, field, type(old)(value))
+def _check(target: Target) -> None:
+    element, name, given = target.element, target.field, target.given
+    fields = [each for each in dir(element) if not each.startswith("_") and _is_number(element, each)]
+    if name not in fields:
+        raise SceneError(f"{target.path}: unknown field {shown(name)}{choices(name, fields)}")
+    old = getattr(element, name)
+    if not isinstance(given, tuple):
         return
-    given = np.atleast_1d(np.array(value, float))
+    if not isinstance(old, np.ndarray):
+        raise SceneError(f"{target.path}: must be a number, not a list")
     if len(given) > len(old):
-        raise SceneError(f"{path}: must have at most {len(old)} numbers, not {len(given)}")
-    old[: len(given)] = given
+        raise SceneError(f"{target.path}: must have at most {len(old)} numbers, not {len(given)}")
+
+
+def change(targets: Sequence[Target], number: Callable[[float | str, str], float]) -> None:
+    """Set fields of elements to the values of numbers."""
+    for path, element, field, given in targets:
+        if isinstance(given, tuple):
+            values = [number(each, f"{path}.{k}") for k, each in enumerate(given)]
+            getattr(element, field)[: len(given)] = values
+        elif isinstance(getattr(element, field), np.ndarray):
+            getattr(element, field)[0] = number(given, path)
+        else:
+            setattr(element, field, number(given, path))
 
 
 def _is_number(element: Any, name: str) -> bool:

@@ -35,9 +35,9 @@ def memory_parts(scene: SpaceScene) -> Parts:
     return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
 
 
-HEAD = 5
-"""Numbers before all others: margin of contacts, slots of the state and of features, and how many of them
-are in use."""
+HEAD = 6
+"""Numbers before all others: margin of contacts, limited rows, slots of the state and of features, and how
+many of them are in use."""
 
 
 class _Arrays(NamedTuple):
@@ -66,7 +66,7 @@ def remembered(march: March, space: Space) -> Reals:
     moved = [(each != 0.0).any(axis=1) for each in (state.deformation, state.force, state.impulse)]
     active = np.flatnonzero((state.modes != 0) | moved[0] | moved[1] | moved[2])
     known = np.flatnonzero(space.kept.geoms[:, 0] >= 0)
-    head = np.array([space.margin, len(state.modes), len(space.kept.geoms), len(active), len(known)])
+    head = np.array([space.margin, *_sizes(march, space), len(active), len(known)])
     parts = [
         *arrays.whole,
         *(each[active] for each in arrays.state),
@@ -76,14 +76,18 @@ def remembered(march: March, space: Space) -> Reals:
     return np.concatenate([head, active, known, *flat])
 
 
+def _sizes(march: March, space: Space) -> list[int]:
+    return [len(march.scratch.limited_force), len(march.state.modes), len(space.kept.geoms)]
+
+
 def recall(march: March, space: Space, values: Reals) -> None:
     """Go on as the run with this memory would; what follows it in the array is not read. Raises ValueError
     where it is of another model."""
     arrays = _arrays(march, space)
-    if len(values) < HEAD or values[1:3].tolist() != [len(march.state.modes), len(space.kept.geoms)]:
+    if len(values) < HEAD or values[1:4].tolist() != _sizes(march, space):
         raise ValueError("the memory is of another model")
     space.look_within(float(values[0]))
-    counts, at = values[3:HEAD].astype(np.int64), HEAD
+    counts, at = values[4:HEAD].astype(np.int64), HEAD
     active = values[at : at + counts[0]].astype(np.int64)
     known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
     at += int(counts.sum())
@@ -98,3 +102,17 @@ def recall(march: March, space: Space, values: Reals) -> None:
             size = len(rows) * part[0].size
             part[rows] = values[at : at + size].view(part.dtype).reshape(len(rows), *part.shape[1:])
             at += size
+
+
+def hand_on(march: March, space: Space, values: Reals) -> None:
+    """Begin with the contacts of a run with this memory, on another rung or at other parameters: features
+    keep their modes, forces, and where they are compliant their deformations, and clocks begin anew. Raises
+    ValueError as `recall`."""
+    clock, margin, fall = march.state.clock.copy(), space.margin, march.terms.fall.copy()
+    recall(march, space, values)
+    march.state.clock[:], march.terms.fall[:] = clock, fall
+    march.scratch.limited_force[:] = march.scratch.limited_mode[:] = 0
+    march.state.impulse[:] = 0.0
+    if not march.rung.compliant:
+        march.state.deformation[:] = 0.0
+    space.look_within(margin)

@@ -12,7 +12,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.space import SpaceScene
-from rungwise.scene.space.scene import normalise
+from rungwise.scene.space.bind import normalise
 from rungwise.scene.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.scene.values import shown
 from rungwise.simulation.core.march import OVERLAP, March
@@ -137,7 +137,7 @@ class SpacePlace:
                 is_own = state.memory is not None and state.memory.scene == own
                 rows.append(_Row(state.time, state.q.copy(), state.v, state.memory if is_own else None))
         for row in rows:
-            normalise(self.bound.model, row.q)
+            normalise(row.q, self.scene, "states.q", StateError)
         return rows
 
 

@@ -47,7 +47,7 @@ class Replay:
     times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
     their axes, whichever is more; parts: when the first body parts, nan if none does; body: its name;
     reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal, or it
-    does so while inputs that the run did not need any more go on.
+    does so while inputs that the run did not need any more go on; `timeout` where the scene has no goal.
     """
 
     run: SpaceRun
@@ -193,7 +193,9 @@ class _Course:
             if self.data.time >= late:
                 break
             self.at(self.data.time + float(self.model.opt.timestep))
-        return "missed" if verdict == Code.RUNNING else verdict.name.lower()
+        if verdict == Code.RUNNING:
+            verdict = Code.MISSED if self.run.scene.file.goal else Code.TIMEOUT
+        return verdict.name.lower()
 
     def _verdict(self) -> Code:
         assert self.run.space is not None

@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.arguments import Asked
@@ -19,6 +19,7 @@ from rungwise.simulation.options import ModelError, check_options, count
 from rungwise.simulation.rolled import Rolled
 from rungwise.simulation.spatial.batch import BUDGET
 from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
+from rungwise.simulation.spatial.frames import WORK
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,27 +29,8 @@ class SpaceRollouts(Rolled):
     scene: SpaceScene
     _ends: Ends = field(repr=False)
 
-    @property
-    def times(self) -> Reals:
-        return self._kept("time")
-
-    @property
-    def q(self) -> Reals:
-        return self._kept("q")
-
-    @property
-    def v(self) -> Reals:
-        return self._kept("v")
-
-    @property
-    def work(self) -> Reals:
-        return self._kept("work")
-
-    def _kept(self, name: str) -> Reals:
-        if not len(self.memory) and len(self.outcome):
-            raise ValueError(f"{name}: was not kept; roll out with keep=True")
-        values: Reals = getattr(self._ends, name)
-        return values
+    def _at_ends(self, name: str) -> NDArray[Any]:
+        return self._ends.work[..., WORK.index(name)] if name in WORK else getattr(self._ends, name)
 
 
 def rollout_in_space(
@@ -63,10 +45,11 @@ def rollout_in_space(
     options = {name: value for name, value in options.items() if name != "motion"}
     most = BUDGET if budget is None else count("budget", budget, 1)
     processes = min(threads_of(threads), os.cpu_count() or 1)
+    size = None if chunk is None else count("chunk", chunk, 1)
     terms = Terms(scene, model, options, most, keep)
     m = len(wanted.points)
     numbers = [i for i in range(m) if i not in wanted.faults]
-    size = chunk or max(1, min(16, len(numbers) // (4 * processes)))
+    size = size or max(1, min(16, len(numbers) // (4 * processes)))
     parts = [
         [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
         for at in range(0, len(numbers), size)

@@ -18,11 +18,12 @@ from rungwise.scene import InvalidScene
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.march import ROUNDING, March
 from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
-from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung
+from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, positive
 from rungwise.simulation.remarks import advice
-from rungwise.simulation.spatial.begin import begin_at, misplaced, overlapping
+from rungwise.simulation.spatial.back import Begun, sooner
+from rungwise.simulation.spatial.begin import Fault, begin_at, faults_before, misplaced
 from rungwise.simulation.spatial.frames import Recorder
-from rungwise.simulation.spatial.memory import memory_parts, recall, remembered
+from rungwise.simulation.spatial.memory import hand_on, memory_parts, recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
@@ -64,11 +65,13 @@ class SpaceSimulation:
     ) -> None:
         self.scene, self.model = scene, moving_rung(model)
         step, tol, duration, self.theta = check_options(step, tol, duration, theta)
+        span = None if span is None else positive("span", span)
+        stride = None if stride is None else count("stride", stride, 1)
         for name, given in (("motion", motion), ("save_hard", save_hard)):
             if given is not None:
                 raise ModelError(f"{name}: is not known for scenes in space")
         self.parameters = scene.parameters(parameters)
-        self.inputs = read_schedule(scene, inputs) if inputs is not None else _schedule_of(state)
+        self.inputs = read_schedule(scene, inputs) if inputs is not None else _schedule_of(state, scene)
         self.wall_s, self._gained, self.reason = 0.0, 0.0, ""
         self.outcome = Code.RUNNING
         self.certificate: Certificate | None = None
@@ -94,8 +97,9 @@ class SpaceSimulation:
         self.march = March(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
+        before: list[Fault] | None = []
         if state is not None:
-            self._go_on(state, self.march, inputs is None)
+            before = self._go_on(state, self.march, inputs is None)
         self.end = duration or (self._clock.end if self.inputs else bound.duration)
         self._longest = (self.end if span is None else span) / LONGEST
         if state is not None and not state.time < self.end:
@@ -103,9 +107,9 @@ class SpaceSimulation:
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
         self._recorder = Recorder(most, stride)
-        self.reason = overlapping(scene, self.space, self.march)
-        if not self.reason and (state is None or state.memory is None):
-            self.reason = misplaced(scene, self.space, self.march.q)
+        if before is not None:
+            field = "start" if state is None else "state"
+            self.reason = misplaced(scene, self.space, self.march.q, before, field)
         if self.reason:
             self.outcome = Code.INVALID
             return
@@ -157,23 +161,20 @@ class SpaceSimulation:
 
     def take(self) -> None:
         """Take one step of a run that goes on, and judge where it led."""
-        clock, values, march = self._clock, self._values, self.march
+        march = self.march
         assert march is not None
-        h = min(self._next, self.end - march.time, clock.left(march.time))
+        h = min(self._next, self.end - march.time, self._clock.left(march.time))
+        before = float(march.clock["contact_work"])
         try:
-            self._tell(march.time, h)
+            wish = self._stepped(march, h)
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)
             return
-        before = float(march.clock["contact_work"])
-        wish = march.advance(h, self._tol)
         if self._tol < math.inf:
             self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
         if march.clock["bounced"]:
             added = float(march.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
-        if values.is_asked:
-            values.read(march, self.space)
         if march.outcome != Code.RUNNING:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
@@ -186,11 +187,35 @@ class SpaceSimulation:
             self._recorder.take(march, self.space, self.memory, last=True)
             self._explain(march)
 
+    def _stepped(self, march: March, h: float) -> float:
+        """Take a step of length h, or less where a condition begins to hold within it; returns the length for
+        the next. Raises InvalidScene."""
+        values, segment, space = self._values, self._clock.segment, self.space
+        looks = values.is_guarded(segment) or (bool(values.verdicts) and h > self.step)
+        begun, solved = Begun.of(march, space, values) if looks else None, 0.0
+        while True:
+            self._tell(march.time, h)
+            wish = march.advance(h, self._tol)
+            if values.is_asked:
+                values.read(march, space)
+            if begun is None or (march.outcome != Code.RUNNING and not solved):
+                return wish
+            took = float(march.clock["tried"])
+            if march.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
+                begun.restore(march, space, values)
+                begun, h = None, solved
+                continue
+            h = sooner(begun, values, segment, took, self.step, self._longest, solved > 0.0)
+            if not h < took:
+                return min(wish, self.step) if solved else wish
+            begun.restore(march, space, values)
+            solved = took
+
     def _tell(self, time: float, h: float) -> None:
         """Set speeds as of the middle of a step, so that ways are exact, and controls as of its end. Raises
         InvalidScene."""
         told = self._values.told
-        if not self._bound.targets:
+        if not self._bound.told.targets:
             self._clock.tell(time + h, told)
             return
         self._clock.tell(time + 0.5 * h, told)
@@ -209,25 +234,36 @@ class SpaceSimulation:
         core = remembered(march, self.space)
         return np.concatenate([self._clock.memory(), own, self._values.all, core])
 
-    def _go_on(self, state: State, march: March, same_inputs: bool) -> None:
-        """Begin at a state; where it is of this scene and rung, with what its run handed on. Inputs that a
-        new schedule does not name stay as they were."""
-        rest = begin_at(state, self.scene, march, self.space)
-        memory = state.memory
-        if memory is None or memory.scene != digest(self.scene) or memory.model != self.model:
-            return
+    def _go_on(self, state: State, march: March, same_inputs: bool) -> list[Fault] | None:
+        """Begin at a state; where it is of this scene, with what its run handed on: all of it on the same
+        rung at the same parameters, and the contacts on others. Inputs that a new schedule does not name stay
+        as they were. Returns what was amiss in the state's own run, None where it is just the same here."""
+        rest, memory = begin_at(state, self.scene, march), state.memory
+        if rest is None or memory is None:
+            return []
         parts, columns = memory_parts(self.scene), list(self._clock.columns)
-        try:
-            recall(march, self.space, rest[parts.core])
-        except ValueError:
-            raise StateError("state.memory: is of another scene") from None
-        self._next, *margins, self._gained = rest[parts.own].tolist()
-        self._margins = margins[0], margins[1]
-        self._values.hand_on(rest[parts.values])
+        known = rest[parts.values][: len(self.scene.template.parameters)]
         if memory.inputs:
-            self._values.told[columns] = rest[parts.values][columns]
+            self._values.told[columns] = known[columns]
         if same_inputs:
             self._clock.recall(rest[parts.clock])
+        same = np.array_equal(known, self._values.told[:-1])
+        goes_on = same and memory.model.record(memory.theta) == self.model.record(self.theta)
+        try:
+            (recall if goes_on else hand_on)(march, self.space, rest[parts.core])
+        except ValueError:
+            if same:
+                raise StateError("state.memory: is of another scene") from None
+        if goes_on:
+            self._next, *margins, self._gained = rest[parts.own].tolist()
+            self._margins = margins[0], margins[1]
+            self._values.hand_on(rest[parts.values])
+        if same:
+            return None
+        parameters = dict(zip(self.scene.template.parameters, known.tolist(), strict=True))
+        own = self.scene.file.parameters
+        still = {name: own[name].default for name in self.scene.template.inputs if memory.inputs}
+        return faults_before(self.scene, parameters | still, march.q)
 
     @property
     def segment(self) -> int:
@@ -317,6 +353,7 @@ class SpaceSimulation:
         )
 
 
-def _schedule_of(state: State | None) -> tuple[Segment, ...]:
-    """The schedule that the run of a state followed, if it has a memory."""
-    return () if state is None or state.memory is None else state.memory.inputs
+def _schedule_of(state: State | None, scene: SpaceScene) -> tuple[Segment, ...]:
+    """The schedule that the run of a state followed, if it has a memory of this scene."""
+    memory = state.memory if isinstance(state, State) else None
+    return memory.inputs if memory is not None and memory.scene == digest(scene) else ()

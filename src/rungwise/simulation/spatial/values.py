@@ -110,6 +110,29 @@ class Values:
                 danger = max(danger, found)
         return verdict, goal, danger
 
+    def is_guarded(self, number: int) -> bool:
+        """Whether a condition ends segment k."""
+        return number < len(self.until) and bool(self.until[number].rows)
+
+    def until_margin(self, number: int) -> float:
+        """Signed margin of the condition of `until` number k; -inf where there is none."""
+        if not self.is_guarded(number):
+            return -np.inf
+        programs = self._programs
+        first, last = programs.table[len(self.verdicts) + number]
+        return float(evaluate(programs.code, programs.constants, first, last, self.all, self._stack))
+
+    def between(self, part: float, begun: Reals, ended: Reals) -> None:
+        """Set time, places and gaps to a part of the way of a step; speeds and forces are those of its
+        end."""
+        template, first = self.scene.template, self._first_of_contacts
+        time, contacts = len(template.parameters), len(template.contacts)
+        self.all[:] = ended
+        for own in (slice(time, time + 1 + len(template.coordinates)), slice(first, first + contacts)):
+            finite = np.isfinite(begun[own]) & np.isfinite(ended[own])
+            ways = np.where(finite, part * ended[own] + (1.0 - part) * begun[own], ended[own])
+            self.all[own] = ways
+
     def is_over(self, number: int) -> bool:
         """Whether the condition of `until` number k holds."""
         return self._holds(len(self.verdicts) + number)

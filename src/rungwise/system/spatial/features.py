@@ -51,8 +51,9 @@ def allocate_features(slots: int) -> Features:
 class Solids(Block):
     """What a model says of its geoms, and where its bodies are.
 
-    body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 6):
-    normal and tangential stiffness and damping, restitution, and friction, nan for MuJoCo's; free (n,):
+    body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 8):
+    normal and tangential stiffness and damping, restitution, and sliding, torsional and rolling friction, nan
+    for MuJoCo's; free (n,):
     whether a velocity is not prescribed; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's
     memory.
     """
@@ -113,8 +114,8 @@ def fill_contacts(
         fresh[count] = kept.geoms[slot, 0] == FREE
         slots[count] = slot
         _fill_rows(c, count, slot, seen, solids, kept, found, bool(fresh[count]), d, n, terms)
-        _fill_law(c, count, seen, solids, d, terms)
-        found.world[slot, 9], found.world[slot, 10] = seen.dist[c], terms.friction[count]
+        _fill_law(c, count, slot, seen, solids, found, d, terms)
+        found.world[slot, 9] = seen.dist[c]
         count += 1
     return count
 
@@ -218,10 +219,20 @@ def _fill_rows(
     if d > 3 and seen.dim[c] > 3:
         for j in range(n):
             terms.rows[k * d + 3, j] = seen.rows[first + 3, j]
-    for i in range(3, min(d, seen.dim[c])):
-        unit = seen.friction[c, i - 1] / seen.friction[c, 0] if seen.friction[c, 0] > 0.0 else 0.0
+    if d > 3 and seen.dim[c] > 3:
+        _weigh(c, k, seen, solids, d, n, terms)
+
+
+@kernel
+def _weigh(c: int, k: int, seen: Seen, solids: Solids, d: int, n: int, terms: Terms) -> None:
+    """Scale the rows of a contact that resists turning, so that one friction bounds all of its forces."""
+    slide, twist, roll = _frictions(c, seen, solids)
+    unit = _unit(slide, twist, roll)
+    for i in range(1, min(d, seen.dim[c])):
+        own = slide if i < 3 else twist if i == 3 else roll
+        part = own / unit if unit > 0.0 else 1.0
         for j in range(n):
-            terms.rows[k * d + i, j] *= unit
+            terms.rows[k * d + i, j] *= part
 
 
 @kernel
@@ -241,11 +252,33 @@ def _heading(frame: Reals, slot: int, geom: Ints, solids: Solids, kept: Features
 
 
 @kernel
-def _fill_law(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
+def _frictions(c: int, seen: Seen, solids: Solids) -> tuple[float, float, float]:
+    """Sliding, torsional and rolling friction of a contact: those of its law, and in place of those that it
+    does not give the model's, which change as sliding friction does."""
+    law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
+    own = seen.friction[c, 0]
+    slide = own if math.isnan(law[5]) else law[5]
+    part = slide / own if own > 0.0 else 1.0
+    twist = part * seen.friction[c, 2] if math.isnan(law[6]) else law[6]
+    roll = part * seen.friction[c, 3] if math.isnan(law[7]) else law[7]
+    return slide, twist, roll
+
+
+@kernel
+def _unit(slide: float, twist: float, roll: float) -> float:
+    """The friction that a contact's rows are scaled for: of sliding, where there is any."""
+    return slide if slide > 0.0 else max(twist, roll)
+
+
+@kernel
+def _fill_law(
+    c: int, k: int, slot: int, seen: Seen, solids: Solids, found: Features, d: int, terms: Terms
+) -> None:
     law = solids.laws[solids.law[seen.geom[c, 0], seen.geom[c, 1]]]
     terms.gap[k], terms.lever[k] = seen.dist[c], 1.0
-    friction = seen.friction[c, 0] if math.isnan(law[5]) else law[5]
-    terms.friction[k] = friction if seen.dim[c] > 1 else 0.0
+    slide, twist, roll = _frictions(c, seen, solids)
+    found.world[slot, 10] = slide if seen.dim[c] > 1 else 0.0
+    terms.friction[k] = _unit(slide, twist, roll) if seen.dim[c] > 3 else found.world[slot, 10]
     terms.restitution[k] = law[4]
     for i in range(d):
         for j in range(d):

@@ -10,6 +10,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.system.spatial.drives import Drives
+from rungwise.system.spatial.loads import tendon_rows
 from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ class Limited:
         """Travel limits of joints and tendons, after `count` contacts: rows of one direction."""
         k, D = count, terms.contact_stiffness.shape[1]
         first = int(d.ne + d.nf)
+        sides = self.limits.sides(d, rows) if d.nl else []
         for r in range(first, first + int(d.nl)):
             row = rows[r]
             unit = float(_units(row[None], self.lever)[0])
@@ -72,7 +74,7 @@ class Limited:
             terms.friction[k] = terms.restitution[k] = 0.0
             terms.contact_stiffness[k], terms.contact_damping[k] = 0.0, 0.0
             terms.contact_stiffness[k, 0, 0] = np.inf
-            slots[k] = self.first + self.limits.slot(int(d.efc_type[r]), int(d.efc_id[r]), row)
+            slots[k] = self.first + sides[r - first]
             k += 1
         return k
 
@@ -88,7 +90,7 @@ class Limited:
 
 @dataclass(frozen=True)
 class Limits:
-    """Slots of travel limits: two of each joint and tendon with a range."""
+    """Slots of travel limits: two of each joint and tendon with a range, the upper end's first."""
 
     model: Any
     keys: dict[tuple[int, int, int], int] = field(default_factory=dict)
@@ -105,8 +107,25 @@ class Limits:
                 for side in (0, 1):
                     self.keys[int(kind), int(number), side] = len(self.keys)
 
-    def slot(self, kind: int, number: int, row: Reals) -> int:
-        return self.keys[kind, number, int(row.sum() > 0.0)]
+    def sides(self, d: mujoco.MjData, rows: Reals) -> list[int]:
+        """The slot of each row of a limit (l,). It is of the lower end where the row is the derivative of the
+        joint's place or of the tendon's length, and of the upper end where it is the opposite; what turns in
+        space has one end, whatever the axis."""
+        import mujoco
+
+        first, m = int(d.ne + d.nf), self.model
+        kinds, numbers = d.efc_type[first : first + d.nl].tolist(), d.efc_id[first : first + d.nl].tolist()
+        of_tendon = int(mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON)
+        lengths = tendon_rows(m, d) if of_tendon in kinds else rows
+        found = []
+        for row, kind, number in zip(rows[first:], kinds, numbers, strict=False):
+            if kind == of_tendon:
+                rate = float(row @ lengths[number])
+            else:
+                turns = m.jnt_type[number] == mujoco.mjtJoint.mjJNT_BALL
+                rate = 0.0 if turns else float(row[m.jnt_dofadr[number]])
+            found.append(self.keys[kind, number, int(rate > 0.0)])
+        return found
 
 
 def _units(rows: Reals, lever: Reals) -> Reals:

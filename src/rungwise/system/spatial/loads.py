@@ -97,8 +97,7 @@ class Loads:
             terms.damping[:] += (self.moment.T * self._drag) @ self.moment
         terms.stiffness[:] = self._stiffness
         if m.ntendon and (m.tendon_damping.any() or m.tendon_stiffness.any()):
-            rows = np.zeros((m.ntendon, m.nv))
-            _dense_tendons(m, d, rows)
+            rows = tendon_rows(m, d)
             low, high = m.tendon_lengthspring.T
             pulls = (d.ten_length < low) | (d.ten_length > high)
             terms.damping[:] += (rows.T * m.tendon_damping) @ rows
@@ -116,12 +115,14 @@ def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:
     return unit
 
 
-def _dense_tendons(model: mujoco.MjModel, data: mujoco.MjData, rows: Reals) -> None:
+def tendon_rows(model: mujoco.MjModel, data: mujoco.MjData) -> Reals:
+    """What each velocity does to the length of each tendon (t, n_v)."""
     import mujoco
 
+    rows = np.zeros((model.ntendon, model.nv))
     if data.ten_J.shape == rows.shape:
-        rows[:] = data.ten_J
-        return
+        return np.array(data.ten_J)
     mujoco.mju_sparse2dense(
         rows, data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
     )
+    return rows

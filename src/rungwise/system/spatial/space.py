@@ -47,8 +47,8 @@ NEAR = 0.05
 
 
 class Laws(NamedTuple):
-    """Laws of contact: law (g, g), the row for two geoms; rows (l, 6): normal and tangential stiffness and
-    damping, restitution, and friction, nan for the model's."""
+    """Laws of contact: law (g, g), the row for two geoms; rows (l, 8): normal and tangential stiffness and
+    damping, restitution, and sliding, torsional and rolling friction, nan for the model's."""
 
     law: Ints
     rows: Reals

@@ -1,0 +1,221 @@
+"""Binding a scene in space: its model, laws of contact and start, with every number known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Ints, Reals
+from rungwise.scene.expression import STACK, Programs, evaluate
+from rungwise.scene.names import Names
+from rungwise.scene.scene import InvalidScene
+from rungwise.scene.space.laws import contact_laws, sides_of
+from rungwise.scene.space.model import change, compiled, model_path, read_spec, targets
+from rungwise.scene.space.numbers import FARTHEST
+from rungwise.scene.space.refused import left_out, refuse
+from rungwise.scene.template import SceneError
+from rungwise.wording import choices
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from rungwise.scene.space.scene import SpaceScene
+
+ROUNDED = 1e-12
+"""Quaternions of a run are unit ones up to this."""
+
+
+class Told(NamedTuple):
+    """Programs of controls and speeds, and for each its field and the number of the control or speed."""
+
+    programs: Programs
+    targets: tuple[tuple[str, int], ...]
+
+    @classmethod
+    def of(cls, scene: SpaceScene) -> Told:
+        """Raises SceneError for unknown names."""
+        names, codes, found = scene.template.names(), [], list[tuple[str, int]]()
+        for kind, given, known in (
+            ("controls", scene.file.controls, scene.labels.actuators),
+            ("speeds", scene.file.speeds, scene.template.velocities),
+        ):
+            for name, text in given.items():
+                path = f"{kind}.{name}"
+                found.append((path, _number_of(name, known, path)))
+                codes.append(names.number(str(text), path, timed=True))
+        return cls(Programs(codes), tuple(found))
+
+
+@dataclass(frozen=True, eq=False)
+class SpaceBound:
+    """A scene with every number known.
+
+    law (g, g), laws (l, 8): see `scene.space.laws`; place (n_q,), motion (n_v,): the start; control (a,) and
+    pace (n_v,), nan where free, follow `told`; values (p + 1,): parameters and t.
+    """
+
+    model: mujoco.MjModel
+    law: Ints
+    laws: Reals
+    place: Reals
+    motion: Reals
+    control: Reals
+    pace: Reals
+    told: Told
+    values: Reals
+    tolerance: float
+    duration: float
+    step: float
+    notes: tuple[str, ...] = ()
+
+    def tell(self, values: Reals, kinds: Sequence[str] = ("controls", "speeds")) -> None:
+        """Set controls and speeds, or one kind of them, from parameters and t (p + 1,)."""
+        stack, programs = np.zeros(STACK), self.told.programs
+        for (path, index), (start, stop) in zip(self.told.targets, programs.table, strict=True):
+            kind = path.partition(".")[0]
+            if kind not in kinds:
+                continue
+            target = self.control if kind == "controls" else self.pace
+            value = float(evaluate(programs.code, programs.constants, start, stop, values, stack))
+            if not np.isfinite(value):
+                raise InvalidScene(f"{path}: must be finite, not {value:g} at t = {values[-1]:g}")
+            target[index] = value
+
+
+def bind(scene: SpaceScene, values: Reals) -> SpaceBound:
+    """The scene at parameters and t (p + 1,). Raises InvalidScene, naming the field, where it is impossible
+    there."""
+    file = scene.file
+    number = Numbers(scene.template.names(), values)
+    path = model_path(file.model.file, scene.folder)
+    spec = read_spec(path)
+    change(targets(spec, file.model.set), number.one)
+    try:
+        model = compiled(spec, path)
+        refuse(model)
+        law, laws = contact_laws(model, scene.labels, file.contacts, number.one)
+    except SceneError as error:
+        raise InvalidScene(str(error)) from None
+    place, motion, control = _start(scene, model, number)
+    bound = SpaceBound(
+        model=model, law=law, laws=laws, place=place, motion=motion, control=control,
+        pace=np.full(model.nv, np.nan), told=scene.told, values=values,
+        tolerance=number.positive(file.tolerance, "tolerance"),
+        duration=number.positive(file.duration, "duration"),
+        step=number.positive(model.opt.timestep if file.step is None else file.step, "step"),
+        notes=left_out(model),
+    )  # fmt: skip
+    bound.tell(values)
+    return bound
+
+
+def check_names(scene: SpaceScene, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Raise SceneError for a name that the scene's parameters or its model do not have, wherever the scene
+    speaks of it, and for numbers that are no expressions."""
+    file, template, names = scene.file, scene.template, scene.template.names()
+    _ = scene.conditions, scene.told
+    targets(spec, file.model.set)
+    sides_of(model, scene.labels, file.contacts)
+    _keyframe(scene, model)
+    for path, given, known in (
+        ("start.places", file.start.places, template.coordinates),
+        ("start.velocities", file.start.velocities, template.velocities),
+    ):
+        for name in given:
+            _number_of(name, known, f"{path}.{name}")
+    bounds = {name: getattr(file, name) for name in ("tolerance", "duration", "step")}
+    laws = [entry.model_dump(exclude={"between"}) for entry in file.contacts]
+    rest = {"model.set": file.model.set.model_dump(), "contacts": laws}
+    start = {"start.places": file.start.places, "start.velocities": file.start.velocities}
+    for path, text in _expressions(bounds | rest | start):
+        names.number(text, path)
+
+
+def _expressions(given: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    """All numbers within, by path."""
+    if isinstance(given, Mapping | list | tuple):
+        items = given.items() if isinstance(given, Mapping) else enumerate(given)
+        for key, each in items:
+            yield from _expressions(each, f"{path}.{key}" if path else str(key))
+    elif given is not None:
+        yield path, str(given)
+
+
+@dataclass
+class Numbers:
+    """Values of a scene's numbers at its parameters."""
+
+    names: Names
+    values: Reals
+    stack: Reals = field(default_factory=lambda: np.zeros(STACK))
+
+    def one(self, text: float | str, path: str) -> float:
+        """The value of a number. Raises InvalidScene where it is none."""
+        programs = Programs([self.names.number(str(text), path)])
+        start, stop = programs.table[0]
+        value = float(evaluate(programs.code, programs.constants, start, stop, self.values, self.stack))
+        if not np.isfinite(value):
+            raise InvalidScene(f"{path}: must be finite, not {value:g}")
+        return value
+
+    def positive(self, text: float | str, path: str) -> float:
+        """The value of a number that must be more than 0."""
+        value = self.one(text, path)
+        if not 0.0 < value < np.inf:
+            raise InvalidScene(f"{path}: {value:g} must be > 0")
+        return value
+
+
+def _start(scene: SpaceScene, model: mujoco.MjModel, number: Numbers) -> tuple[Reals, Reals, Reals]:
+    """q (n_q,), v (n_v,) and controls (a,) at the start."""
+    start, template, key = scene.file.start, scene.template, _keyframe(scene, model)
+    q, v, control = model.qpos0.copy(), np.zeros(model.nv), np.zeros(model.nu)
+    if key is not None:
+        q[:], v[:], control[:] = model.key_qpos[key], model.key_qvel[key], model.key_ctrl[key]
+    for path, given, known, target in (
+        ("start.places", start.places, template.coordinates, q),
+        ("start.velocities", start.velocities, template.velocities, v),
+    ):
+        for name, text in given.items():
+            value = number.one(text, f"{path}.{name}")
+            if abs(value) > FARTHEST:
+                raise InvalidScene(f"{path}.{name}: {value:g} must be within -{FARTHEST:g} to {FARTHEST:g}")
+            target[known.index(name)] = value
+    normalise(q, scene, "start.places", InvalidScene)
+    return q, v, control
+
+
+def _keyframe(scene: SpaceScene, model: mujoco.MjModel) -> int | None:
+    """The number of the keyframe with which the scene starts."""
+    name = scene.file.start.keyframe
+    if name is None:
+        return None
+    keys = {model.key(k).name: k for k in range(model.nkey) if model.key(k).name}
+    if name not in keys:
+        raise SceneError(f"start.keyframe: unknown {name[:60]!r}{choices(name, list(keys))}")
+    return keys[name]
+
+
+def _number_of(name: str, known: Sequence[str], path: str) -> int:
+    if name not in known:
+        raise SceneError(f"{path}: unknown name{choices(name, known)}")
+    return known.index(name)
+
+
+def normalise(q: Reals, scene: SpaceScene, path: str, error: type[InputError]) -> None:
+    """Make the quaternions in q (n_q,) unit ones, where they are not within rounding. Raises the error, in
+    one line that names the field, for one that says no direction."""
+    for at in scene.template.turns:
+        turn = q[at : at + 4]
+        length = math.hypot(*turn.tolist())
+        if not np.finfo(float).tiny < length < math.inf:
+            label = scene.template.coordinates[at][: -len("_qw")]
+            given = ", ".join(f"{x:g}" for x in turn)
+            raise error(f"{path}.{label}: the quaternion qw, qx, qy, qz is {given}; none is 1, 0, 0, 0")
+        if abs(length - 1.0) > ROUNDED:
+            turn /= length

@@ -1,0 +1,134 @@
+"""Reading a scene in space: a YAML file that names a model, or a model file alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from rungwise.scene.expression import CONSTANTS, FUNCTIONS
+from rungwise.scene.names import OF_CONTACTS
+from rungwise.scene.scene import explain, read_yaml
+from rungwise.scene.space.bind import check_names
+from rungwise.scene.space.fields import SpaceFile
+from rungwise.scene.space.labels import Labels, label, labels
+from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
+from rungwise.scene.space.refused import refuse
+from rungwise.scene.space.scene import SpaceScene, SpaceTemplate
+from rungwise.scene.tasks import check_task
+from rungwise.scene.template import SceneError
+
+if TYPE_CHECKING:
+    import mujoco
+
+MODELS = (".xml", ".mjcf", ".urdf")
+"""Endings of model files."""
+
+
+def is_space(source: object) -> bool:
+    """Whether a source that `load` takes is a scene in space."""
+    if isinstance(source, SpaceScene):
+        return True
+    if isinstance(source, Mapping):
+        return "model" in source and "bodies" not in source
+    if not isinstance(source, str | Path):
+        return False
+    if str(source) in shipped_in_space() or Path(source).suffix.lower() in MODELS:
+        return True
+    if Path(source).suffix.lower() not in (".yaml", ".yml") or not Path(source).is_file():
+        return False
+    content = read_yaml("scene", source)
+    return isinstance(content, Mapping) and is_space(content)
+
+
+def shipped_in_space() -> tuple[str, ...]:
+    """Names of the scenes in space that come with the package."""
+    return tuple(sorted(p.name.removesuffix(".yaml") for p in LIBRARY.iterdir() if p.name.endswith(".yaml")))
+
+
+def load_space(source: SpaceScene | str | Path | Mapping[str, Any]) -> SpaceScene:
+    """Read a scene in space: the name of one that ships, a YAML file or its content, or a model file. Raises
+    SceneError: one line that names the field."""
+    if isinstance(source, SpaceScene):
+        return source
+    if isinstance(source, Mapping):
+        return _scene(dict(source), Path())
+    if str(source) in shipped_in_space():
+        folder = Path(str(LIBRARY))
+        return _scene(read_yaml("scene", folder / f"{source}.yaml"), folder)
+    path = Path(source)
+    if path.suffix.lower() not in MODELS:
+        return _scene(read_yaml("scene", path), path.parent)
+    return _of_model(path)
+
+
+def file_of(name: str) -> SpaceFile:
+    """The fields of a scene that ships, without its model."""
+    return _checked(read_yaml("scene", Path(str(LIBRARY)) / f"{name}.yaml"))
+
+
+def _checked(data: Any) -> SpaceFile:
+    try:
+        return SpaceFile.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(explain(error, data)) from None
+
+
+def _scene(data: Any, folder: Path) -> SpaceScene:
+    file = _checked(data)
+    path = model_path(file.model.file, folder)
+    spec = read_spec(path)
+    model = compiled(spec, path)
+    refuse(model)
+    names = labels(model)
+    scene = SpaceScene(file, folder, _template(file, model, names), names, spec.to_xml())
+    check_names(scene, spec, model)
+    if file.task is not None:
+        if file.task.transit:
+            raise SceneError("task.transit: is not known for scenes in space; inputs lead their robots")
+        check_task(file.task, scene.template.names(), file.inputs, ())
+    return scene
+
+
+def _template(file: SpaceFile, model: mujoco.MjModel, names: Labels) -> SpaceTemplate:
+    return SpaceTemplate(
+        tuple(file.parameters),
+        file.inputs,
+        names.bodies,
+        names.coordinates,
+        names.velocities,
+        tuple(
+            (names.bodies[a], names.bodies[b])
+            for a in range(model.nbody)
+            for b in range(a + 1, model.nbody)
+            if model.body_geomnum[a]
+            and model.body_geomnum[b]
+            and model.body_weldid[a] != model.body_weldid[b]
+        ),
+        names.turns,
+    )
+
+
+def _of_model(path: Path) -> SpaceScene:
+    """A scene of a model alone: its actuators are the inputs, and contacts have the laws of
+    `contact_laws`."""
+    if not path.is_file():
+        raise SceneError(f"scene: {str(path)[:200]!r} is {no_file(path)}")
+    model = compiled(read_spec(path), path)
+    names = labels(model)
+    parameters, controls = {}, {}
+    taken = (*FUNCTIONS, *CONSTANTS, "t", "tolerance", "speed", *OF_CONTACTS)
+    for a, name in enumerate(names.actuators):
+        low, high = (float(x) for x in model.actuator_ctrlrange[a])
+        own = f"u_{name}" if name in taken else name
+        parameters[own] = {"default": 0.0, "about": f"control of {name}"}
+        if model.actuator_ctrllimited[a]:
+            parameters[own] |= {"default": min(max(0.0, low), high), "range": (low, high)}
+        controls[name] = own
+    data = {
+        "name": label(path.stem), "model": {"file": path.name}, "parameters": parameters,
+        "inputs": tuple(parameters), "controls": controls,
+    }  # fmt: skip
+    return _scene(data, path.parent)

@@ -1,0 +1,155 @@
+"""Why a planar run ended, with proofs, and remarks on it so far."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
+from rungwise.contact.step import TOLERANCE, ContactProblem, trim
+from rungwise.kernel import RecordArray
+from rungwise.models.ladder import Rung
+from rungwise.outcome import OUTCOMES, Code
+from rungwise.scene import Scene
+from rungwise.scene.scene import Bound
+from rungwise.simulation.core.support import without_law
+from rungwise.simulation.inputs import Segment, ignored
+from rungwise.simulation.leaps import leap_ahead, leap_taken
+from rungwise.simulation.planar.workspace import Workspace
+from rungwise.simulation.remarks import advice, remarks, untouchable
+
+JAM, CLOSER, LOOKS = 0.25, 0.1, 4
+"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
+where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+
+
+class Ended(NamedTuple):
+    """How a run ended, why, and where a step had no solution the proof and the problem of that step."""
+
+    outcome: Code
+    reason: str
+    certificate: Certificate | None = None
+    problem: ContactProblem | None = None
+
+
+@dataclass(frozen=True)
+class Reasons:
+    """A run as far as it has come: its scene at its parameters, rung, schedule, and what kernels read."""
+
+    scene: Scene
+    model: Rung
+    theta: float
+    inputs: tuple[Segment, ...]
+    bound: Bound
+    control: RecordArray
+    workspace: Workspace
+
+    def explain(self, code: Code) -> Ended:
+        """The outcome that the loop found, with its reason; a jam or a missing support must be proved, else
+        the run is not converged."""
+        outcome = OUTCOMES[code]
+        clock = self.workspace.state.clock[0]
+        reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
+        if code == Code.INVALID:
+            reason = self._undefined()
+        if code == Code.TIMEOUT and clock["segment"] < len(self.inputs):
+            reason = self._waited(int(clock["segment"])) or reason
+        if code not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
+            return Ended(code, reason)
+        n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
+        problem = trim(self.workspace.problem, n, contacts, limited)
+        certificate = None
+        if code == Code.JAMMED:
+            problem = without_law(
+                problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
+            )
+            certificate = certify_infeasible(problem)
+        elif code == Code.UNSUPPORTED:
+            certificate = certify_unsupported(problem, self.resisting())
+        if certificate is None:
+            return Ended(Code.NOT_CONVERGED, self._given_up(), None, problem)
+        reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
+        return Ended(code, reason, certificate, problem)
+
+    def _undefined(self) -> str:
+        """Which number that depends on time is not finite, and when."""
+        slot = int(self.workspace.scratch.undefined[0])
+        checks = self.scene.template.checks
+        path = checks.paths[checks.slots.tolist().index(slot)]
+        value = self.bound.buffer[slot]
+        now = self.workspace.state.values[len(self.scene.template.parameters)]
+        return f"{path}: must be finite, not {value:g}, at t = {now:g}"
+
+    def _waited(self, number: int) -> str:
+        """Which condition of the schedule did not come to hold within its segment, if that ended the run."""
+        clock, segment = self.workspace.state.clock[0], self.inputs[number]
+        if segment.until is None or clock["time"] < clock["switch"]:
+            return ""
+        return (
+            f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
+            f" (from t = {clock['switched']:.6g} on)"
+        )
+
+    def _given_up(self) -> str:
+        """Why a step that has neither a solution nor a proof ends the run."""
+        outcome = OUTCOMES[Code.NOT_CONVERGED]
+        residual = float(self.workspace.state.clock[0]["residual"])
+        why = f"residual {residual:.1e}"
+        if residual <= TOLERANCE:
+            why += (
+                ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
+            )
+        leap = None
+        if self.model.metric:
+            span = max(float(self.control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
+            leap = leap_ahead(self.scene, self.bound, self.workspace, self._far(), span)
+        return str(leap or f"{outcome.meaning} ({why}). {outcome.advice}")
+
+    def _far(self) -> float:
+        """Least jump of a target that is reported."""
+        return float(self.control[0]["tolerance"])
+
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the run so far (see `simulation.remarks`)."""
+        found = remarks(self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved())
+        found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
+        leap = leap_taken(self.scene, self.bound, self.workspace, self._far())
+        return found if leap is None else (*found, str(leap))
+
+    def _least_moved(self) -> float:
+        """Reach of the smallest body with a coordinate that forces move, by its largest shape; inf if there
+        is none."""
+        records, free = self.bound.records, self.workspace.state.prescribed == 0
+        least = math.inf
+        for b in np.unique(records.coordinates["body"][free]):
+            reach = records.shapes["reach"][records.shapes["body"] == b]
+            least = min(least, float(reach.max(initial=0.0)) or math.inf)
+        return least
+
+    def looks_closer(self) -> bool:
+        """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
+        certificate; then the run is prepared for it.
+
+        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
+        """
+        state, frames = self.workspace.state, self.workspace.frames
+        clock, least = state.clock[0], JAM * CLOSER**LOOKS * self.control[0]["tolerance"]
+        if clock["outcome"] != Code.JAMMED or self.control[0]["jam"] * CLOSER < 0.99 * least:
+            return False
+        self.control["jam"] *= CLOSER
+        state.clock["outcome"] = Code.RUNNING
+        # The frame recorded as the last frame is not the last.
+        state.clock["frames"] -= 1
+        state.impulse[:] += frames.impulse[int(clock["frames"])]
+        return True
+
+    def resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """H of the last problem without its inertia."""
+        state, terms = self.workspace.state, self.workspace.terms
+        free = state.free[: int(state.clock[0]["free"])]
+        grid = np.ix_(free, free)
+        step = float(state.clock[0]["theta"]) * float(state.clock[0]["tried"])
+        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])

@@ -1,0 +1,88 @@
+"""Steps that are taken back, because a condition begins to hold on their way: as in the plane (see
+`planar.verdicts.look_back` and `planar.inputs.shortened`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.simulation.core.march import March
+from rungwise.simulation.planar.inputs import LOCATED
+from rungwise.simulation.planar.verdicts import SIGHTS
+from rungwise.simulation.spatial.memory import recall, remembered
+from rungwise.simulation.spatial.values import Values
+from rungwise.system.spatial.space import Space
+
+DATED = 0.25
+"""Part of the nominal step to which the first condition on the way of a longer one is dated."""
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A run before a step: all that the step changes."""
+
+    time: float
+    q: Reals
+    v: Reals
+    core: Reals
+    values: Reals
+    residual: float
+
+    @classmethod
+    def of(cls, march: March, space: Space, values: Values) -> Begun:
+        core = remembered(march, space)
+        return cls(march.time, march.q, march.v.copy(), core, values.all.copy(), march.residual)
+
+    def restore(self, march: March, space: Space, values: Values) -> None:
+        """Take the step back."""
+        recall(march, space, self.core)
+        march.time, march.q, march.residual = self.time, self.q, self.residual
+        march.state.v[:], values.all[:] = self.v, self.values
+        march.outcome, march.certificate = Code.RUNNING, None
+
+
+def sooner(
+    begun: Begun, values: Values, segment: int, h: float, step: float, longest: float, past: bool
+) -> float:
+    """The length of step to take instead of the one just taken, of length h, so that conditions of the scene
+    are seen to a nominal step and the one that ends the segment as well as its time is wanted; h where the
+    step may stay. `past`: whether one was taken back before."""
+    if h > step:
+        clear = _clear(begun.values, values, segment, h, step, longest)
+        if clear < 1.0:
+            return max(min(clear, 0.5) * h if past else clear * h, step)
+    after = values.until_margin(segment)
+    if not after >= 0.0 or h <= LOCATED * step:
+        return h
+    ended = values.all.copy()
+    values.all[:] = begun.values
+    before = values.until_margin(segment)
+    values.all[:] = ended
+    part = before / (before - after) if before != after else 0.5
+    return h * (min(max(part, 0.1), 0.5) if math.isfinite(part) else 0.5)
+
+
+def _clear(begun: Reals, values: Values, segment: int, h: float, step: float, longest: float) -> float:
+    """Part of the step up to which no condition holds; 1 if none holds at all."""
+    ended = values.all.copy()
+
+    def met(part: float) -> bool:
+        values.between(part, begun, ended)
+        return values.judge()[0] != Code.RUNNING or values.until_margin(segment) >= 0.0
+
+    count = max(1, math.ceil(SIGHTS * h / longest - 1e-9))
+    before, after = 0.0, next((k / count for k in range(1, count + 1) if met(k / count)), np.inf)
+    found = after <= 1.0
+    if found:
+        before = after - 1.0 / count
+    while found and (after - before) * h > DATED * step:
+        middle = 0.5 * (before + after)
+        if not before < middle < after:
+            break
+        before, after = (before, middle) if met(middle) else (middle, after)
+    values.all[:] = ended
+    return max(before, 0.0) if found else 1.0
