@@ -241,10 +241,7 @@ def test_wrong_scenes_are_told_in_one_line(
     assert "\n" not in str(told.value)
 
 
-def test_what_is_not_known_in_space_is_refused_by_name(scene: SpaceScene, plan: rw.Plan) -> None:
-    placed = rw.plan(scene, to="geometric", threads=1)
-    assert not placed.found
-    assert "left out: places are not sought in space" in placed.reason
+def test_what_is_not_known_in_space_is_refused_by_name(plan: rw.Plan) -> None:
     with pytest.raises(rw.TaskError, match="mode: re-planning is not known for scenes in space"):
         rw.verify(plan, mode="re-planning", samples=3)
     with pytest.raises(rw.TaskError, match="cluster: scenes in space run in processes"):

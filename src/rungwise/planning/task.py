@@ -72,7 +72,7 @@ class Task:
     duration: least and greatest of a move without transit; moves: least and greatest number; weights (n,):
     of coordinates in distances, 0 for robots; numbers: of the task, by their paths; size: how far the
     largest object reaches from its centre; is_slow: whether robots push so slowly that nothing coasts;
-    turns (r, 4): columns of quaternions.
+    turns (r, 4): columns of quaternions; tolerance: of the scene, in its unit of length.
     """
 
     scene: Scene | SpaceScene
@@ -89,6 +89,7 @@ class Task:
     size: float
     is_slow: bool
     turns: Ints
+    tolerance: float
 
     @property
     def free(self) -> Ints:
@@ -120,12 +121,16 @@ class Task:
 
     def away(self, q: Reals, aim: Reals) -> Reals:
         """Distances (m,) of objects at places (m, n) from where they are at `aim` (n,)."""
+        return np.asarray(np.linalg.norm(self.off(q, aim), axis=1))
+
+    def off(self, q: Reals, aim: Reals) -> Reals:
+        """The parts (m, n) of these distances along each coordinate."""
         change = q - aim
         for columns in self.turns:
             other = q[:, columns] + aim[columns]  # a quaternion and its negative are the same turn
             nearer = np.linalg.norm(other, axis=1) < np.linalg.norm(change[:, columns], axis=1)
             change[np.ix_(nearer, columns)] = other[nearer]
-        return np.asarray(np.linalg.norm(change * self.weights, axis=1))
+        return np.asarray(change * self.weights)
 
     def cost(self, time: Reals | float, work: Reals | float, moves: Ints | int) -> Reals:
         """The task's cost of plans of these durations and this work of drives."""
@@ -146,11 +151,13 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
     if isinstance(scene, SpaceScene):
         bound = scene.bind(values)
         own, slow, longest = moved_in_space(bound), False, bound.duration
+        tolerance = bound.tolerance
     else:
         plane = scene.bind(values)
         carriers = tuple(_carrier(scene, name, plane, numbers) for name in fields.transit)
         own, longest = moved_in_plane(scene, plane.records), float(plane.records.world[0]["duration"])
         slow = _is_slow(scene, plane.records, carriers, own.size)
+        tolerance = float(plane.records.world[0]["tolerance"])
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
@@ -161,7 +168,7 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
         weights=np.array(weights) if fields.weights else own.weights, size=own.size, is_slow=slow,
-        turns=own.turns,
+        turns=own.turns, tolerance=tolerance,
     )  # fmt: skip
 
 
