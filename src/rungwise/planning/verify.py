@@ -173,10 +173,6 @@ def _in_mode(plan: Plan, model: Rung, mode: str, tol: float) -> tuple[Plan, Rung
     """What is executed: the plan, with guarded moves if they are asked for. Raises TaskError."""
     if mode not in MODES:
         raise TaskError(f"mode: unknown {shown(mode)}{choices(mode, MODES)}")
-    if mode == RE_PLANNING and isinstance(plan.scene, SpaceScene):
-        raise TaskError(
-            f"mode: {RE_PLANNING} is not known for scenes in space; valid: {OPEN_LOOP}, {GUARDED}"
-        )
     has_guards = any(segment.until for segment in plan.segments)
     if mode == OPEN_LOOP and has_guards:
         raise TaskError(f"mode: the plan has guarded moves; valid: {GUARDED}, {RE_PLANNING}")
