@@ -221,8 +221,8 @@ def test_moves_go_on_as_one_run_does(scene: SpaceScene) -> None:
     ("fields", "task", "words"),
     [
         (
-            {}, {"transit": {"pusher": {"speed": 1, "clearance": 1, "push": [1, 1]}}},
-            "task.transit: is not known",
+            {}, {"transit": {"table": {"speed": 1, "clearance": 1, "push": [1, 1]}}},
+            "task.transit: unknown free robot 'table'.*pusher",
         ),
         ({}, {"weights": {"box.tilt": 1.0}}, "task.weights: unknown coordinate 'box.tilt'.*box.qw"),
         ({}, {"inputs": {"mu": {"range": [0, 1]}}}, "task.inputs: unknown input 'mu'"),

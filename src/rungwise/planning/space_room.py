@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.planning.objects import BALL, FREE, OBJECT, SLIDE, roles_of
 from rungwise.planning.task import Task
 from rungwise.scene.space import SpaceScene
@@ -34,7 +34,7 @@ class SpaceRoom:
         import mujoco
 
         bound = scene.bind(task.parameters)
-        self._mujoco, self._model = mujoco, bound.model
+        self._mujoco, self.model = mujoco, bound.model
         m, self._data = bound.model, mujoco.MjData(bound.model)
         self.names, self.size = scene.template.bodies, task.size
         touches, halves = touching(m) & (m.geom_rbound > 0.0), m.geom_aabb[:, 3:]
@@ -42,18 +42,18 @@ class SpaceRoom:
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.rounding = OVERLAP * float(m.geom_rbound[moving].min(initial=task.size))
         self._describe(roles_of(scene, task.parameters))
-        self._far = FAR * float(m.stat.extent)
-        self._geoms: dict[tuple[int, int], list[tuple[int, int]]] = {}
+        self.far = FAR * float(m.stat.extent)
+        self.geoms: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for a, b in touching_pairs(m).tolist():
             first, second = sorted((int(m.geom_bodyid[a]), int(m.geom_bodyid[b])))
             if without not in (self.names[first], self.names[second]):
-                self._geoms.setdefault((first, second), []).append((a, b))
-        self.pairs = np.array(list(self._geoms), np.int64).reshape(-1, 2)
+                self.geoms.setdefault((first, second), []).append((a, b))
+        self.pairs = np.array(list(self.geoms), np.int64).reshape(-1, 2)
         self.bound = _bound(m)
 
     def _describe(self, roles: dict[str, str]) -> None:
         """Set what depends on joints alone."""
-        m, far = self._model, np.inf
+        m, far = self.model, np.inf
         turning, low, high = list[bool](), list[float](), list[float]()
         numbers, of_numbers = list[int](), list[int]()
         groups, turns, bodies = list[list[int]](), list[list[int]](), dict[int, list[int]]()
@@ -83,13 +83,17 @@ class SpaceRoom:
         self.objects = np.array([roles[self.names[b]] == OBJECT for b in m.dof_bodyid.tolist()], bool)
         self._reach = reaches(m)[:, [group[0] for group in groups]]
 
+    def reach_of(self, changes: Ints) -> Reals:
+        """How far each of these changes (c,) carries points of each body, over its length (b, c)."""
+        return np.asarray(reaches(self.model)[:, changes])
+
     def look(self, rows: Reals) -> tuple[Reals, Reals]:
-        m, d, distance, far = self._model, self._data, self._mujoco.mj_geomDistance, self._far
-        gaps = np.empty((len(rows), len(self._geoms)))
+        m, d, distance, far = self.model, self._data, self._mujoco.mj_geomDistance, self.far
+        gaps = np.empty((len(rows), len(self.geoms)))
         for row, found in zip(rows, gaps, strict=True):
             d.qpos[:] = row
             self._mujoco.mj_kinematics(m, d)
-            for c, pairs in enumerate(self._geoms.values()):
+            for c, pairs in enumerate(self.geoms.values()):
                 found[c] = min(distance(m, d, a, b, far, None) for a, b in pairs)
         return gaps, rows
 
@@ -103,7 +107,7 @@ class SpaceRoom:
         found = np.broadcast_to(rows, (*shape, rows.shape[-1])).reshape(-1, rows.shape[-1]).copy()
         changes = np.broadcast_to(change, (*shape, change.shape[-1])).reshape(-1, change.shape[-1])
         for place, step in zip(found, np.ascontiguousarray(changes), strict=True):
-            self._mujoco.mj_integratePos(self._model, place, step, 1.0)
+            self._mujoco.mj_integratePos(self.model, place, step, 1.0)
         return found.reshape(*shape, rows.shape[-1])
 
     def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
@@ -114,9 +118,9 @@ class SpaceRoom:
 
     def _changes(self, way: Reals) -> Reals:
         """What leads from each place of a way (k, n_q) to the next, the short way round (k - 1, n_v)."""
-        found = np.zeros((len(way) - 1, self._model.nv))
+        found = np.zeros((len(way) - 1, self.model.nv))
         for (a, b), change in zip(pairwise(way), found, strict=True):
-            self._mujoco.mj_differentiatePos(self._model, change, 1.0, a, b)
+            self._mujoco.mj_differentiatePos(self.model, change, 1.0, a, b)
         return found
 
 

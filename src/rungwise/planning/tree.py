@@ -86,7 +86,11 @@ def grow(
         parents, vectors = _draw(moves, tree, deepest, rng)
         first = len(tree.parent)
         # The root may have no memory: moves that place nothing by hand go on from the memories of the others.
-        groups = [parents >= 0] if moves.task.carriers else [~tree.known[parents], tree.known[parents]]
+        groups = (
+            [parents >= 0]
+            if moves.task.carriers and moves.forgets
+            else [~tree.known[parents], tree.known[parents]]
+        )
         for group in groups:
             tree = _expanded(moves, predictor, tree, parents[group], vectors[group], lack)
         reached = first + np.flatnonzero(tree.lack[first:] == 0.0)

@@ -18,9 +18,10 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
-from rungwise.planning.task import TaskError, fields_of
+from rungwise.planning.task import fields_of
 from rungwise.planning.trials import Trials, trials_at
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
