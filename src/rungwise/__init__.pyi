@@ -31,13 +31,14 @@ from .models.ladder import (
     Rung,
 )
 from .outcome import OUTCOMES, Code, Outcome
+from .planning.carriers import TaskError
 from .planning.climb import plan
 from .planning.design import Design, design
 from .planning.diagnose import Diagnosis, diagnose
 from .planning.plan import Plan, PlanError, load_plan
 from .planning.predict import Stage
 from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
-from .planning.task import TaskError, instances
+from .planning.task import instances
 from .planning.verify import Verification, verify
 from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema, shipped
 from .scene.read import load

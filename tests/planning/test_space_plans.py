@@ -13,6 +13,8 @@ import pytest
 
 import rungwise as rw
 from rungwise import cli
+from rungwise.outcome import Code
+from rungwise.planning.execute import Replanner
 from rungwise.planning.lift import begin
 from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Budget, Places, predictor_of
@@ -219,8 +221,8 @@ def test_moves_go_on_as_one_run_does(scene: SpaceScene) -> None:
     ("fields", "task", "words"),
     [
         (
-            {}, {"transit": {"pusher": {"speed": 1, "clearance": 1, "push": [1, 1]}}},
-            "task.transit: is not known",
+            {}, {"transit": {"table": {"speed": 1, "clearance": 1, "push": [1, 1]}}},
+            "task.transit: unknown free robot 'table'.*pusher",
         ),
         ({}, {"weights": {"box.tilt": 1.0}}, "task.weights: unknown coordinate 'box.tilt'.*box.qw"),
         ({}, {"inputs": {"mu": {"range": [0, 1]}}}, "task.inputs: unknown input 'mu'"),
@@ -241,12 +243,29 @@ def test_wrong_scenes_are_told_in_one_line(
     assert "\n" not in str(told.value)
 
 
-def test_what_is_not_known_in_space_is_refused_by_name(scene: SpaceScene, plan: rw.Plan) -> None:
-    placed = rw.plan(scene, to="geometric", threads=1)
-    assert not placed.found
-    assert "left out: places are not sought in space" in placed.reason
-    with pytest.raises(rw.TaskError, match="mode: re-planning is not known for scenes in space"):
-        rw.verify(plan, mode="re-planning", samples=3)
+def test_a_push_that_falls_short_is_planned_anew(make: Make) -> None:
+    """Where friction is greater than is known a box that was to coast stays short of its target; what is
+    left is another push, from where the box is. Where it is as known, nothing is added."""
+    quick: dict[str, Any] = {
+        "uncertain": {"mu": {"uniform": [0.9, 1.1]}}, "duration": [0.2, 0.25], "moves": [1, 3],
+        "inputs": {"aim": {"range": [0.0, 0.45], "rate": 1.0}},
+    }  # fmt: skip
+    scene = make(quick)
+    plan = rw.plan(scene, schedule=COARSE, threads=1)
+    assert plan.found
+    open_loop, anew = (
+        rw.verify(plan, samples=2, mode=mode, threads=1, tol=5e-4) for mode in ("open loop", "re-planning")
+    )
+    assert open_loop.successes == 0
+    assert anew.successes == 2
+    assert anew.mode == "re-planning"
+    replanner = Replanner(plan, rw.Stage(rw.DYNAMIC_COMPLIANT, 1e-2), 5e-4, 1)
+    outcome, executed = replanner.execute(plan.parameters, {}, 0)
+    assert outcome == Code.GOAL
+    assert len(executed) <= len(plan.segments)
+
+
+def test_what_is_not_known_in_space_is_refused_by_name(plan: rw.Plan) -> None:
     with pytest.raises(rw.TaskError, match="cluster: scenes in space run in processes"):
         rw.verify(plan, samples=3, cluster="tcp://127.0.0.1:1")
 

@@ -10,7 +10,8 @@ from rungwise.gym.settings import TABLES, GymError, Settings
 from rungwise.gym.world import Places, World
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.task import DRAWS, TaskError, drawn
+from rungwise.planning.carriers import TaskError
+from rungwise.planning.task import DRAWS, drawn
 
 
 class Starts:

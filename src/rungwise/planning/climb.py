@@ -21,6 +21,7 @@ from rungwise.models.ladder import (
     rung,
 )
 from rungwise.outcome import Code
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.diagnose import APART, Diagnosis, diagnose
 from rungwise.planning.geometric import needs_forces
 from rungwise.planning.improve import better, cost_of
@@ -30,7 +31,7 @@ from rungwise.planning.placed import NOTHING, in_the_way, nowhere, place, put, u
 from rungwise.planning.plan import Plan, Record, installed
 from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.robust import made_robust
-from rungwise.planning.task import Task, TaskError, fields_of, instances, task_of
+from rungwise.planning.task import Task, fields_of, instances, task_of
 from rungwise.planning.verify import CONFIDENCE, bound_below
 from rungwise.scene import Scene
 from rungwise.scene.read import load

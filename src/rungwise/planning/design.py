@@ -13,8 +13,9 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.earlier import Earlier, earlier_rungs, nothing, searched_earlier
-from rungwise.planning.task import TaskError, fields_of
+from rungwise.planning.task import fields_of
 from rungwise.planning.tune import GRID, Tuner, centre
 from rungwise.planning.verify import bound_below
 from rungwise.scene import Scene

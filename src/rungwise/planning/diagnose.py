@@ -170,7 +170,7 @@ def compare(a: W, b: W, inputs: Sequence[Segment], weights: Reals, size: float) 
     details = _evidence(Parting((a, b), (first, last), time, body, size), causes)
     return Diagnosis(
         before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
-        distance=distance, details=details, ends=tuple(_end(run) for run in runs),
+        distance=distance, details=details, ends=tuple(ended(run) for run in runs),
         outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol),
     )  # fmt: skip
 
@@ -180,7 +180,8 @@ def _evidence(parting: Parting[Any], causes: Sequence[str]) -> dict[str, dict[st
     return space_evidence(parting, causes) if in_space else evidence(parting, causes)
 
 
-def _end(run: Run | SpaceRun) -> dict[str, Any]:
+def ended(run: Run | SpaceRun) -> dict[str, Any]:
+    """How a run of a scene of either kind ended (see `evidence.end`)."""
     return space_end(run) if isinstance(run, SpaceRun) else end(run)
 
 

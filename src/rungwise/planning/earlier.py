@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import OUTCOMES
-from rungwise.planning.task import TaskError
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.tune import Tuner
 from rungwise.simulation.options import moving_rung
 

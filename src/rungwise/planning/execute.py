@@ -18,16 +18,16 @@ from rungwise.planning.lift import Work, begin
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage, predictor_of
 from rungwise.planning.shoot import Search, run_moves, shoot
-from rungwise.planning.task import in_plane, task_of
+from rungwise.planning.task import task_of
 from rungwise.planning.tree import grow
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.run import Simulation
-from rungwise.simulation.state import Memory, State, digest
+from rungwise.simulation.state import State
 
 COARSE = 1e-2
 """Accuracy with which the rest is planned, as a part of the size of what is moved."""
-STEPS = 300_000
-"""Simulated steps that the planning of one move may take."""
+STEPS, STEPS_IN_SPACE = 300_000, 10_000
+"""Simulated steps that the planning of one move may take; in space a step takes a hundred times as long."""
 LOOKS = 2
 """Moves that are made at most, for each that a plan of the task may have."""
 REPAIR = Search(population=48, generations=6)
@@ -40,9 +40,10 @@ class Replanner:
 
     def __init__(self, plan: Plan, stage: Stage, tol: float, threads: int | None = None) -> None:
         self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
-        self._task = task_of(in_plane(plan.scene), plan.parameters)
+        self._task = task_of(plan.scene, plan.parameters)
         self._work = begin(self._task, Budget(), 0, threads)
         self._nominal = self._work.predictor(Stage(stage.model, COARSE))
+        self._steps = STEPS_IN_SPACE if isinstance(plan.scene, SpaceScene) else STEPS
 
     def execute(
         self, parameters: dict[str, float], errors: dict[str, float], seed: int
@@ -56,8 +57,8 @@ class Replanner:
         now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
         outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._plan.moves, self._task.before
         for look in range(LOOKS * self._task.moves[1]):
-            budget = self._nominal.budget = Budget(STEPS)
-            here = replace(work, start=self._read(now), budget=budget, seed=seed + look)
+            budget = self._nominal.budget = Budget(self._steps)
+            here = replace(work, start=self._read(now, levels), budget=budget, seed=seed + look)
             course, rest = self._next(here, rest, levels)
             if course is None:
                 break
@@ -69,26 +70,12 @@ class Replanner:
                 break
         return outcome, tuple(executed)
 
-    def _read(self, now: Places) -> Places:
+    def _read(self, now: Places, levels: Reals) -> Places:
         """The state of the world as the planner takes it over: it knows places and speeds, and where bodies
         touch, deformations, but not the world's parameters."""
-        placed = Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
-        if not len(now.memory) or not self._work.moves.question.geometry(now.q).collides[0]:
-            return placed
-        scene = self._plan.scene
-        memory = Memory(now.memory[0], digest(scene), self._stage.model, 1.0, ())
-        state = State(scene.template.coordinates, now.q[0], now.v[0], float(now.time[0]), memory)
-        begun = Simulation(
-            in_plane(self._task.search),
-            self._stage.model,
-            parameters=self._task.parameters,
-            state=state,
-            frames=3,
-            duration=state.time + self._task.duration[1],
-        )
-        if begun.workspace is None or begun.reason:
-            return placed
-        return placed._replace(time=now.time, memory=begun.workspace.state.memory[None].copy())
+        if not len(now.memory):
+            return Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
+        return self._nominal.taken_over(now, self._plan.scene, levels)
 
     def _next(self, work: Work, rest: Reals, levels: Reals) -> tuple[Course | None, Reals]:
         """The next move, laid out, and the moves (k, d) after it; None where there is none."""
@@ -120,6 +107,8 @@ class Replanner:
             tree, way = grow(work.moves, self._nominal, work.start, levels, work.lack, most, ROUNDS, work.rng)
             if len(way):
                 yield way
+            if len(tree.parent) == 1:
+                break
             node = int(tree.lack.argmin())
             nearest.append((float(tree.lack[node]), tree.way(node)))
         for _, vectors in sorted(nearest, key=lambda each: each[0]):

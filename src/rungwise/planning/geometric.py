@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.planning.room import room_of
 from rungwise.planning.task import Task
 from rungwise.planning.ways import cut_short, grown
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.questions import Question
-from rungwise.system.planar.place import turns
 
 STARTS, ITERATIONS = 48, 40
 """Places from which the goal is sought, and steps from each."""
@@ -50,8 +51,6 @@ LOOKS = 0.1
 """The same, where a condition says what is unsafe: it has no distances that prove ways free."""
 PARTS = 8
 """Parts into which every straight way is cut at least: bodies turn by less than half a turn in each."""
-ROUNDING = 1e-9
-"""Overlap that counts as rounding, in parts of the size of what is moved."""
 ROOM = 0.5
 """Room about all places of a way, in parts of its extent; angles have half a turn."""
 NOT_PLACED = {"force", "impulse", "speed", "t"}
@@ -113,35 +112,20 @@ def _named(part: ast.expr) -> set[str]:
 class Placing:
     """Places and ways of all bodies of a scene at one instance of its task."""
 
-    def __init__(self, task: Task, scene: Scene, q: Reals, without: str = "", yields: bool = False) -> None:
-        """From the place q (n,) on, as if the body `without` were not there; with `yields`, bodies may
+    def __init__(
+        self, task: Task, scene: Scene | SpaceScene, q: Reals, without: str = "", yields: bool = False
+    ) -> None:
+        """From the place q (n_q,) on, as if the body `without` were not there; with `yields`, bodies may
         overlap as far as on compliant rungs. `scene` states the goal: the task's own, or the one with a
         reserve."""
-        records, self._q = scene.bind(task.parameters).records, q
-        self._geometry = Question(scene, None, task.parameters)
+        self.room = room = room_of(task, scene, without)
+        self._q, self._task = q, task
         goal = placed_part(scene.file.goal or "")
         self._goal = None if goal is None else Question(scene, goal, task.parameters)
-        coordinates, reach = records.coordinates, records.shapes["reach"]
-        self._weights, self._size = task.weights, task.size
-        self._turns = np.array([turns(records.bodies[c["body"]], i) for i, c in enumerate(coordinates)], bool)
-        self._unit = np.where(self._turns, 1.0, task.size)
-        self._low, self._high = coordinates["lower"].copy(), coordinates["upper"].copy()
-        widths = records.shapes["width"]
-        self._thin = float(widths[np.isfinite(widths) & (widths > 0.0)].min(initial=task.size))
-        self._reach = np.zeros(len(records.bodies))
-        for shape, far in zip(records.shapes, np.where(np.isfinite(reach), reach, 0.0), strict=True):
-            self._reach[shape["body"]] = max(self._reach[shape["body"]], far)
-        names, contacts = list(scene.template.bodies), scene.template.contacts
-        self._kept = [k for k, pair in enumerate(contacts) if without not in pair]
-        pairs = [[names.index(name) for name in contacts[k]] for k in self._kept]
-        self._pairs = np.array(pairs, int).reshape(-1, 2)
-        owners = coordinates["body"].tolist()
-        self._objects = np.array([scene.file.bodies[names[body]].role == "object" for body in owners], bool)
-        self._bodies = [[i for i, owner in enumerate(owners) if owner == body] for body in set(owners)]
         unsafe = task.search.file.unsafe
         decided = unsafe is not None and not NOT_PLACED & _named(ast.parse(unsafe.strip(), mode="eval").body)
         self._unsafe = Question(scene, unsafe, task.parameters) if decided else None
-        least = YIELDED * self._thin if yields else ROUNDING * task.size
+        least = YIELDED * room.thin if yields else room.rounding
         self._allowed = np.maximum(least, -self._gaps(q[None])[0])
 
     @property
@@ -168,31 +152,37 @@ class Placing:
             stalled = np.flatnonzero(~(lacks.sum(axis=1) < STALLED * sums))
             x[stalled] = self._tries(rng)[stalled]
             lacks[stalled] = self._lacks(x[stalled], apart)
-        order = np.argsort(np.linalg.norm((found - self._q) * self._weights, axis=1), kind="stable")
+        order = np.argsort(self._task.away(found, self._q), kind="stable")
         return Goals(found[order], found[order[0]] if len(found) else best, 0.0 if len(found) else least)
 
     def _stepped(self, x: Reals, lacks: Reals, apart: bool) -> tuple[Reals, Reals]:
-        """Places (m, n) after a step, and what is lacking there (m, p)."""
-        m, n = x.shape
-        slopes = self._slopes(x, lacks, apart)
-        matrix = np.einsum("mpi,mpj->mij", slopes, slopes)
-        damping = DAMPING * np.trace(matrix, axis1=1, axis2=2) + 1e-300
+        """Places (m, n_q) after a step, and what is lacking there (m, p)."""
+        m, slopes = len(x), self._slopes(x, lacks, apart)
         aims = np.where(np.isfinite(lacks) & (lacks > 0.0), lacks + ROUNDED, 0.0)
-        pull = np.einsum("mpi,mp->mi", slopes, aims)
-        step = np.linalg.solve(matrix + damping[:, None, None] * np.eye(n), pull[..., None])[..., 0]
-        trials = self._within(x - LENGTHS[:, None, None] * step * self._unit)
-        found = self._lacks(trials.reshape(-1, n), apart).reshape(len(LENGTHS), m, -1)
+        step = _gauss_newton(slopes, aims)
+        stopped = self._stopped(x, step)
+        if stopped.any():
+            step = _gauss_newton(np.where(stopped[:, None], 0.0, slopes), aims)
+        trials = self._within(self.room.changed(x, -LENGTHS[:, None, None] * step * self.room.unit))
+        found = self._lacks(trials.reshape(-1, x.shape[1]), apart).reshape(len(LENGTHS), m, -1)
         chosen = found.sum(axis=2).argmin(axis=0)
         return trials[chosen, np.arange(m)], found[chosen, np.arange(m)]
+
+    def _stopped(self, x: Reals, step: Reals) -> NDArray[np.bool_]:
+        """Which changes (m, n_v) a step against them would lead out of travels at places (m, n_q)."""
+        room = self.room
+        own, found = x[:, room.numbers], np.zeros(step.shape, bool)
+        out = step[:, room.of_numbers]
+        found[:, room.of_numbers] = ((own <= room.low) & (out > 0.0)) | ((own >= room.high) & (out < 0.0))
+        return found
 
     def _slopes(self, x: Reals, lacks: Reals, apart: bool) -> Reals:
         """How what is lacking (m, p) changes at places (m, n) along each coordinate, in units of the size:
         (m, p, n)."""
-        m, n = x.shape
+        m, n = len(x), len(self.room.unit)
         length = np.clip(DIFFERENCE * lacks.sum(axis=1), FINEST, DIFFERENCE)
-        rows = np.repeat(x[:, None], n, axis=1)
-        rows[:, np.arange(n), np.arange(n)] += length[:, None] * self._unit
-        there = self._lacks(rows.reshape(m * n, n), apart).reshape(m, n, -1)
+        rows = self.room.changed(x[:, None], length[:, None, None] * np.diag(self.room.unit))
+        there = self._lacks(rows.reshape(m * n, -1), apart).reshape(m, n, -1)
         with np.errstate(invalid="ignore"):
             slopes = (there - lacks[:, None]) / length[:, None, None]
         return np.swapaxes(np.where(np.isfinite(slopes), slopes, 0.0), 1, 2)
@@ -209,45 +199,51 @@ class Placing:
 
     def overlapping(self, q: Reals) -> str:
         """The two bodies that overlap most at a place (n,)."""
-        found = self._geometry.geometry(q[None])
-        return " and ".join(found.contacts[int(found.gaps[0].argmin())])
+        room = self.room
+        return " and ".join(room.names[body] for body in room.pairs[int(self._gaps(q[None])[0].argmin())])
 
     def way(self, goals: Reals, seed: int, in_time: Callable[[], bool]) -> Reals | None:
         """Places (k, n) from the start to the nearest of the goals (r, n), or to another one, sought while
         there is time; None where no way was found. Raises PlannerMissing."""
-        q, nearest = self._q, goals[:NEAREST]
+        q, room, nearest = self._q, self.room, goals[:NEAREST]
         for goal in nearest:
             if self.is_free(q, goal):
                 return np.stack([q, goal])
         rng = np.random.default_rng(seed)
         begun, aims = self._cleared(q, rng), np.array([self._cleared(goal, rng) for goal in nearest])
-        ends = np.vstack([begun, aims])
-        extent = float(np.ptp(ends[:, ~self._turns], axis=0).max(initial=0.0))
-        room = np.where(self._turns, np.pi, ROOM * extent + 10.0 * self._unit)
-        low = np.maximum(ends.min(axis=0) - room, self._low)
-        high = np.minimum(ends.max(axis=0) + room, self._high)
+        low, high = self._bounds(np.vstack([begun, aims])[:, room.numbers])
         for first, last in ((0, 1), (1, len(aims))):
             way = grown(
-                begun, aims[first:last], range(len(q)), low, high, self.is_free, seed,
-                lambda asked: asked <= CHECKS and in_time(), self._unit,
+                begun, aims[first:last], room.numbers.tolist(), low, high, self.is_free, seed,
+                lambda asked: asked <= CHECKS and in_time(), room.units, room.turns,
             )  # fmt: skip
             if way is not None:
                 goal = nearest[first + np.linalg.norm(aims[first:last] - way[-1], axis=1).argmin()]
                 whole = np.vstack([q, way, goal])
-                return cut_short(whole, self.is_free, self._unit, self._bodies, rng)
+                return cut_short(whole, self.is_free, room, rng)
             if last == len(aims):
                 break
         return None
+
+    def _bounds(self, ends: Reals) -> tuple[Reals, Reals]:
+        """Least and greatest numbers (p,) on ways between places whose numbers are these (m, p)."""
+        room = self.room
+        extent = float(np.ptp(ends[:, ~room.turning], axis=0).max(initial=0.0))
+        about = np.where(room.turning, np.pi, ROOM * extent + 10.0 * room.units)
+        low, high = ends.min(axis=0) - about, ends.max(axis=0) + about
+        return np.maximum(low, room.low), np.minimum(high, room.high)
 
     def _cleared(self, place: Reals, rng: np.random.Generator) -> Reals:
         """A place from which the straight way to this one (n,) is free, with more room about it, for trees to
         grow from: where contacts are closed few ways lead on."""
         spread = 10.0 ** rng.uniform(*CLEARED, (STARTS, 1))
-        trials = self._within(place + spread * self._unit * rng.standard_normal((STARTS, len(place))))
+        unit, thin = self.room.unit, self.room.thin
+        drawn = spread * unit * rng.standard_normal((STARTS, len(unit)))
+        trials = self._within(self.room.changed(place, drawn))
         gaps = self._gaps(trials)
-        room = np.where(self._barred(trials, gaps), -np.inf, gaps.min(axis=1, initial=self._thin))
-        order = np.argsort(-room, kind="stable")
-        wider = order[room[order] > self._gaps(place[None]).min(initial=self._thin)]
+        clear = np.where(self._barred(trials, gaps), -np.inf, gaps.min(axis=1, initial=thin))
+        order = np.argsort(-clear, kind="stable")
+        wider = order[clear[order] > self._gaps(place[None]).min(initial=thin)]
         return next((trials[k] for k in wider if self.is_free(trials[k], place)), place)
 
     def is_free(self, a: Reals, b: Reals) -> bool:
@@ -256,39 +252,38 @@ class Placing:
         A part of the way is free for a pair of bodies if together they move by less than the gaps at its ends
         add up to; other parts are halved, until they are short beside the thinnest shape. So are parts near
         what is unsafe, as if that came no faster than bodies move, and parts that are long beside it."""
-        at = np.linspace(0.0, 1.0, PARTS + 1)
-        gaps, poses, lacks, barred = self._asked(a, b, at)
+        room = self.room
+        at = np.linspace(0.0, 1.0, PARTS + 1) if (a != b).any() else np.zeros(1)
+        gaps, marks, lacks, barred = self._asked(a, b, at)
         while not barred.any():
-            moved = np.linalg.norm(np.diff(poses[..., :2], axis=0), axis=-1)
-            moved += self._reach * np.abs(_wrapped(np.diff(poses[..., 2], axis=0)))
-            together, most = moved[:, self._pairs].sum(axis=-1), moved.max(axis=1)
-            unsure = ((gaps[1:] + gaps[:-1] < together) & (together > RESOLUTION * self._thin)).any(axis=1)
-            near = (lacks[1:] + lacks[:-1]) * self._size < most
-            unsure |= near & (most > RESOLUTION * self._thin)
-            unsure |= np.isfinite(lacks[1:]) & (most > LOOKS * self._thin)
+            moved = room.moved(marks)
+            together, most = moved[:, room.pairs].sum(axis=-1), moved.max(axis=1)
+            unsure = ((gaps[1:] + gaps[:-1] < together) & (together > RESOLUTION * room.thin)).any(axis=1)
+            near = (lacks[1:] + lacks[:-1]) * room.size < most
+            unsure |= near & (most > RESOLUTION * room.thin)
+            unsure |= np.isfinite(lacks[1:]) & (most > LOOKS * room.thin)
             cut = np.flatnonzero(unsure)
             if not len(cut):
                 return True
             middle = 0.5 * (at[cut] + at[cut + 1])
             *more, barred = self._asked(a, b, middle)
             at = np.insert(at, cut + 1, middle)
-            gaps, poses, lacks = (
+            gaps, marks, lacks = (
                 np.insert(old, cut + 1, new, axis=0)
-                for old, new in zip((gaps, poses, lacks), more, strict=True)
+                for old, new in zip((gaps, marks, lacks), more, strict=True)
             )
         return False
 
     def _asked(self, a: Reals, b: Reals, at: Reals) -> tuple[Reals, Reals, Reals, NDArray[np.bool_]]:
-        """At parts `at` (m,) of the way from a to b: gaps (m, c), poses (m, b, 3), what is lacking (m,) until
-        something is unsafe, infinite where nothing is, and whether the places are barred (m,)."""
-        rows = a + at[:, None] * (b - a)
-        found = self._geometry.geometry(rows)
-        gaps = found.gaps[:, self._kept]
+        """At parts `at` (m,) of the way from a to b: gaps (m, c), marks of `Room.look`, what is lacking (m,)
+        until something is unsafe, infinite where nothing is, and whether the places are barred (m,)."""
+        rows = self.room.between(a, b, at)
+        gaps, marks = self.room.look(rows)
         lacks = np.full(len(at), np.inf) if self._unsafe is None else self._unsafe.ask(rows).lack
-        return gaps, found.poses, lacks, self._barred(rows, gaps)
+        return gaps, marks, lacks, self._barred(rows, gaps)
 
     def _gaps(self, rows: Reals) -> Reals:
-        return self._geometry.geometry(rows).gaps[:, self._kept]
+        return self.room.look(rows)[0]
 
     def _barred(self, rows: Reals, gaps: Reals) -> NDArray[np.bool_]:
         """Whether bodies overlap at places (m, n), by their gaps (m, c), or the places are unsafe."""
@@ -299,15 +294,17 @@ class Placing:
         """Places (m, n) to seek the goal from: the start, and others at all distances up to many times the
         size, every other one with all objects at the start, for they may not have to move."""
         spread = 10.0 ** rng.uniform(-2.0, 1.0, (STARTS, 1))
-        tries = self._q + spread * self._unit * rng.standard_normal((STARTS, len(self._q)))
-        tries[1::2, self._objects] = self._q[self._objects]
-        tries[0] = self._q
-        return self._within(tries)
+        drawn = spread * self.room.unit * rng.standard_normal((STARTS, len(self.room.unit)))
+        drawn[1::2, self.room.objects] = 0.0
+        drawn[0] = 0.0
+        return self._within(self.room.changed(self._q, drawn))
 
     def _within(self, rows: Reals) -> Reals:
-        """Places (..., n) within the travel of coordinates, and not beyond all measure."""
-        far = FARTHEST * self._unit
-        return np.clip(rows, np.maximum(self._low, -far), np.minimum(self._high, far))
+        """Places (..., n_q) within the travel of coordinates, and not beyond all measure."""
+        room = self.room
+        far, own = FARTHEST * room.units, room.numbers
+        rows[..., own] = np.clip(rows[..., own], np.maximum(room.low, -far), np.minimum(room.high, far))
+        return rows
 
     def _lacks(self, rows: Reals, apart: bool) -> Reals:
         """What is lacking (m, p) at places: of each part of the goal, and of gaps over the thinnest shape;
@@ -315,10 +312,15 @@ class Placing:
         assert self._goal is not None
         lacks = self._goal.ask(rows).lacks
         if apart:
-            overlaps = np.maximum(-self._gaps(rows) - self._allowed, 0.0) / self._thin
+            overlaps = np.maximum(-self._gaps(rows) - self._allowed, 0.0) / self.room.thin
             lacks = np.hstack([lacks, overlaps])
         return np.where(np.isfinite(lacks), lacks, np.inf)
 
 
-def _wrapped(angles: Reals) -> Reals:
-    return (angles + np.pi) % (2.0 * np.pi) - np.pi
+def _gauss_newton(slopes: Reals, aims: Reals) -> Reals:
+    """Damped steps (m, n) against which what is lacking falls by `aims` (m, p)."""
+    matrix = np.einsum("mpi,mpj->mij", slopes, slopes)
+    damping = DAMPING * np.trace(matrix, axis1=1, axis2=2) + 1e-300
+    pull = np.einsum("mpi,mp->mi", slopes, aims)
+    eye = np.eye(slopes.shape[2])
+    return np.linalg.solve(matrix + damping[:, None, None] * eye, pull[..., None])[..., 0]

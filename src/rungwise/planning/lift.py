@@ -10,13 +10,15 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.moves import Moves
 from rungwise.planning.predict import Budget, Places, Predictor, Stage, predictor_of
 from rungwise.planning.shoot import Search, shoot
-from rungwise.planning.task import Task, TaskError
+from rungwise.planning.task import Task
 from rungwise.planning.transit import Transit
 from rungwise.planning.tree import Tree, grow
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.questions import Question
 from rungwise.simulation.state import State
 
@@ -67,17 +69,28 @@ class Work:
 
 def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
     """Where planning starts. Raises TaskError where bodies overlap at the start."""
-    moves = Moves(task)
+    moves, transit = _ways_of(task)
     start = State.of(task.scene, parameters=task.parameters)
     overlap = moves.question.overlap(start)
     if overlap:
         raise TaskError(f"start: {overlap}; change the parameters of the start")
     return Work(
-        task=task, moves=moves, transit=Transit(task, moves.question),
+        task=task, moves=moves, transit=transit,
         question=Question(task.search, "goal", task.parameters), budget=budget,
         start=Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1))),
         size=task.size, threads=threads, rng=np.random.default_rng(seed), seed=seed,
     )  # fmt: skip
+
+
+def _ways_of(task: Task) -> tuple[Moves, Transit]:
+    """Moves of a task, and its robots' ways between them."""
+    if isinstance(task.scene, SpaceScene) and task.carriers:
+        from rungwise.planning.space_transit import SpaceMoves, SpaceTransit
+
+        moves = SpaceMoves(task)
+        return moves, SpaceTransit(task, moves.question)
+    plain = Moves(task)
+    return plain, Transit(task, plain.question)
 
 
 def known(work: Work) -> str:

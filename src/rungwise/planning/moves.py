@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.planning.boundary import Boundary, boundary
+from rungwise.planning.carriers import Carrier, TaskError
 from rungwise.planning.predict import Places
-from rungwise.planning.task import Carrier, Task, TaskError
+from rungwise.planning.task import Task
 from rungwise.scene.records import Records
 from rungwise.simulation.questions import Question
 
@@ -45,18 +46,35 @@ class _Target:
     boundary: Boundary
 
 
+class Stroke(NamedTuple):
+    """Ways of one carrier (m, k), in its coordinates, of a push and back from there, and how long the push is
+    (m,)."""
+
+    there: Reals
+    back: Reals
+    length: Reals
+
+
 class Moves:
-    """The moves of a task: from vectors (m, d) to places of robots and segments of inputs."""
+    """The moves of a task: from vectors (m, d) to places of robots and segments of inputs. `per`: numbers of
+    a vector for each carrier, of which the first is periodic; `forgets`: whether carriers that are placed
+    beside objects make runs forget their contacts."""
+
+    per = 3
+    forgets = True
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self.question = Question(task.scene, None, task.parameters)
-        self._targets = [self._pushed(carrier) for carrier in task.carriers]
         self._free = task.free
-        self.size = 3 * len(task.carriers) + len(self._free) + (0 if task.carriers else 1)
+        self.size = self.per * len(task.carriers) + len(self._free) + (0 if task.carriers else 1)
         self.periodic = np.zeros(self.size, bool)
-        self.periodic[: 3 * len(task.carriers) : 3] = True
+        self.periodic[: self.per * len(task.carriers) : self.per] = True
         self._ramped = bool(np.isfinite(task.rate[self._free]).any())
+
+    @cached_property
+    def _targets(self) -> list[list[_Target]]:
+        return [self._pushed(carrier) for carrier in self.task.carriers]
 
     @cached_property
     def _records(self) -> Records:
@@ -91,7 +109,7 @@ class Moves:
         rest = before.copy()
         for carrier in task.carriers:
             at = places.q[:, list(carrier.places)]
-            rest[:, list(carrier.columns)] = carrier.levels(np.zeros((m, 2)), at)
+            rest[:, list(carrier.columns)] = carrier.levels(np.zeros_like(at), at)
             held[:, list(carrier.columns)] = rest[:, list(carrier.columns)]
         parts = []
         if task.carriers and (self._ramped or task.by_place):
@@ -105,37 +123,36 @@ class Moves:
             least = max(low, 1e-3 * high)
             parts.append((held, least * (high / least) ** vectors[:, -1], False))
             return _segments(parts)
-        return _segments(parts + self._pushes(held, self._ways(vectors, places), places))
+        return _segments(parts + self._pushes(held, self._strokes(vectors, places), places))
 
-    def _pushes(self, held: Reals, ways: list[Reals], places: Places) -> list[tuple[Reals, Reals, bool]]:
+    def _pushes(self, held: Reals, strokes: list[Stroke], places: Places) -> list[tuple[Reals, Reals, bool]]:
         """The push, all carriers in the same time, and the way back."""
         task, there, back = self.task, held.copy(), held.copy()
         took, returns = np.zeros(len(held)), 0.0
-        for carrier, way in zip(task.carriers, ways, strict=True):
-            took = np.maximum(took, np.linalg.norm(way, axis=1) / carrier.speed)
+        for carrier, stroke in zip(task.carriers, strokes, strict=True):
+            took = np.maximum(took, stroke.length / carrier.speed)
             returns = max(returns, carrier.clearance / carrier.speed)
-        for carrier, way in zip(task.carriers, ways, strict=True):
-            columns, end = list(carrier.columns), places.q[:, list(carrier.places)] + way
-            returned = -carrier.clearance * way / np.linalg.norm(way, axis=1)[:, None]
-            there[:, columns] = carrier.levels(way / took[:, None], end)
-            back[:, columns] = carrier.levels(returned / returns, end + returned)
+        for carrier, stroke in zip(task.carriers, strokes, strict=True):
+            columns, end = list(carrier.columns), places.q[:, list(carrier.places)] + stroke.there
+            there[:, columns] = carrier.levels(stroke.there / took[:, None], end)
+            back[:, columns] = carrier.levels(stroke.back / returns, end + stroke.back)
         return [(there, took, task.by_place), (back, np.full(len(held), returns), task.by_place)]
 
-    def _ways(self, vectors: Reals, places: Places) -> list[Reals]:
-        """Where each carrier goes (m, 2), from the place where it begins."""
+    def _strokes(self, vectors: Reals, places: Places) -> list[Stroke]:
+        """Where each carrier goes from the place where it begins, and back."""
         poses = self.question.geometry(np.ascontiguousarray(places.q)).poses
-        ways = []
+        strokes = []
         for k, carrier in enumerate(self.task.carriers):
             _, normals = self._contact(k, vectors[:, 3 * k], poses)
             lean = carrier.lean * (2.0 * vectors[:, 3 * k + 1] - 1.0)
-            low, high = carrier.push
-            length = low * (high / low) ** vectors[:, 3 * k + 2] + carrier.clearance
-            ways.append(-_turned(normals, lean) * length[:, None])
-        return ways
+            way = -_turned(normals, lean) * pushed_length(carrier, vectors[:, 3 * k + 2])[:, None]
+            length = np.linalg.norm(way, axis=1)
+            strokes.append(Stroke(way, -carrier.clearance * way / length[:, None], length))
+        return strokes
 
     def _inputs(self, vectors: Reals) -> Reals:
         """Values (m, f) of the inputs that no carrier uses."""
-        first = 3 * len(self.task.carriers)
+        first = self.per * len(self.task.carriers)
         low, high = self.task.low[self._free], self.task.high[self._free]
         return np.asarray(low + (high - low) * vectors[:, first : first + len(self._free)])
 
@@ -186,6 +203,12 @@ class Moves:
         if not targets:
             raise TaskError(f"task.transit.{carrier.body}: touches no object; see contacts")
         return targets
+
+
+def pushed_length(carrier: Carrier, part: Reals) -> Reals:
+    """Lengths (m,) of pushes at parts 0..1 of their range, with the way to the object."""
+    low, high = carrier.push
+    return np.asarray(low * (high / low) ** part + carrier.clearance)
 
 
 def _segments(parts: list[tuple[Reals, Reals, bool]]) -> Segments:

@@ -11,13 +11,13 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.diagnose import APART, Diagnosis
-from rungwise.planning.evidence import end
+from rungwise.planning.diagnose import APART, Diagnosis, ended
 from rungwise.planning.geometric import GOALS, Placing, jumps
 from rungwise.planning.lift import Work
+from rungwise.planning.objects import OBJECT, OBSTACLE, ROBOT, roles_of
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import Stage
-from rungwise.planning.task import in_plane
+from rungwise.planning.room import room_of
 from rungwise.planning.ways import PlannerMissing
 from rungwise.planning.words import UNTOUCHED
 from rungwise.scene import Scene
@@ -25,7 +25,7 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.run import simulate
 
-NOTHING, IN_SPACE = "nothing found", "left out: places are not sought in space"
+NOTHING = "nothing found"
 SURE = 1e-3
 """What is lacking of a goal of which no place was found, if it is to be said that there is none."""
 LOOKS = 100
@@ -43,16 +43,13 @@ def nowhere(work: Work) -> str:
     """Why the goal holds at no place that was found, in a line; empty where one was found, where places do
     not decide, or where very little is lacking. Bodies may overlap as far as contacts yield on compliant
     rungs."""
-    q, seed = work.start.q[0], work.seed
-    if isinstance(work.task.scene, SpaceScene):
-        return ""
-    scene, search = work.task.planar, in_plane(work.task.search)
+    q, seed, scene = work.start.q[0], work.seed, work.task.scene
     placing = Placing(work.task, scene, q, yields=True)
-    if not placing.asks or scene.template.joints or jumps(scene.file.goal or ""):
+    if not placing.asks or placing.room.bound or jumps(scene.file.goal or ""):
         return ""
     found = placing.goals(np.random.default_rng(seed))
     if len(found.places) or found.lack < SURE:
-        reserved = Placing(work.task, search, q, yields=True).goals(np.random.default_rng(seed))
+        reserved = Placing(work.task, work.task.search, q, yields=True).goals(np.random.default_rng(seed))
         if len(reserved.places) or reserved.lack < SURE:
             return ""
         reserve = work.task.numbers["task.reserve"]
@@ -67,11 +64,9 @@ def nowhere(work: Work) -> str:
 def place(work: Work, without: str = "") -> Placed:
     """Places of all bodies on a way to the goal, as if the body `without` were not there."""
     none, q = np.zeros((0, len(work.start.q[0]))), work.start.q[0]
-    if isinstance(work.task.search, SpaceScene):
-        return Placed(none, IN_SPACE)
     placing = Placing(work.task, work.task.search, q, without)
-    if work.task.planar.template.joints:
-        return Placed(none, "left out: bodies are joined")
+    if placing.room.bound:
+        return Placed(none, f"left out: {placing.room.bound}")
     if not placing.asks:
         return Placed(none, "left out: places do not decide the goal")
     goals = placing.goals(np.random.default_rng(work.seed), count=GOALS)
@@ -91,7 +86,7 @@ def in_the_way(work: Work) -> str:
     left out, or the time is over."""
     if place(work).how != NOTHING:
         return ""
-    obstacles = [name for name, body in work.task.planar.file.bodies.items() if body.role == "obstacle"]
+    obstacles = _with_role(work, OBSTACLE)
     alone = [name for name in obstacles if len(place(work, name).way)]
     return (
         f"no way for the bodies was found{', ' + ' or '.join(alone) + ' being in the way' if alone else ''}"
@@ -104,20 +99,20 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     There the inputs stay as they were at the start, for as long as one move may take: that a plan of places
     has no inputs is what breaks. None where the goal is reached so, or no object had to move that no robot
     touches on its way."""
-    names, scene = work.task.scene.template.inputs, work.task.planar
+    names, scene = work.task.scene.template.inputs, work.task.scene
     hold = Segment(dict(zip(names, work.task.before.tolist(), strict=True)), work.task.duration[1])
     run = simulate(
         scene, stage.model, parameters=work.task.parameters, tol=stage.tol * work.size, inputs=[hold]
     )
-    if run.outcome.code == Code.GOAL or run.workspace is None:
+    if run.outcome.code in (Code.GOAL, Code.INVALID):
         return None
     way = np.array([work.start.q[0], *before.waypoints])
-    off = (run.workspace.state.q - way[-1]) * work.task.weights
+    off = work.task.off(run.state.q[None], way[-1])[0]
     least = APART * work.size
     found = {
         name: _moved(work, way, name)
-        for name, each in scene.file.bodies.items()
-        if each.role == "object" and np.linalg.norm(off[_own(scene, name)]) > least
+        for name in _with_role(work, OBJECT)
+        if np.linalg.norm(off[_own(scene, name)]) > least
     }
     alone = {
         name: numbers for name, numbers in found.items() if numbers["moved"] - numbers["touched"] > least
@@ -129,29 +124,33 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     return Diagnosis(
         before=str(before.stage), after=str(stage), causes=(UNTOUCHED,), left={}, time=0.0, body=body,
         distance=float(np.linalg.norm(off)), details={UNTOUCHED: {**alone[body], "others": others}},
-        ends=({"outcome": "goal", "time": 0.0}, end(run)), outcome=str(run.outcome), inputs=(hold,),
+        ends=({"outcome": "goal", "time": 0.0}, ended(run)), outcome=str(run.outcome), inputs=(hold,),
         tols=(stage.tol * work.size, stage.tol * work.size),
     )  # fmt: skip
 
 
-def _own(scene: Scene, body: str) -> list[int]:
+def _with_role(work: Work, role: str) -> list[str]:
+    """The bodies of a role."""
+    return [name for name, own in roles_of(work.task.scene, work.task.parameters).items() if own == role]
+
+
+def _own(scene: Scene | SpaceScene, body: str) -> list[int]:
     """The coordinates of a body."""
     return [k for k, name in enumerate(scene.template.coordinates) if name.split(".")[0] == body]
 
 
 def _moved(work: Work, way: Reals, body: str) -> dict[str, float]:
     """How far a body moves along a way, in the metric of the task, and how far of it a robot touches it."""
-    scene = work.task.planar
-    tolerance = float(scene.bind(work.task.parameters).records.world[0]["tolerance"])
-    robots = {name for name, each in scene.file.bodies.items() if each.role == "robot"}
+    scene = work.task.scene
+    room, robots = room_of(work.task, scene), set(_with_role(work, ROBOT))
     contacts = [k for k, pair in enumerate(scene.template.contacts) if body in pair and robots & set(pair)]
     moved = touched = 0.0
     for a, b in pairwise(way):
-        length = float(np.linalg.norm(((b - a) * work.task.weights)[_own(scene, body)]))
-        rows = a + np.linspace(0.0, 1.0, LOOKS)[:, None] * (b - a)
+        length = float(np.linalg.norm(work.task.off(b[None], a)[0, _own(scene, body)]))
+        rows = room.between(a, b, np.linspace(0.0, 1.0, LOOKS))
         gaps = work.moves.question.geometry(rows).gaps[:, contacts]
         moved += length
-        touched += length * float((gaps <= tolerance).any(axis=1).mean())
+        touched += length * float((gaps <= work.task.tolerance).any(axis=1).mean())
     return {"moved": moved, "touched": touched}
 
 

@@ -22,9 +22,11 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.crew import Crew, threads_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import in_memory
-from rungwise.simulation.run import JAM
+from rungwise.simulation.questions import Question
+from rungwise.simulation.run import JAM, Simulation
 from rungwise.simulation.spatial.batch import BUDGET
 from rungwise.simulation.spatial.crew import Sample, Sampled, Terms, run_samples, spread
+from rungwise.simulation.spatial.memory import memory_parts
 from rungwise.simulation.state import Memory, State, digest
 
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
@@ -128,6 +130,10 @@ class Predictor(Protocol):
     ) -> Ends:  # fmt: skip
         """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
 
+    def taken_over(self, now: Places, scene: Any, levels: Reals, /) -> Places:
+        """One place to which a run of `scene` at other parameters has come, on this stage's rung, as these
+        runs go on from it, after inputs `levels` (u,)."""
+
 
 def predictor_of(
     scene: Scene | SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
@@ -174,6 +180,21 @@ class PlanarPredictor:
         places = Places(samples.final[:, :n], samples.final[:, n:], found["time"].copy(), memory)
         work = in_memory(crew.workspace.state, "drive_work", memory)
         return Ends(found["outcome"].astype(np.int64), places, found["switches"].astype(np.int64), work)
+
+    def taken_over(self, now: Places, scene: Scene, _levels: Reals, /) -> Places:
+        """See `Predictor`; inputs begin as at these parameters."""
+        placed = Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
+        if not Question(self.scene, None, self._parameters).geometry(now.q).collides[0]:
+            return placed
+        memory = Memory(now.memory[0], digest(scene), self.stage.model, 1.0, ())
+        state = State(scene.template.coordinates, now.q[0], now.v[0], float(now.time[0]), memory)
+        begun = Simulation(
+            self.scene, self.stage.model, parameters=self._parameters, state=state, frames=3,
+            duration=state.time + float(self.scene.bind(self._parameters).records.world[0]["duration"]),
+        )  # fmt: skip
+        if begun.workspace is None or begun.reason:
+            return placed
+        return placed._replace(time=now.time, memory=begun.workspace.state.memory[None].copy())
 
     def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...]) -> Crew:
         if (ramps, until) not in self._crews:
@@ -225,6 +246,15 @@ class SpacePredictor:
             each for part in spread(run_samples, self._terms, parts, m, self._processes) for each in part
         ]
         return self._ends(found)
+
+    def taken_over(self, now: Places, scene: SpaceScene, levels: Reals, /) -> Places:
+        """See `Predictor`: forces and deformations of contacts are kept."""
+        template, own = self.scene.template, now.memory[0, 0].copy()
+        values = own[memory_parts(scene).values]
+        values[[template.parameters.index(name) for name in template.inputs]] = levels
+        memory = np.empty((1, 1), object)
+        memory[0, 0] = own
+        return Places(now.q.copy(), now.v.copy(), now.time.copy(), memory)
 
     def _state(self, places: Places, i: int) -> State:
         memory = None

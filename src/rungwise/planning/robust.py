@@ -8,7 +8,6 @@ from dataclasses import replace
 from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, RE_PLANNING, Check, Plan
 from rungwise.planning.verify import verify
-from rungwise.scene.space import SpaceScene
 
 
 def made_robust(
@@ -21,7 +20,7 @@ def made_robust(
     checks = list[Check]()
     for number, mode in enumerate((OPEN_LOOP, GUARDED, RE_PLANNING)):
         candidate = guarded(plan) if mode == GUARDED else plan
-        if candidate is None or (mode == RE_PLANNING and isinstance(plan.scene, SpaceScene)):
+        if candidate is None:
             continue
         tell(f"{plan.stage}: {mode}, {samples} samples")
         found = verify(

@@ -11,17 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
+from rungwise.planning.carriers import Carrier, TaskError, carrier_in_plane, carrier_in_space, pair
 from rungwise.planning.objects import moved_in_plane, moved_in_space, roles_of
 from rungwise.planning.tighten import tightened
-from rungwise.scene import Bound, InvalidScene, Scene
+from rungwise.scene import InvalidScene, Scene
 from rungwise.scene import scene as planar
-from rungwise.scene.expression import STACK
-from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.read import load
-from rungwise.scene.records import SERVO, SPEED, Records
+from rungwise.scene.records import Records
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.task import Task as TaskFields
 from rungwise.scene.task import numbers_of
@@ -36,33 +34,6 @@ DRAWS = 1000
 """Most draws for each instance wanted."""
 
 
-class TaskError(InputError):
-    """The scene has no task, or the task cannot be: one line that names the field."""
-
-
-@dataclass(frozen=True)
-class Carrier:
-    """A robot that is led through free space: its body, the coordinates x and y, and the inputs that drive
-    them. Their speeds, or with `by_place` the targets of their servos, are matrix (2, 2) @ inputs + zero
-    (2,). Then the lengths and the angle of its pushes."""
-
-    body: str
-    places: tuple[int, int]
-    columns: tuple[int, int]
-    matrix: Reals
-    zero: Reals
-    by_place: bool
-    speed: float
-    clearance: float
-    push: tuple[float, float]
-    lean: float
-
-    def levels(self, speeds: Reals, places: Reals) -> Reals:
-        """Inputs (m, 2) that lead it at these speeds (m, 2), or to these places (m, 2)."""
-        wanted = places if self.by_place else speeds
-        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
-
-
 @dataclass(frozen=True)
 class Task:
     """The task of a scene at one instance.
@@ -72,7 +43,7 @@ class Task:
     duration: least and greatest of a move without transit; moves: least and greatest number; weights (n,):
     of coordinates in distances, 0 for robots; numbers: of the task, by their paths; size: how far the
     largest object reaches from its centre; is_slow: whether robots push so slowly that nothing coasts;
-    turns (r, 4): columns of quaternions.
+    turns (r, 4): columns of quaternions; tolerance: of the scene, in its unit of length.
     """
 
     scene: Scene | SpaceScene
@@ -89,6 +60,7 @@ class Task:
     size: float
     is_slow: bool
     turns: Ints
+    tolerance: float
 
     @property
     def free(self) -> Ints:
@@ -120,12 +92,16 @@ class Task:
 
     def away(self, q: Reals, aim: Reals) -> Reals:
         """Distances (m,) of objects at places (m, n) from where they are at `aim` (n,)."""
+        return np.asarray(np.linalg.norm(self.off(q, aim), axis=1))
+
+    def off(self, q: Reals, aim: Reals) -> Reals:
+        """The parts (m, n) of these distances along each coordinate."""
         change = q - aim
         for columns in self.turns:
             other = q[:, columns] + aim[columns]  # a quaternion and its negative are the same turn
             nearer = np.linalg.norm(other, axis=1) < np.linalg.norm(change[:, columns], axis=1)
             change[np.ix_(nearer, columns)] = other[nearer]
-        return np.asarray(np.linalg.norm(change * self.weights, axis=1))
+        return np.asarray(change * self.weights)
 
     def cost(self, time: Reals | float, work: Reals | float, moves: Ints | int) -> Reals:
         """The task's cost of plans of these durations and this work of drives."""
@@ -146,22 +122,25 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
     if isinstance(scene, SpaceScene):
         bound = scene.bind(values)
         own, slow, longest = moved_in_space(bound), False, bound.duration
+        carriers = tuple(carrier_in_space(scene, name, bound, numbers) for name in fields.transit)
+        tolerance = bound.tolerance
     else:
         plane = scene.bind(values)
-        carriers = tuple(_carrier(scene, name, plane, numbers) for name in fields.transit)
+        carriers = tuple(carrier_in_plane(scene, name, plane, numbers) for name in fields.transit)
         own, longest = moved_in_plane(scene, plane.records), float(plane.records.world[0]["duration"])
         slow = _is_slow(scene, plane.records, carriers, own.size)
+        tolerance = float(plane.records.world[0]["tolerance"])
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
-    duration = (0.0, longest) if fields.duration is None else _pair(numbers, "task.duration")
+    duration = (0.0, longest) if fields.duration is None else pair(numbers, "task.duration")
     weights = [numbers.get(f"task.weights.{name}", 0.0) for name in scene.template.coordinates]
     return Task(
         scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
         weights=np.array(weights) if fields.weights else own.weights, size=own.size, is_slow=slow,
-        turns=own.turns,
+        turns=own.turns, tolerance=tolerance,
     )  # fmt: skip
 
 
@@ -219,7 +198,7 @@ def drawn(
     numbers = numbers_at(scene, given)
     for name, spread in getattr(fields, table).items():
         if spread.uniform is not None:
-            values[name] = float(rng.uniform(*_pair(numbers, f"task.{table}.{name}.uniform")))
+            values[name] = float(rng.uniform(*pair(numbers, f"task.{table}.{name}.uniform")))
         else:
             mean, deviation = (numbers[f"task.{table}.{name}.normal.{k}"] for k in (0, 1))
             values[name] = float(mean + deviation * rng.standard_normal())
@@ -248,14 +227,6 @@ def numbers_at(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> di
     return dict(zip(paths, scene.bind(parameters).records.task["value"].tolist(), strict=True))
 
 
-def _pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:
-    """Least and greatest value. Raises TaskError where they are not in this order."""
-    low, high = numbers[f"{path}.0"], numbers[f"{path}.1"]
-    if low > high:
-        raise TaskError(f"{path}: the least, {low:g}, is above the greatest, {high:g}")
-    return low, high
-
-
 def _bounds(
     scene: Scene | SpaceScene, fields: TaskFields, numbers: Mapping[str, float]
 ) -> tuple[Reals, Reals, Reals]:
@@ -265,7 +236,7 @@ def _bounds(
         path = f"task.inputs.{name}"
         low, high = scene.file.parameters[name].range or (-math.inf, math.inf)
         if name in fields.inputs:
-            least, most = _pair(numbers, f"{path}.range")
+            least, most = pair(numbers, f"{path}.range")
             if not low <= least <= most <= high:
                 raise TaskError(f"{path}.range: must lie in the parameter's range, {low:g} to {high:g}")
             low, high = least, most
@@ -301,43 +272,3 @@ def _unsafe(scene: Scene | SpaceScene, fields: TaskFields) -> dict[str, str]:
     """The unsafe condition, joined with what to keep out of; empty where there is neither."""
     conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
     return {"unsafe": " or ".join(conditions)} if conditions else {}
-
-
-def _carrier(scene: Scene, name: str, bound: Bound, numbers: Mapping[str, float]) -> Carrier:
-    """A robot to lead through free space. Raises TaskError for one whose x and y no two inputs drive."""
-    path, x = f"task.transit.{name}", scene.template.coordinates.index(f"{name}.x")
-    kinds = bound.records.coordinates["drive"][x : x + 2].tolist()
-    columns, matrix, zero = _followed(scene, x, bound)
-    speeds = kinds == [SPEED, SPEED] and not zero.any()
-    if len(columns) != 2 or np.linalg.matrix_rank(matrix) < 2 or not (speeds or kinds == [SERVO, SERVO]):
-        raise TaskError(
-            f"{path}: needs two inputs that drive the speeds of {name}.x and {name}.y, or the targets of"
-            " their servos, linearly"
-        )
-    return Carrier(
-        body=name, places=(x, x + 1), columns=(columns[0], columns[1]), matrix=matrix, zero=zero,
-        by_place=not speeds, speed=numbers[f"{path}.speed"], clearance=numbers[f"{path}.clearance"],
-        lean=numbers[f"{path}.lean"], push=_pair(numbers, f"{path}.push"),
-    )  # fmt: skip
-
-
-def _followed(scene: Scene, x: int, bound: Bound) -> tuple[list[int], Reals, Reals]:
-    """The inputs that the speeds, or the targets, of the coordinates x and x + 1 follow, the matrix, and what
-    they are where these inputs are 0; no inputs where they are no linear functions of them."""
-    template, drives = scene.template, bound.records.coordinates[x : x + 2]
-    columns = [template.parameters.index(name) for name in template.inputs]
-
-    def followed(levels: Reals) -> Reals:
-        values = bound.values.copy()
-        values[columns] = levels
-        for numbers in (template.timed_speeds(), template.timed_numbers()):
-            evaluate_numbers(numbers, values, np.zeros(STACK), bound.buffer)
-        return np.where(drives["drive"] == SPEED, drives["drive_speed"], drives["target"])
-
-    size = len(columns)
-    zero = followed(np.zeros(size))
-    matrix = np.array([followed(one) - zero for one in np.eye(size)]).T
-    trial = np.random.default_rng(0).uniform(-1.0, 1.0, size)
-    is_linear = np.allclose(followed(trial), matrix @ trial + zero, rtol=1e-9, atol=0.0)
-    used = [k for k in range(size) if matrix[:, k].any()] if is_linear else []
-    return used, matrix[:, used], zero

@@ -43,9 +43,9 @@ class Transit:
             return None
         if self._is_free(q, goal, least):
             return ends
-        (low, high), pairs = self._room(q, goal), len(self._columns) // 2
+        low, high = self._room(q, goal)
         found = grown(
-            q, goal[None], self._columns, np.tile(low, pairs), np.tile(high, pairs),
+            q, goal[None], self._columns, low, high,
             lambda a, b: self._is_free(a, b, least), seed,
         )  # fmt: skip
         return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
@@ -74,11 +74,15 @@ class Transit:
         """Gaps (m, c) of the carriers at places (m, n)."""
         return self._question.geometry(np.ascontiguousarray(q)).gaps[:, self._own]
 
+    def _moved(self, a: Reals, b: Reals) -> float:
+        """By how much a gap may shrink at most on the straight way."""
+        return sum(math.hypot(*(b - a)[list(carrier.places)]) for carrier in self._task.carriers)
+
     def _is_free(self, a: Reals, b: Reals, least: float) -> bool:
         """Whether the straight way keeps this gap. No gap shrinks by more than what the robots move, so a
         part of the way is free if its length is less than what the gaps at its ends exceed the least one by;
         other parts are halved, until they are as short as the least gap."""
-        length = sum(math.hypot(*(b - a)[list(carrier.places)]) for carrier in self._task.carriers)
+        length = self._moved(a, b)
         at = np.array([0.0, 1.0])
         gaps = self._gaps(np.stack([a, b])).min(axis=1)
         while (gaps >= least * (1.0 - 1e-9)).all():
@@ -92,8 +96,9 @@ class Transit:
         return False
 
     def _room(self, q: Reals, goal: Reals) -> tuple[Reals, Reals]:
-        """Where robots may go: about all bodies, with room to pass."""
+        """Least and greatest numbers (c,) of where robots may go: about all bodies, with room to pass."""
         poses = self._question.geometry(np.stack([q, goal])).poses[..., :2].reshape(-1, 2)
         low, high = poses.min(axis=0), poses.max(axis=0)
         room = 0.5 * float(np.linalg.norm(high - low)) + 10.0 * self._clearance
-        return low - room, high + room
+        pairs = len(self._columns) // 2
+        return np.tile(low - room, pairs), np.tile(high + room, pairs)

@@ -7,8 +7,10 @@ The others begin at the nodes next to states drawn at random (rapidly exploring 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
@@ -35,7 +37,8 @@ ROOM = 0.5
 @dataclass(frozen=True)
 class Tree:
     """N nodes: where they are, the inputs (N, u) there, the node before (N,), the move from there (N, d), how
-    many moves it takes (N,), and how much of the goal is lacking (N,). The root is the first."""
+    many moves it takes (N,), how much of the goal is lacking (N,), and whether it has a memory (N,). The root
+    is the first."""
 
     q: Reals
     v: Reals
@@ -46,10 +49,11 @@ class Tree:
     vectors: Reals
     depth: Ints
     lack: Reals
+    known: NDArray[np.bool_]
 
     def places(self, nodes: Ints) -> Places:
-        """Where nodes are; with their memories, if they are not the root."""
-        memory = self.memory[nodes] if (nodes > 0).all() else self.memory[:0]
+        """Where nodes are; with their memories, if all have one."""
+        memory = self.memory[nodes] if self.known[nodes].all() else self.memory[:0]
         return Places(self.q[nodes], self.v[nodes], self.time[nodes], memory)
 
     def way(self, node: int) -> Reals:
@@ -81,8 +85,12 @@ def grow(
     for _ in range(rounds):
         parents, vectors = _draw(moves, tree, deepest, rng)
         first = len(tree.parent)
-        # Only the root has no memory: moves without carriers go on from the memories of the others.
-        groups = [parents >= 0] if moves.task.carriers else [parents == 0, parents > 0]
+        # The root may have no memory: moves that place nothing by hand go on from the memories of the others.
+        groups = (
+            [parents >= 0]
+            if moves.task.carriers and moves.forgets
+            else [~tree.known[parents], tree.known[parents]]
+        )
         for group in groups:
             tree = _expanded(moves, predictor, tree, parents[group], vectors[group], lack)
         reached = first + np.flatnonzero(tree.lack[first:] == 0.0)
@@ -94,10 +102,12 @@ def grow(
 
 
 def _root(moves: Moves, start: Places, before: Reals, lack: Lack) -> Tree:
-    zero = np.zeros(1, np.int64)
+    zero, known = np.zeros(1, np.int64), len(start.memory) > 0
     return Tree(
-        q=start.q, v=start.v, time=start.time, memory=np.zeros((1, 0)), levels=before[None].copy(),
+        q=start.q, v=start.v, time=start.time, memory=start.memory if known else np.zeros((1, 0)),
+        levels=before[None].copy(),
         parent=zero - 1, vectors=np.zeros((1, moves.size)), depth=zero, lack=np.maximum(lack(start), TINY),
+        known=np.array([known]),
     )  # fmt: skip
 
 
@@ -162,10 +172,11 @@ def _expanded(
         vectors[rows],
         tree.depth[parents[rows]] + 1,
         lacking,
+        np.ones(len(kept), bool),
     )
 
 
-def _joined(tree: Tree, *more: Reals | Ints) -> Tree:
+def _joined(tree: Tree, *more: NDArray[Any]) -> Tree:
     """The tree with the fields of more nodes."""
     if tree.memory.shape[1] != more[3].shape[1]:
         tree = replace(tree, memory=np.zeros((len(tree.parent), more[3].shape[1])))

@@ -18,9 +18,10 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
+from rungwise.planning.carriers import TaskError
 from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
-from rungwise.planning.task import TaskError, fields_of
+from rungwise.planning.task import fields_of
 from rungwise.planning.trials import Trials, trials_at
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
@@ -173,10 +174,6 @@ def _in_mode(plan: Plan, model: Rung, mode: str, tol: float) -> tuple[Plan, Rung
     """What is executed: the plan, with guarded moves if they are asked for. Raises TaskError."""
     if mode not in MODES:
         raise TaskError(f"mode: unknown {shown(mode)}{choices(mode, MODES)}")
-    if mode == RE_PLANNING and isinstance(plan.scene, SpaceScene):
-        raise TaskError(
-            f"mode: {RE_PLANNING} is not known for scenes in space; valid: {OPEN_LOOP}, {GUARDED}"
-        )
     has_guards = any(segment.until for segment in plan.segments)
     if mode == OPEN_LOOP and has_guards:
         raise TaskError(f"mode: the plan has guarded moves; valid: {GUARDED}, {RE_PLANNING}")

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
+
+if TYPE_CHECKING:
+    from rungwise.planning.room import Room
 
 Free: TypeAlias = "Callable[[Reals, Reals], bool]"
 """Whether the straight way between two places (n,) is free."""
+PARTS, HALVED = ("w", "x", "y", "z"), 2.0
+"""Parts of a quaternion, and the angle of a turn over OMPL's distance of quaternions."""
 CUTS = (4, 3)
 """Parts into which legs are cut to pull a way tight."""
 SHORTCUTS = 200
@@ -31,27 +36,40 @@ class PlannerMissing(InputError):
 def grown(
     q: Reals, goals: Reals, columns: Sequence[int], low: Reals, high: Reals, is_free: Free, seed: int,
     goes_on: Callable[[int], bool] = lambda asked: asked <= CHECKS, units: Reals | float = 1.0,
+    turns: Ints | None = None,
 ) -> Reals | None:  # fmt: skip
     """Places (k, n) from q (n,) to one of the goals (r, n), which differ in these columns (c,), within bounds
-    (c,); None where no way was found. It is sought while `goes_on` at the number of straight ways that were
-    asked for; distances are those of places over `units` (c,). Raises PlannerMissing."""
+    (c,), and in quaternions, whose columns are `turns` (t, 4); None where no way was found. It is sought
+    while `goes_on` at the number of straight ways that were asked for; distances are those of places over
+    `units` (c,), and angles of turns. Raises PlannerMissing."""
     try:
         from ompl import base, geometric, util
     except ImportError:
         raise PlannerMissing("ways: need OMPL; pip install 'rungwise[plan]'") from None
     util.setLogLevel(util.LOG_NONE)
     util.RNG.setSeed(1 + seed)
-    space, bounds = base.RealVectorStateSpace(len(columns)), base.RealVectorBounds(len(columns))
+    plain, bounds = base.RealVectorStateSpace(len(columns)), base.RealVectorBounds(len(columns))
     unit = np.broadcast_to(units, len(columns)).tolist()
     for k, (least, most) in enumerate(zip(low.tolist(), high.tolist(), strict=True)):
         bounds.setLow(k, least / unit[k])
         bounds.setHigh(k, most / unit[k])
-    space.setBounds(bounds)
+    plain.setBounds(bounds)
+    quaternions = [] if turns is None else turns.tolist()
+    space = base.CompoundStateSpace() if quaternions else plain
+    if quaternions:
+        space.addSubspace(plain, 1.0)
+    for _ in quaternions:
+        space.addSubspace(base.SO3StateSpace(), HALVED)
     setup, asked = geometric.SimpleSetup(space), 0
 
+    def numbers(state: Any) -> Any:
+        return state[0] if quaternions else state
+
     def placed(state: Any) -> Reals:
-        place = q.copy()
-        place[columns] = [state[k] * unit[k] for k in range(len(columns))]
+        place, own = q.copy(), numbers(state)
+        place[columns] = [own[k] * unit[k] for k in range(len(columns))]
+        for t, turn in enumerate(quaternions):
+            place[turn] = [getattr(state[1 + t], part) for part in PARTS]
         return place
 
     class Straight(base.MotionValidator):  # type: ignore[misc]
@@ -71,8 +89,12 @@ def grown(
 
     def state_at(place: Reals) -> Any:
         state = space.allocState()
+        own = numbers(state)
         for k, column in enumerate(columns):
-            state[k] = float(place[column]) / unit[k]
+            own[k] = float(place[column]) / unit[k]
+        for t, turn in enumerate(quaternions):
+            for part, column in zip(PARTS, turn, strict=True):
+                setattr(state[1 + t], part, float(place[column]))
         return state
 
     setup.setStartState(state_at(q))
@@ -102,25 +124,36 @@ def shortened(way: Reals, is_free: Free) -> Reals:
     return way
 
 
-def cut_short(
-    way: Reals, is_free: Free, units: Reals, bodies: Sequence[Sequence[int]], rng: np.random.Generator
-) -> Reals:
+def cut_short(way: Reals, is_free: Free, room: Room, rng: np.random.Generator) -> Reals:
     """The way (k, n) with parts between places drawn on it replaced by straight ways that are free, and with
-    the columns of each body led straight from end to end where that is free; `units` (n,) as of `grown`."""
+    each body led straight from end to end where that is free."""
     for _ in range(SHORTCUTS):
-        along = np.r_[0.0, np.linalg.norm(np.diff(way / units, axis=0), axis=1).cumsum()]
+        along = _along(way, room)
         first, last = np.sort(rng.uniform(0.0, along[-1], 2))
-        a, b = (np.array([np.interp(at, along, column) for column in way.T]) for at in (first, last))
+        a, b = (_at(way, along, at, room) for at in (first, last))
         if is_free(a, b):
             way = np.vstack([way[along < first], a, b, way[along > last]])
-    for columns in bodies:
-        along = np.r_[0.0, np.linalg.norm(np.diff(way / units, axis=0), axis=1).cumsum()]
-        trial, own = way.copy(), list(columns)
-        trial[:, own] += (along / along[-1])[:, None] * (way[-1] - way[0])[own] + way[0, own] - way[:, own]
+    for own in room.bodies:
+        along = _along(way, room)
+        trial = way.copy()
+        trial[:, own] = room.between(way[0], way[-1], along / along[-1])[:, own]
         trial[-1] = way[-1]
         if all(is_free(a, b) for a, b in pairwise(trial)):
             way = trial
     return _straightened(way, is_free)
+
+
+def _along(way: Reals, room: Room) -> Reals:
+    """How long the way is up to each of its places (k,)."""
+    return np.concatenate([[0.0], room.lengths(way).cumsum()])
+
+
+def _at(way: Reals, along: Reals, length: float, room: Room) -> Reals:
+    """The place (n,) on a way after this length of it."""
+    k = int(np.clip(np.searchsorted(along, length, side="right") - 1, 0, len(way) - 2))
+    leg = along[k + 1] - along[k]
+    part = (length - along[k]) / leg if leg > 0.0 else 0.0
+    return np.asarray(room.between(way[k], way[k + 1], np.array([part]))[0])
 
 
 def _straightened(way: Reals, is_free: Free) -> Reals:

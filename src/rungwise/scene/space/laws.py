@@ -83,6 +83,34 @@ def touching(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return found
 
 
+def touching_pairs(model: mujoco.MjModel) -> Ints:
+    """Geoms (k, 2) that MuJoCo's rules let touch: of bodies that move to each other and are not parent and
+    child, by their types; without those that are excluded, and with pairs that are named."""
+    import mujoco
+
+    m, weld = model, model.body_weldid
+    if m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT:
+        return np.zeros((0, 2), np.int64)
+    parent = weld[m.body_parentid[weld]]
+    filters = not m.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    named = {tuple(sorted(pair)) for pair in zip(m.pair_geom1.tolist(), m.pair_geom2.tolist(), strict=True)}
+    excluded = set(m.exclude_signature.tolist())
+    found = set(named)
+    for a in range(m.ngeom):
+        one = int(m.geom_bodyid[a])
+        for b in range(a + 1, m.ngeom):
+            two = int(m.geom_bodyid[b])
+            near = weld[one] == parent[two] or weld[two] == parent[one]
+            if (
+                weld[one] != weld[two]
+                and not (filters and near and weld[one] and weld[two])
+                and (min(one, two) << 16) + max(one, two) not in excluded
+                and (m.geom_contype[a] & m.geom_conaffinity[b] or m.geom_contype[b] & m.geom_conaffinity[a])
+            ):
+                found.add((a, b))
+    return np.array(sorted(found), np.int64).reshape(-1, 2)
+
+
 def _sizes(model: mujoco.MjModel) -> Reals:
     """Radii of the geoms that move and may touch."""
     moving = touching(model) & (model.body_weldid[model.geom_bodyid] != 0) & (model.geom_rbound > 0.0)

@@ -86,9 +86,8 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     scene = SpaceScene(file, folder, _template(file, model, names), names, spec.to_xml())
     check_names(scene, spec, model)
     if file.task is not None:
-        if file.task.transit:
-            raise SceneError("task.transit: is not known for scenes in space; inputs lead their robots")
-        check_task(file.task, scene.template.names(), file.inputs, ())
+        moving = [names.bodies[b] for b in range(model.nbody) if model.body_weldid[b]]
+        check_task(file.task, scene.template.names(), file.inputs, moving)
     return scene
 
 

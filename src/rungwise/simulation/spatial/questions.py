@@ -68,15 +68,17 @@ class SpacePlace:
     def values(self, states: States, terms: list[Term]) -> Reals:
         """Values of terms (m, k)."""
         programs, rows = Programs([term.code for term in terms]), self._rows(states)
-        numbers = np.array([self._numbers(row, terms) for row in rows])
+        values = Values(self.scene, self.bound, [term.code for term in terms])
+        blank = values.all.copy()
+        numbers = np.array([self._numbers(row, values, blank) for row in rows])
         found = np.zeros((len(rows), len(terms)))
         code = (programs.code, programs.constants, programs.table)
         read(code, numbers.reshape(len(rows), self.scene.template.value_count), np.zeros(STACK), found)
         return found
 
-    def _numbers(self, row: _Row, terms: Sequence[Term]) -> Reals:
-        """What conditions read (see `Values`) at a state."""
-        values = Values(self.scene, self.bound, [term.code for term in terms])
+    def _numbers(self, row: _Row, values: Values, blank: Reals) -> Reals:
+        """What conditions read (see `Values`, `blank` at first) at a state."""
+        values.all[:] = blank
         values.place(row.time, row.q, row.v, self.space)
         if row.memory is not None:
             before = row.memory.values[memory_parts(self.scene).values]
@@ -86,7 +88,7 @@ class SpacePlace:
                 values.told[columns] = before[columns]
             self._recalled(row.memory)
             values.push(self._march, self.space, 0.0)
-        return values.all
+        return values.all.copy()
 
     def _recalled(self, memory: Memory) -> float:
         """Recall a run's last step; how far bodies sank into each other in it."""

@@ -19,6 +19,11 @@ from rungwise.scene.space.refused import AFFINE
 if TYPE_CHECKING:
     import mujoco
 
+    from rungwise.scene.space import SpaceBound
+
+SLIDE = 2
+"""Number of MuJoCo's joints that move along an axis; those of free bodies and balls are less."""
+
 
 @dataclass(frozen=True, eq=False)
 class Drives:
@@ -98,3 +103,32 @@ def fill_moments(data: mujoco.MjData, found: Reals) -> None:
     mujoco.mju_sparse2dense(
         found, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
     )
+
+
+def joints_of(model: mujoco.MjModel, body: int) -> list[int]:
+    """The joints that place a body, from the world on; none where a free body or a ball joint is among
+    them."""
+    joints = list[int]()
+    while body > 0:
+        first = int(model.body_jntadr[body])
+        joints += reversed(range(first, first + int(model.body_jntnum[body])))
+        body = int(model.body_parentid[body])
+    return [] if (model.jnt_type[joints] < SLIDE).any() else joints[::-1]
+
+
+def targets(bound: SpaceBound, joints: list[int]) -> Reals:
+    """Where the servos of joints lead them (k,) at the controls told now; nan for a joint that not one servo
+    of its own leads."""
+    m, own = bound.model, drives(bound.model)
+    wish = own.constant(bound.control)[own.servos]
+    found = np.full(len(joints), np.nan)
+    for k, joint in enumerate(joints):
+        servos = [
+            s
+            for s, a in enumerate(own.servos.tolist())
+            if m.actuator_trntype[a] == 0 and m.actuator_trnid[a, 0] == joint and own.gains[s, 0] > 0.0
+        ]
+        if len(servos) == 1:
+            s = servos[0]
+            found[k] = wish[s] / (own.gains[s, 0] * m.actuator_gear[own.servos[s], 0])
+    return found
