@@ -10,6 +10,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.system.moving import Moment, fall_freely
 from rungwise.system.spatial.drives import Drives, fill_moments
+from rungwise.system.spatial.spins import spins, turn_freely
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Loads:
         self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
         # Earlier versions of MuJoCo know no damping of actuators.
         self._drag = np.array(getattr(m, "actuator_damping", np.zeros(m.nu)))
+        self._spins = spins(m)
         parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
         self._springs = any(bool(part.any()) for part in parts)
 
@@ -78,6 +80,8 @@ class Loads:
             load -= (1.0 - eps) * self._row
         else:
             load -= self._row
+        if eps > 0.0 and len(self._spins.first):
+            turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
         if self._springs:
             self._mujoco.mj_passive(m, d)
             load += d.qfrc_spring + d.qfrc_gravcomp
