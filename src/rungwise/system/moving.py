@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,8 +11,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.system.terms import Terms
 
 
-@dataclass(frozen=True)
-class Moment:
+class Moment(NamedTuple):
     """Where a step of length h begins: coordinates q (n_q,), velocities v (n_v,), and eps, the part of
     inertia that the rung keeps; `metric`: whether the rung asks for motions of unit masses instead."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.contact.step import OPEN, ContactProblem
-from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
@@ -126,10 +126,8 @@ def account(
                 support += force
             else:
                 joint += force
-        elastic = 0.0
-        for j in range(n):
-            elastic -= theta * h * terms.stiffness[i, j] * scratch.v_new[j]
-            support -= terms.damping[i, j] * scratch.v_new[j]
+        elastic = -theta * h * _product(terms.stiffness[i], scratch.v_new)
+        support -= _product(terms.damping[i], scratch.v_new)
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
             inertial = 0.0
@@ -157,3 +155,11 @@ def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
         if force[r] != 0.0:
             for i in range(push.shape[0]):
                 push[i] += terms.rows[r, i] * force[r]
+
+
+@summing_kernel
+def _product(row: Reals, v: Reals) -> float:
+    total = 0.0
+    for i in range(len(row)):
+        total += row[i] * v[i]
+    return total

@@ -16,7 +16,7 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
 from rungwise.contact.step import ContactProblem, allocate_problem, trim
-from rungwise.kernel import Reals, steady
+from rungwise.kernel import Reals, kernel, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, forget
@@ -77,7 +77,6 @@ class March:
     clock: np.void = field(init=False)
     attempts: int = field(init=False, default=0)
     contacts: int = field(init=False, default=0)
-    _driven: bool = field(init=False, default=False)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
 
@@ -94,6 +93,7 @@ class March:
         self.terms.low[0] = math.inf
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
+        self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
         self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
         clock = self.clock
         clock["limited"] = size.limited
@@ -180,18 +180,13 @@ class March:
         self.state.prescribed[:] = ~np.isnan(speeds)
         self.state.free[: len(free)] = free
         clock["free"] = len(free)
-        self._driven = bool(self.state.speed.any())
 
     def _fill(self, trial: Reals, v: Reals, h: float) -> None:
         """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
         there."""
         terms, state, rung = self.terms, self.state, self.rung
-        pace = np.abs(v)
-        if self._driven:
-            np.maximum(pace, np.abs(state.speed), out=pace)
-        if rung.inertia > 0.0:
-            pace += h * np.abs(terms.fall)
-        reach = SEEN * h * self.system.fastest(self.q, pace) + STUCK * self.system.size.length
+        self._fill_pace(v, state.speed, terms.fall, h if rung.inertia > 0.0 else 0.0, self._pace)
+        reach = SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
         moment = Moment(self.time, trial, state.v, h, rung.inertia, rung.metric)
         slots, fresh = self.system.fill(moment, terms, reach)
         count, d = len(slots), self.system.size.directions
@@ -240,3 +235,10 @@ class March:
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
         return True
+
+
+@kernel
+def fill_pace(v: Reals, speed: Reals, fall: Reals, h: float, pace: Reals) -> None:
+    """How fast coordinates (n,) may be within a step: as they are, as they are driven, and as they fall."""
+    for i in range(len(pace)):
+        pace[i] = max(abs(v[i]), abs(speed[i])) + h * abs(fall[i])

@@ -41,22 +41,16 @@ class Values:
         self.pairs = sorted(
             {index % count for index in read if index < len(OF_CONTACTS) * count} if count else ()
         )
+        # Whether a condition of the scene or of its schedule reads values.
+        self.is_asked = bool(self.verdicts or any(program.rows for program in self.until))
+        # Parameters and t (p + 1,), to write into.
+        self.told: Reals = self.all[: len(template.parameters) + 1]
         bodies = template.bodies
         self._of_pair = {
             tuple(sorted((bodies.index(a), bodies.index(b)))): index
             for index, (a, b) in enumerate(template.contacts)
             if index in self.pairs
         }
-
-    @property
-    def is_asked(self) -> bool:
-        """Whether a condition of the scene or of its schedule reads values."""
-        return bool(self.verdicts or any(program.rows for program in self.until))
-
-    @property
-    def told(self) -> Reals:
-        """Parameters and t (p + 1,), to write into."""
-        return self.all[: len(self.scene.template.parameters) + 1]
 
     @property
     def _first_of_contacts(self) -> int:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Reals, kernel
 
 if TYPE_CHECKING:
     import mujoco
@@ -44,6 +44,18 @@ def reaches(model: mujoco.MjModel) -> Reals:
             away += float(link[at])
             at = int(model.body_parentid[at])
     return found
+
+
+@kernel
+def fastest_point(reaches: Reals, v: Reals) -> float:
+    """The greatest speed of any point at velocities v (n,), by these bounds."""
+    greatest = 0.0
+    for b in range(len(reaches)):
+        speed = 0.0
+        for i in range(len(v)):
+            speed += reaches[b, i] * abs(v[i])
+        greatest = max(greatest, speed)
+    return greatest
 
 
 def _travel(model: mujoco.MjModel) -> Reals:

@@ -29,7 +29,7 @@ from rungwise.system.spatial.features import (
 from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
 from rungwise.system.spatial.noise import Noise
-from rungwise.system.spatial.reach import reaches
+from rungwise.system.spatial.reach import fastest_point, reaches
 from rungwise.system.terms import Terms
 
 if TYPE_CHECKING:
@@ -113,6 +113,7 @@ class Space:
         # By whether there are several contacts: numpy's arrays of one are contiguous, another type.
         self._fill_contacts = steady(fill_contacts), steady(fill_contacts)
         self._least_gap = steady(least_gap), steady(least_gap)
+        self._fastest_point = steady(fastest_point)
         self._slots, self._fresh = np.zeros(slots, np.int64), np.zeros(slots, np.int64)
 
     def start(self) -> tuple[Reals, Reals]:
@@ -169,7 +170,7 @@ class Space:
         return [int(g) for g in np.flatnonzero(solid if solid.any() else own)]
 
     def fastest(self, _q: Reals, v: Reals) -> float:
-        return 2.0 * float((self.reaches @ np.abs(v)).max())
+        return 2.0 * self._fastest_point(self.reaches, v)
 
     def energy(self, q: Reals, v: Reals) -> float:
         self._at(q)
