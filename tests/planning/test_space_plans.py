@@ -18,6 +18,7 @@ from rungwise.planning.execute import Replanner
 from rungwise.planning.lift import begin
 from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Budget, Places, predictor_of
+from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.task import task_of
 from rungwise.scene.space import SpaceScene
 
@@ -308,3 +309,23 @@ def test_three_fingers_lift_a_ball_on_rungs_with_friction_alone() -> None:
     judged = rw.replay(plan.replay())
     assert judged.outcome == "goal"
     assert judged.apart.max() < 0.02
+
+
+def test_mixed_worlds_take_every_kind_of_friction(tmp_path: Path) -> None:
+    ball = '<body pos="0 0 .1"><freejoint/><geom size=".1" condim="6"/></body>'
+    (tmp_path / "ball.xml").write_text(
+        f'<mujoco><worldbody><geom type="plane" size="1 1 1"/>{ball}</worldbody></mujoco>'
+    )
+    frictions = {"friction": "mu", "torsional_friction": "mu / 10", "rolling_friction": "mu / 100"}
+    scene = rw.load(
+        {
+            "name": "ball",
+            "model": {"file": str(tmp_path / "ball.xml")},
+            "parameters": {"mu": {"default": 0.5, "range": [0.0, 1.0]}},
+            "contacts": [{"between": ["*", "*"], **frictions}],
+        }
+    )
+    assert isinstance(scene, SpaceScene)
+    one, other = (SpaceWorld(scene, {"mu": mu}, rw.DYNAMIC_RIGID, 1e-3) for mu in (0.2, 0.7))
+    mixed = one.resolved(friction=other, give=one, bounce=one)
+    np.testing.assert_array_equal(mixed.bind().laws[1], other.bound.laws[1])

@@ -134,7 +134,7 @@ def _frictions(parting: Parting[SpaceWorld], pair: str) -> list[float]:
     for world in parting.worlds:
         model, names = world.bound.model, world.scene.labels.geoms
         a, b = (names.index(name) for name in pair.split("|"))
-        given = float(world.bound.laws[world.bound.law[a, b], SLIP])
+        given = float(world.bound.laws[world.bound.law[a, b], SLIP][0])
         own = float(max(model.geom_friction[a, 0], model.geom_friction[b, 0]))
         found.append((own if math.isnan(given) else given) if world.model.friction else 0.0)
     return found

@@ -24,9 +24,12 @@ from rungwise.planning.worlds import (
 )
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.fields import Contact
+from rungwise.scene.space.laws import FROM
 
-GIVE, BOUNCE, SLIP = slice(0, 4), 4, 5
-"""Columns of the laws of contact: stiffness and damping, restitution, friction."""
+GIVE, BOUNCE, SLIP = slice(0, 4), 4, slice(5, 8)
+"""Columns of the laws of contact: stiffness and damping, restitution, sliding, torsional and rolling
+friction."""
+FRICTIONS = ("friction", *FROM)
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,8 @@ class SpaceWorld:
             Contact(
                 between=entry.between, stiffness=float(gives[k][0]), tangential_stiffness=float(gives[k][1]),
                 damping=float(gives[k][2]), tangential_damping=float(gives[k][3]),
-                restitution=float(bounces[k]), friction=None if math.isnan(slips[k]) else float(slips[k]),
+                restitution=float(bounces[k]),
+                **{name: float(x) for name, x in zip(FRICTIONS, slips[k], strict=True) if not math.isnan(x)},
             )
             for k, entry in enumerate(self.scene.file.contacts, start=1)
         )  # fmt: skip
