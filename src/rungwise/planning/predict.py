@@ -165,6 +165,7 @@ class PlanarPredictor:
         m, s = durations.shape
         crew = self._crew(ramps or (False,) * s, until or (None,) * s)
         goes_on = len(places.memory) > 0
+        before = in_memory(crew.workspace.state, "drive_work", places.memory) if goes_on else np.zeros(m)
         samples = crew.run(
             np.zeros((m, 0)),
             bodies=np.hstack([places.q, places.v, places.time[:, None]]),
@@ -178,7 +179,7 @@ class PlanarPredictor:
         column = np.minimum(found["switches"], max(s, 1) - 1)
         memory = samples.kept[np.arange(m), column]
         places = Places(samples.final[:, :n], samples.final[:, n:], found["time"].copy(), memory)
-        work = in_memory(crew.workspace.state, "drive_work", memory)
+        work = in_memory(crew.workspace.state, "drive_work", memory) - before
         return Ends(found["outcome"].astype(np.int64), places, found["switches"].astype(np.int64), work)
 
     def taken_over(self, now: Places, scene: Scene, _levels: Reals, /) -> Places:
