@@ -32,14 +32,7 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
 
 
-def load_scene(source: str) -> Scene:
-    """A planar scene."""
-    from rungwise.scene import load
-
-    return load(source)
-
-
-def load_any_scene(source: str) -> Scene | SpaceScene:
+def load_scene(source: str) -> Scene | SpaceScene:
     """A scene of either kind."""
     from rungwise.scene.read import load
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_any_scene, parameters_of
+from rungwise.cli.arguments import JsonOption, SceneArgument, SetOption, load_scene, parameters_of
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 
@@ -15,7 +15,7 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
     from rungwise.simulation.run import simulation_of
 
     with plain_errors():
-        loaded = load_any_scene(scene)
+        loaded = load_scene(scene)
         parameters = parameters_of(loaded, values)
         if isinstance(loaded, Scene):
             report, text = describe(loaded, parameters), describe_text

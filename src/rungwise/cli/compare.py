@@ -14,7 +14,7 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     given_values,
-    load_any_scene,
+    load_scene,
     number,
     writable,
 )
@@ -63,7 +63,7 @@ def compare(
         with plain_errors():
             if out is not None:
                 writable(out)
-            loaded = load_any_scene(scene)
+            loaded = load_scene(scene)
             given = given_values(loaded, values)
             with progress.counting("compare", quiet=as_json or not sys.stderr.isatty()) as on_progress:
                 found = measure(

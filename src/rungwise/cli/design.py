@@ -14,7 +14,7 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     intervals,
-    load_any_scene,
+    load_scene,
     number,
     parameters_of,
     writable_file,
@@ -58,7 +58,7 @@ def design(
     names, box = intervals("over", over)
     try:
         with plain_errors():
-            loaded = load_any_scene(scene)
+            loaded = load_scene(scene)
             parameters = parameters_of(loaded, values)
             if png is not None:
                 needs_matplotlib("png")

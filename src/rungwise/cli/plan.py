@@ -13,8 +13,8 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     given_values,
-    load_any_scene,
     load_plan_file,
+    load_scene,
     number,
     writable_file,
 )
@@ -81,7 +81,7 @@ def plan(
         if file is not None:
             writable_file(file)
     with plain_errors():
-        loaded = load_any_scene(scene)
+        loaded = load_scene(scene)
         found = search(
             loaded, from_=from_, to=to, schedule=_stages(schedule), budget=budget, limit=limit,
             improve=improve, robust=robust, samples=samples, seed=seed, task_seed=task_seed,

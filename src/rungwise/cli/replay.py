@@ -10,8 +10,8 @@ import typer
 from rungwise.cli.arguments import (
     JsonOption,
     SetOption,
-    load_any_scene,
     load_plan_file,
+    load_scene,
     number,
     parameters_of,
 )
@@ -94,7 +94,7 @@ def _run(
     from rungwise.scene.space import SpaceScene
     from rungwise.simulation.run import simulate
 
-    loaded = load_any_scene(source)
+    loaded = load_scene(source)
     if not isinstance(loaded, SpaceScene):
         refuse(PLANAR)
     run: SpaceRun = simulate(

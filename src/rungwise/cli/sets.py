@@ -14,7 +14,7 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     intervals,
-    load_any_scene,
+    load_scene,
     number,
     parameters_of,
     writable,
@@ -104,7 +104,7 @@ def sets(
     try:
         with plain_errors():
             files.check(exports, len(names))
-            loaded = load_any_scene(scene)
+            loaded = load_scene(scene)
             parameters = parameters_of(loaded, values)
             if out is not None:
                 writable(out)

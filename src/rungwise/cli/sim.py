@@ -13,7 +13,7 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
-    load_any_scene,
+    load_scene,
     number,
     parameters_of,
     writable,
@@ -84,7 +84,7 @@ def sim(
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")
     with plain_errors():
-        loaded = load_any_scene(scene)
+        loaded = load_scene(scene)
         try:
             chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
         except ValueError as error:

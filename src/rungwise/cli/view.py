@@ -10,8 +10,8 @@ import typer
 from rungwise.cli.arguments import (
     JsonOption,
     SetOption,
-    load_any_scene,
     load_plan_file,
+    load_scene,
     number,
     parameters_of,
 )
@@ -173,7 +173,7 @@ def _runs(source: str, models: list[str] | None, values: list[str] | None) -> li
     from rungwise.simulation.run import simulate
 
     with plain_errors():
-        scene = load_any_scene(source)
+        scene = load_scene(source)
         parameters = parameters_of(scene, values)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [simulate(scene, name, parameters=parameters) for name in chosen]

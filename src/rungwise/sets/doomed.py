@@ -28,24 +28,17 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
-from rungwise.scene import Scene, load
-from rungwise.scene import records as rec
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.sets import store
 from rungwise.sets.images import Images
 from rungwise.sets.labels import Label, bounds_of
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import ACCURACY, digest, smallest
-from rungwise.sets.states import (
-    bodies_at,
-    box_of_states,
-    check_states,
-    columns_of,
-    input_box,
-    records_of,
-    state_name,
-)
+from rungwise.sets.stated import Macro, stated
+from rungwise.sets.states import box_of_states, check_states, columns_of, input_box, state_name
 from rungwise.sets.store import SetError
-from rungwise.simulation.crew import Crew
 from rungwise.simulation.options import moving_rung
 
 if TYPE_CHECKING:
@@ -71,7 +64,7 @@ class DoomedSet:
     `escapes` the part of the cells, invalid ones aside, from which the box may be left.
     """
 
-    scene: Scene
+    scene: Scene | SpaceScene
     model: Rung
     over: tuple[str, ...]
     box: Reals
@@ -140,7 +133,7 @@ class DoomedSet:
             return False, f"a motion of the {other.name} rung need not be one of the {self.model.name} rung"
         if other.compliant:
             return False, "compliant contacts let bodies overlap, and no motion of this set does"
-        if np.isin(records_of(self.scene).coordinates["drive"], (rec.SERVO, rec.FORCE)).any():
+        if stated(self.scene).is_forced:
             return False, "what servos and forces drive may move otherwise on the other rung"
         return True, "any motion without overlap is one of this set, whatever causes it"
 
@@ -150,12 +143,10 @@ class DoomedSet:
         "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
-        crew = Crew(
-            self.scene, self.model, (), self.request["parameters"], tol=self.request["accuracy"],
-            duration=1e-9 * self.steps[0], threads=threads,
-        )  # fmt: skip
-        bodies = bodies_at(self.scene, columns_of(self.scene, self.over), points)
-        outcome = crew.run(np.zeros((n, 0)), bodies=bodies).results["outcome"]
+        side = stated(self.scene)
+        macro = Macro(self.model, (), self.request["parameters"], self.request["accuracy"], threads)
+        columns, moment = columns_of(side, self.over), 1e-9 * self.steps[0]
+        outcome, _ = side.run(macro, np.zeros((n, 0)), columns, points, moment, None)
         states = outcome != Code.INVALID
         rule, here = outcome[states] == Code.DOOMED, self.labels(points[states]) == Label.DOOMED
         parts = {"both": here & rule, "only here": here & ~rule, "only by rule": rule & ~here}
@@ -190,7 +181,7 @@ class DoomedSet:
 
 @keywords
 def doomed_set(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     over: Sequence[str],
     inputs: Mapping[str, tuple[float, float]],
@@ -211,7 +202,8 @@ def doomed_set(
     Args:
         scene, model: as for `simulate`; a rung with rigid contact.
         over: 1 to 4 names of the scene's state: all its coordinates ("part.x3", or "x3" where that is clear)
-            and, on dynamic rungs, the speeds of coordinates not prescribed ("speed(part.x3)").
+            and, on dynamic rungs, the speeds of coordinates not prescribed ("speed(part.x3)"). In space some
+            of them: all else must stay where the scene starts, which every run is asked.
         inputs: bounds of the parameters that may change in time, for example speeds of drives.
         box: interval of each state by name; travel limits where not given.
         cells: along each axis; `CELLS` if not given.
@@ -228,8 +220,11 @@ def doomed_set(
     """
     loaded = load(scene)
     rung = moving_rung(model)
-    names = tuple(state_name(loaded, name) for name in over)
-    check_states(loaded, rung, names, MAX_AXES)
+    side = stated(loaded)
+    names = tuple(state_name(side, name) for name in over)
+    check_states(side, loaded, rung, names, MAX_AXES)
+    if solutions == ANY and isinstance(loaded, SpaceScene):
+        raise SetError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
     if solutions not in (SLOWEST, ANY) or (solutions == ANY and not rung.metric):
         raise SetError(f"solutions: must be {SLOWEST}, or {ANY} on the {KINEMATIC.name} rung")
     if not strides or not all(0.25 <= stride <= 100.0 for stride in strides) or not 0 <= padding <= 4:
@@ -251,7 +246,7 @@ def doomed_set(
         "padding": padding,
         "accuracy": ACCURACY * smallest(loaded, values) if accuracy is None else accuracy,
     }
-    intervals, travel = box_of_states(loaded, values, names, box)
+    intervals, travel = box_of_states(side, values, names, box)
     request |= {"box": intervals.tolist(), "cells": list(shape)}
     images = Images(loaded, rung, names, bounds, intervals, travel, shape, request, threads, on_progress)
     labels = np.full(shape, int(Label.UNKNOWN))
@@ -269,7 +264,7 @@ def doomed_set(
 
 
 @keywords
-def load_doomed_set(folder: str | Path, scene: Scene | None = None) -> DoomedSet:
+def load_doomed_set(folder: str | Path, scene: Scene | SpaceScene | None = None) -> DoomedSet:
     """A set from the folder in which it was saved; `scene` if the scene does not ship.
 
     Raises FileNotFoundError when the folder holds no set, SceneError or SetError when the scene is another.

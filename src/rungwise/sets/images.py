@@ -13,11 +13,11 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
+from rungwise.scene.space import SpaceScene
 from rungwise.sets.backward import CLOSE, Flags, around, backward
-from rungwise.sets.request import THETA
-from rungwise.sets.states import SPEED_OF, bodies_at, columns_of, undriven, without_doomed
+from rungwise.sets.stated import SPEED_OF, Macro, stated
+from rungwise.sets.states import columns_of, without_doomed
 from rungwise.sets.store import SetError
-from rungwise.simulation.crew import Crew
 
 PILOT = 1e-4
 """Length of the runs that tell how fast things move, over the scene's duration."""
@@ -36,7 +36,7 @@ class Images:
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | SpaceScene,
         model: Rung,
         names: Sequence[str],
         bounds: Mapping[str, tuple[float, float]],
@@ -47,16 +47,12 @@ class Images:
         threads: int | None,
         report: Report | None,
     ) -> None:
-        self._scene, self._model, self._names, self._bounds = (
-            without_doomed(scene),
-            model,
-            tuple(names),
-            bounds,
-        )
+        self._side, self._names, self._bounds = stated(without_doomed(scene)), tuple(names), bounds
+        self._macro = Macro(model, tuple(bounds), request["parameters"], request["accuracy"], threads)
         self._box, self._travel, self._shape = box, travel, shape
-        self._request, self._threads, self._report = request, threads, report
+        self._request, self._report = request, report
         self._unit = (box[:, 1] - box[:, 0]) / shape
-        self._columns = columns_of(scene, names)
+        self._columns = columns_of(self._side, names)
         sides = [
             np.linspace(low, high, count + 1) for (low, high), count in zip(box.tolist(), shape, strict=True)
         ]
@@ -93,27 +89,22 @@ class Images:
 
     def _run(self, sample: Reals, step: float, needed: int) -> tuple[Ints, Reals]:
         """Outcomes and displacements of runs from all vertices that are states."""
-        crew = Crew(
-            self._scene, self._model, tuple(self._bounds), self._request["parameters"],
-            tol=self._request["accuracy"], theta=THETA, duration=step, threads=self._threads,
-        )  # fmt: skip
         vertices = self._vertices[self._valid]
         points = np.tile(sample, (len(vertices), 1))
         before = self.runs
         report = self._report
-        found = crew.run(
-            points,
-            bodies=bodies_at(self._scene, self._columns, vertices),
-            on_progress=None if report is None else lambda done: report("macro-steps", before + done, needed),
-        )
+        outcome, ends = self._side.run(
+            self._macro, points, self._columns, vertices, step,
+            None if report is None else lambda done: report("macro-steps", before + done, needed),
+        )  # fmt: skip
         self.runs += len(vertices)
-        return found.results["outcome"], found.final[:, self._columns] - vertices
+        return outcome, ends - vertices
 
     def _pilot(self) -> tuple[float, list[float]]:
         """Cells per time that the fastest coordinate moves, and the difference in cells that each input
         makes; also finds which vertices are states."""
         places = np.array([not name.startswith(SPEED_OF) for name in self._names])
-        step = PILOT * float(self._scene.bind(self._request["parameters"]).records.world[0]["duration"])
+        step = PILOT * self._side.duration(self._request["parameters"])
         middle = np.array([0.5 * (low + high) for low, high in self._bounds.values()])
         pace, spread = 0.0, []
         needed = 2 * len(self._bounds) * len(self._vertices)
@@ -165,5 +156,5 @@ class Images:
         aside = np.eye(len(self._shape), dtype=np.int64)
         return [
             (np.clip(here - aside[axis], 0, top), np.clip(here + aside[axis], 0, top))
-            for axis in undriven(self._scene, self._names)
+            for axis in self._side.undriven(self._names)
         ]
