@@ -19,8 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import KINDS
+from rungwise.simulation.derivatives.in_space import SpaceSensitivity, run_sensitivity_in_space
 from rungwise.simulation.derivatives.sensitivity import WRT, differentiated, prepared, started
 from rungwise.simulation.options import ModelError
 
@@ -52,7 +55,7 @@ class RunSensitivity:
 
 @keywords
 def run_sensitivity(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     parameters: Mapping[str, float] | None = None,
     *,
@@ -62,10 +65,10 @@ def run_sensitivity(
     v: ArrayLike | None = None,
     deformation: ArrayLike | None = None,
     time: float = 0.0,
-    wrt: Sequence[str] = WRT,
+    wrt: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     theta: float = 1.0,
-) -> RunSensitivity:
+) -> RunSensitivity | SpaceSensitivity:
     """Take `steps` steps of length h, and differentiate the state after them.
 
     Args:
@@ -79,15 +82,28 @@ def run_sensitivity(
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.
 
+    In space derivatives are by differences of runs (see `SpaceSensitivity`), by "q", "v" and "parameters",
+    among which inputs are; by parameters alone if nothing is asked.
+
     Raises:
         ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
             limit of travel or a new feature reached within it.
     """
-    scene = load(scene)
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps: must be a whole number of at least 1, not {steps!r}")
     if (q is None) != (v is None):
         raise ModelError("q and v: give both, or none to start as the scene does")
+    scene = load(scene)
+    if isinstance(scene, SpaceScene):
+        if deformation is not None or time != 0.0:
+            raise ModelError(
+                "deformation and time: runs in space begin at 0, with contacts that do not yield yet"
+            )
+        asked_in_space = ("parameters",) if wrt is None else wrt
+        return run_sensitivity_in_space(
+            scene, model, parameters, steps, h, q, v, asked_in_space, names, theta
+        )
+    wrt = WRT if wrt is None else wrt
     values = scene.parameters(parameters)
     length = float(scene.bind(values).records.world[0]["step"]) if h is None else h
     here, changes = prepared(scene, model, values, length, theta, (*wrt, "q", "v", "deformation"), names)
