@@ -106,9 +106,7 @@ def test_the_angle_of_friction_is_met_to_a_thousandth(rung: Rung) -> None:
     slides = run(scene, rung, parameters={"mu": 0.999 * tan(STEEP)}, duration=0.2, stride=1)
     if rung in QUASISTATIC:
         assert slides.time == 0.0
-        clearly = run(scene, rung, parameters={"mu": 0.995 * tan(STEEP)})
-        assert clearly.outcome.name == "unsupported"
-        assert clearly.certificate is not None
+        assert slides.outcome.name == "unsupported" and slides.certificate is not None
         return
     speed = slides.trajectory.velocity.values[:, 0]
     gained = (speed[-1] - speed[50]) / (slides.time - float(slides.trajectory.time[50]))

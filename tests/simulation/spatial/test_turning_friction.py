@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, G, free, named, run, world
+from .measure import DYNAMIC, FLOOR, QUASISTATIC, G, free, named, run, world
 
 R, I = 0.1, 0.4 * 0.1**2
 """Radius of a ball, and its inertia over its mass."""
@@ -67,3 +68,29 @@ def test_friction_below_zero_is_refused_by_name(make: Make, name: str) -> None:
     found = rw.simulate(make(model, contacts=[{name: -0.1}]), rw.DYNAMIC_RIGID)
     assert found.outcome.name == "invalid"
     assert found.reason == f"contacts.0.{name}: -0.1 must be >= 0"
+
+
+@pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
+@pytest.mark.parametrize("condim", [3, 4, 6])
+@pytest.mark.parametrize("seed", range(4))
+def test_what_slides_without_momentum_is_proved_whatever_resists_its_turns(
+    make: Make, rung: Rung, condim: int, seed: int
+) -> None:
+    """A box on a floor that leans to some side, a thousandth below its angle of friction and beyond it, and
+    far below it beside a ball in the air."""
+    draw = np.random.default_rng(seed)
+    mu, heading = draw.uniform(0.1, 1.2), draw.uniform(0.0, 2.0 * math.pi)
+    outcomes = []
+    for part, beside in ((0.999, False), (1.001, False), (0.5, True)):
+        lean = math.atan(part * mu)
+        level = math.sin(lean)
+        pull = G * np.array([level * math.cos(heading), level * math.sin(heading), -math.cos(lean)])
+        box = f'type="box" size=".1 .1 .03" condim="{condim}" friction="{mu} 0.05 0.01"'
+        ball = free("a", "1 0 1", f'size=".1" condim="{condim}"') if beside else ""
+        before = f'<option gravity="{pull[0]:.17g} {pull[1]:.17g} {pull[2]:.17g}"/>'
+        floor = FLOOR.replace("/>", f' friction="{mu} 0.05 0.01"/>')
+        scene = make(world(floor, free("b", "0 0 .03", box), ball, before=before), duration=0.01, step=2e-3)
+        found = run(scene, rung)
+        assert (found.certificate is None) == (found.outcome.name == "timeout")
+        outcomes.append(found.outcome.name)
+    assert outcomes == ["timeout", "unsupported", "unsupported"]

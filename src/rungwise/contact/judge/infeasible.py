@@ -19,9 +19,8 @@ from rungwise.contact.step.problem import ContactProblem
 
 MAX_NODES = 2000
 """Partial modes that are looked at before a frictional certificate is given up."""
-HEADINGS = 32
-"""Sides of the polygon about the disc of slips in space: a motion is looked for as if friction were larger by
-half a percent."""
+CUTS = 40
+"""Times that a motion whose slips are cut off too little is looked for again."""
 _SOLVES = 1e-9
 """Violation of a law, in natural units of rates and forces, up to which a point meets the law. Chosen by
 trial, to a decade."""
@@ -46,7 +45,7 @@ def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64])
     with np.errstate(all="ignore"):
         for part in _apart(problem, resisting):
             certificate = _unsupported(problem, resisting, part)
-            if certificate is not None and check(problem, certificate, resisting):
+            if certificate is not None:
                 return certificate
         certificate = _frictional(without_inertia(problem, resisting), held=False)
         if certificate is not None and check(problem, certificate, resisting):
@@ -67,38 +66,44 @@ def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDAr
 def _unsupported(
     problem: ContactProblem, resisting: NDArray[np.float64], part: NDArray[np.bool_]
 ) -> Certificate | None:
-    """A motion of the coordinates of `part` (n,) alone."""
+    """A checked motion of the coordinates of `part` (n,) alone, by Kelley's cutting planes: the friction of a
+    contact resists the length of its slip, that is its projection on every heading; those that a motion lacks
+    are added."""
     units = natural_units(problem)
     n, d = len(problem.c), problem.R.shape[1]
     finite = np.isfinite(problem.F)
     limited, speed = int(finite.sum()), units.coordinates / units.velocity
     loads = np.where(part, problem.c * speed, 0.0)
     cost = -np.concatenate([loads, -problem.F[finite]]) / max(float(np.abs(loads).max(initial=0.0)), 1e-300)
-    normal, rows = problem.W[::d] * speed, problem.S * speed
-    across = (problem.W * speed).reshape(len(normal), d, n)[:, 1:]
-    upper = [
-        np.hstack([-(normal + problem.mu[:, None] * (slip @ across)), np.zeros((len(normal), limited))])
-        for slip in _slips(d)
-    ]
+    rows = problem.S * speed
+    at = (problem.W * speed).reshape(-1, d, n)
+    normal, across = at[:, 0], problem.mu[:, None, None] * at[:, 1:]
+    upper = [_bear(-(normal + side * across[:, i]), limited) for i in range(d - 1) for side in (1, -1)]
+    upper += [_bear(-normal, limited)] if d == 1 else []
     upper += [np.hstack([s * rows[finite], -np.eye(limited)]) for s in (1, -1)]
     stiffness = resisting * speed * speed[:, None]
     still = np.vstack([stiffness / max(float(np.abs(stiffness).max(initial=0.0)), 1e-300), rows[~finite]])
-    least = np.vstack(upper)
-    found, _ = _minimise(
-        cost,
-        [(-1.0, 1.0) if own else (0.0, 0.0) for own in part] + [(0.0, 1e6)] * limited,
-        np.hstack([still, np.zeros((len(still), limited))]),
-        least,
-    )
-    return None if found is None else Certificate("unsupported", (found[:n] * units.coordinates,))
+    bounds = [(-1.0, 1.0) if own else (0.0, 0.0) for own in part] + [(0.0, 1e6)] * limited
+    for _ in range(CUTS):
+        found, _ = _minimise(cost, bounds, _bear(still, limited), np.vstack(upper))
+        if found is None:
+            return None
+        certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
+        if check(problem, certificate, resisting):
+            return certificate
+        slip = across @ found[:n]
+        length = np.linalg.norm(slip, axis=1)
+        short = length > normal @ found[:n]
+        if not short.any():
+            return None
+        heading = slip[short] / length[short, None]
+        upper.append(_bear(np.einsum("ki,kin->kn", heading, across[short]) - normal[short], limited))
+    return None
 
 
-def _slips(d: int) -> NDArray[np.float64]:
-    """Directions (m, d - 1) whose greatest projection of a slip is no less than its length."""
-    if d < 3:
-        return np.array([[1.0], [-1.0]])[:, : d - 1]
-    angles = 2.0 * np.pi / HEADINGS * np.arange(HEADINGS)
-    return np.array([np.cos(angles), np.sin(angles)]).T / float(np.cos(np.pi / HEADINGS))
+def _bear(rows: NDArray[np.float64], limited: int) -> NDArray[np.float64]:
+    """Rows of coordinates, in which dry friction takes no part."""
+    return np.hstack([rows, np.zeros((len(rows), limited))])
 
 
 def _minimise(

@@ -45,7 +45,9 @@ class Limited:
         terms.account[:ne], terms.account[ne : ne + nf], terms.account[ne + nf :] = JOINT, SUPPORT, DRIVE
         terms.gains[:ne] = np.inf, 0.0
         terms.gains[ne : ne + nf] = 0.0
-        terms.error[:ne, 0] = -d.efc_pos[:ne] * unit[:ne]
+        open_by = d.efc_pos[:ne] * unit[:ne]
+        # As with gaps: what closes an opening by rounding would be great forces of friction.
+        terms.error[:ne, 0] = np.where(np.abs(open_by) > terms.rounding[0], -open_by, 0.0)
         terms.error[ne : ne + nf] = 0.0
         own = unit[ne + nf :]
         terms.gains[ne + nf :] = drive.gains / (own * own)[:, None]
