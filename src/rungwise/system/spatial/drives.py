@@ -78,7 +78,7 @@ def drives(model: mujoco.MjModel) -> Drives:
         servos=servos,
         forces=np.flatnonzero(~is_servo),
         bias=bias[:, 0],
-        gains=-bias[servos, 1:],
+        gains=0.0 - bias[servos, 1:],
         middle=0.5 * (low + high),
         limit=np.where(limited, 0.5 * (high - low), np.inf),
     )

@@ -54,6 +54,11 @@ class Laws(NamedTuple):
     rows: Reals
 
 
+NEAREST, SEARCHES = 1e-10, 200
+"""Error of MuJoCo's search for the nearest points of two convex geoms, and its most iterations: its own, 1e-6
+and 35, are as great as the overlap that rigid contacts allow. Chosen by trial."""
+
+
 @dataclass
 class Space:
     """A model at given controls (a,) and speeds (n,), nan where a velocity is free; both may change between
@@ -265,4 +270,6 @@ def _set_options(model: mujoco.MjModel) -> None:
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, NEAREST)
+    model.opt.ccd_iterations = max(model.opt.ccd_iterations, SEARCHES)
     model.geom_gap[:], model.pair_gap[:] = 0.0, 0.0
