@@ -3,8 +3,9 @@
 Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
 on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
 Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
-method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried as if there
-were no drives, and as if drives held, which may be all that resists a motion. Accepts: H positive
+method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
+beside rates as bodies alone would answer, and as the problem's loads are beside the rates that it demands:
+where next to nothing resists a motion, other contacts and drives answer. Accepts: H positive
 definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
 the problem as it was given.
 """
@@ -19,7 +20,7 @@ from rungwise.contact.solvers.spatial_measure import Point, Span, measure
 from rungwise.contact.solvers.spatial_newton import GIVE, Steps, descend
 from rungwise.contact.solvers.spatial_path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.spatial_proximal import approach, residual_at
-from rungwise.contact.solvers.spatial_rows import Bodies, Groups, fill_groups, sort_rows
+from rungwise.contact.solvers.spatial_rows import Bodies, Groups, demanded_yield, fill_groups, sort_rows
 from rungwise.contact.solvers.spatial_sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
@@ -73,7 +74,7 @@ def solve_spatial(
         return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
-        np.empty(n, np.int64), np.empty(n), np.empty(n),
+        np.empty(n, np.int64), np.empty(n),
     )  # fmt: skip
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
     islands = sort_rows(p, n, contacts, limited, bodies, island, order)
@@ -84,13 +85,14 @@ def solve_spatial(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
         np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
-        np.empty(count), np.empty(count),
+        np.empty(count),
     )  # fmt: skip
     answers = Answers(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
         np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
     fill_groups(p, n, contacts, bodies, order, groups)
+    demand = demanded_yield(p, n, contacts, limited)
     vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
     point = _point(vectors[0], n, rows)
     points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows)
@@ -110,7 +112,8 @@ def solve_spatial(
                 descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, points[1], steps)
             else:
                 worst = max(
-                    worst, _solve_island(bodies, groups, span, p.quantum[0], answers, points, duals, steps)
+                    worst,
+                    _solve_island(bodies, groups, span, p.quantum[0], demand, answers, points, duals, steps),
                 )
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
@@ -145,6 +148,7 @@ def _solve_island(
     groups: Groups,
     span: Span,
     quantum: float,
+    demand: float,
     answers: Answers,
     points: tuple[Point, Point, Point, Point],
     duals: Duals,
@@ -170,29 +174,23 @@ def _solve_island(
         if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
             return PROXIMAL
     respond(bodies, groups, span, answers)
-    for holds in (False, True):
-        if not _look_ahead(groups, span, holds) and holds:
-            break
+    for turn in range(2 if demand > 0.0 else 1):
+        _look_ahead(groups, span, demand if turn == 1 else 0.0)
         _put(groups, span, best, point)
         if _by_newton(bodies, groups, span, quantum, answers, point, trial, steps):
             return PROXIMAL
-    for holds in (True, False):
-        if not _look_ahead(groups, span, holds) and holds:
-            continue
+    for turn in range(1 if demand > 0.0 else 0, -1, -1):
+        _look_ahead(groups, span, demand if turn == 1 else 0.0)
         if _by_path(bodies, groups, span, quantum, answers, points, duals, steps):
             break
     return PIVOTING
 
 
 @inner_kernel
-def _look_ahead(groups: Groups, span: Span, holds: bool) -> bool:
-    """Let the map look ahead with yields while drives hold, or as if there were no drives; whether they
-    differ."""
-    differ = False
+def _look_ahead(groups: Groups, span: Span, demand: float) -> None:
+    """Let the map look ahead with this yield, or where it is 0 with those of the bodies."""
     for g in range(span.first, span.last):
-        groups.ahead[g] = groups.held[g] if holds else groups.scale[g]
-        differ |= groups.held[g] != groups.scale[g]
-    return differ
+        groups.ahead[g] = demand if demand > 0.0 else groups.scale[g]
 
 
 @kernel

@@ -16,12 +16,15 @@ import numpy as np
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
+_DEMANDED = 1e3
+"""Rate over the problem's quantum from which on it is a demand, not rounding; chosen by trial, to a
+decade."""
+
 
 class Bodies(NamedTuple):
     """n coordinates, sorted: H (n, n), its factors L L^T by blocks (n, n), first and last (n,) coordinate of
     the own block, the latter excluded, load c (n,), place (n,) in the problem, unit (n,): a velocity of the
-    problem over one here, firm (n,): resistance of a coordinate and of the drives that move it, over its
-    own."""
+    problem over one here."""
 
     H: Reals
     factor: Reals
@@ -30,7 +33,6 @@ class Bodies(NamedTuple):
     c: Reals
     place: Ints
     unit: Reals
-    firm: Reals
 
 
 class Groups(NamedTuple):
@@ -39,8 +41,8 @@ class Groups(NamedTuple):
     contact, or number of contacts plus limited row.
 
     mu (g,) of a contact, -1 of a limited row; limit (g,) of its force; R (g, d, d); w (rows,); scale (g,):
-    mean yield of bodies to forces, as if no coordinates were coupled; held (g,): the same while drives hold;
-    ahead (g,): the one with which the map looks ahead.
+    mean yield of bodies to forces, as if no coordinates were coupled; ahead (g,): the yield with which the
+    map looks ahead.
     """
 
     row: Ints
@@ -54,7 +56,6 @@ class Groups(NamedTuple):
     touched: Ints
     W: Reals
     scale: Reals
-    held: Reals
     ahead: Reals
 
 
@@ -107,7 +108,7 @@ def sort_rows(
             placed += 1
             island[count, 0], island[count, 1] = done, placed
             count += 1
-    return count if _fill_bodies(p, n, limited, bodies) else -1
+    return count if _fill_bodies(p, n, bodies) else -1
 
 
 @inner_kernel
@@ -142,19 +143,15 @@ def _touch(row: Reals, isle: Ints, home: int) -> int:
 
 
 @kernel
-def _fill_bodies(p: ContactProblem, n: int, limited: int, bodies: Bodies) -> bool:
+def _fill_bodies(p: ContactProblem, n: int, bodies: Bodies) -> bool:
     """Scale, sort and factorise; whether H is positive definite."""
-    H, L, first, last, c, place, unit, firm = bodies
+    H, L, first, last, c, place, unit = bodies
     for i in range(n):
         own = p.H[place[i], place[i]]
         if not own > 0.0:
             return False
         unit[i] = 1.0 / math.sqrt(own)
         c[i] = unit[i] * p.c[place[i]]
-        firm[i] = 1.0
-        for r in range(limited):
-            if p.R_s[r] > 0.0:
-                firm[i] += (unit[i] * p.S[r, place[i]]) ** 2 / p.R_s[r]
     for i in range(n):
         for j in range(first[i], last[i]):
             H[i, j] = unit[i] * unit[j] * p.H[place[i], place[j]]
@@ -214,12 +211,32 @@ def fill_groups(
         _compress(rows, bodies, g, groups)
 
 
+@kernel
+def demanded_yield(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
+    """The greatest rate that is demanded over the greatest force that a load calls for; 0 where there is
+    none of either."""
+    rate, force, rows = 0.0, 0.0, contacts * p.R.shape[1]
+    for r in range(rows):
+        rate = max(rate, abs(p.w[r]))
+    for r in range(limited):
+        rate = max(rate, abs(p.w_s[r]))
+    for i in range(n):
+        lever = 0.0
+        for r in range(rows):
+            lever = max(lever, abs(p.W[r, i]))
+        for r in range(limited):
+            lever = max(lever, abs(p.S[r, i]))
+        if lever > 0.0:
+            force = max(force, abs(p.c[i]) / lever)
+    return rate / force if force > 0.0 and rate > _DEMANDED * p.quantum[0] else 0.0
+
+
 @inner_kernel
 def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
     """Keep the columns in which a row has an entry."""
     size, n = rows.shape
     touched = groups.touched[groups.column[g] :]
-    width, total, held = 0, 0.0, 0.0
+    width, total = 0, 0.0
     for i in range(n):
         found = False
         for r in range(size):
@@ -233,7 +250,5 @@ def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
         for j in range(width):
             groups.W[at] = rows[r, bodies.place[touched[j]]] * bodies.unit[touched[j]]
             total += groups.W[at] * groups.W[at]
-            held += groups.W[at] * groups.W[at] / bodies.firm[touched[j]]
             at += 1
-    groups.scale[g], groups.held[g] = total / size, held / size
-    groups.ahead[g] = groups.scale[g]
+    groups.scale[g] = groups.ahead[g] = total / size
