@@ -26,6 +26,8 @@ Chosen by trial, to a decade."""
 _SMALL = 1e-3
 """A load that is a smaller part of the greatest counts as this part, or inertia would be lost in the rounding
 of the forces that balance the greatest. Chosen by trial, to a decade."""
+_NOTHING = 1e-14
+"""Load over the greatest that is rounding of sums of loads: about a hundred roundings."""
 
 
 @kernel
@@ -211,9 +213,10 @@ def noticed_load(terms: Terms, a: int, force: float, acceleration: float, least:
     """Load beside which the remaining inertia of coordinate a must be small.
 
     This is the coordinate's own load, but no less than a part `least` of the greatest; where the coordinate
-    has no load it is the greatest, as a force or as an acceleration, whichever is less here.
+    has no load, but for rounding, it is the greatest, as a force or as an acceleration, whichever is less
+    here.
     """
     unit = math.sqrt(terms.heft[a, METRIC])
     greatest = unit * min(force, terms.heft[a, INERTIA] / terms.heft[a, METRIC] * acceleration)
     own = abs(terms.load[a])
-    return max(own, least * greatest) if own > 0.0 else greatest
+    return max(own, least * greatest) if own > _NOTHING * greatest else greatest

@@ -108,3 +108,27 @@ def test_a_step_without_momentum_that_goes_far_is_told(make: Make) -> None:
     told = run(scene, rw.QUASISTATIC_RIGID, duration=0.01, step=2e-3).notes
     assert any("motions jump" in note for note in told)
     assert not any("motions jump" in note for note in run(scene, rw.DYNAMIC_RIGID, duration=0.01).notes)
+
+
+@pytest.mark.parametrize("shape", ['type="box" size=".06 .07 .05"', 'type="cylinder" size=".07 .05"'])
+@pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
+def test_a_part_is_pushed_askew_over_a_table(make: Make, rung: Rung, shape: str) -> None:
+    """It turns about a point that passes one of its contacts; loads about its axes are rounding."""
+    slides = "".join(
+        f'<joint name="p{x}" type="slide" axis="{a}"/>' for x, a in (("x", "1 0 0"), ("y", "0 1 0"))
+    )
+    pusher = f'<body name="pusher" pos="-.2 0 .06">{slides}<geom size=".04" mass=".5"/></body>'
+    drives = "".join(f'<velocity name="u{x}" joint="p{x}" kv="100"/>' for x in "xy")
+    scene = make(
+        world(
+            FLOOR,
+            pusher,
+            free("part", "0 0 .05", f'{shape} mass=".4"'),
+            after=f"<actuator>{drives}</actuator>",
+        ),
+        controls={"ux": 0.2, "uy": 0.02},
+        contacts=[{"friction": 0.4}],
+    )
+    found = run(scene, rung, duration=1.0, step=5e-3)
+    assert found.outcome.name == "timeout"
+    assert found.final["part"]["x"] > 0.08 and abs(found.final["part"]["z"] - 0.05) < 1e-3
