@@ -276,6 +276,12 @@ def test_boxes() -> None:
         box_of(scene, ("restitution",), {"restitution": (0.5, 2.0)})
 
 
+@pytest.mark.parametrize("scene", ["two_finger", "slope"])
+def test_a_budget_below_the_first_cells_is_refused(scene: str) -> None:
+    with pytest.raises(rw.SetError, match="budget: is too small"):
+        rw.feasible_set(scene, rw.QUASISTATIC_RIGID, ["mu"], budget=3, threads=1)
+
+
 def test_wrong_input() -> None:
     with pytest.raises(rw.SetError, match="over: 1 to 6 parameters"):
         rw.feasible_set("two_finger", rw.KINEMATIC, ())

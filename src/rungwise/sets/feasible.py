@@ -331,10 +331,13 @@ def _grow(
     """Refine, then probe leaves that look uniform until a round finds nothing new; returns its probes and
     hits."""
     asker.task = "cells"
-    if near is None:
-        tree.grow(asker)
-    else:
-        tree.grow_around(near.tree, asker)
+    try:
+        if near is None:
+            tree.grow(asker)
+        else:
+            tree.grow_around(near.tree, asker)
+    except BudgetSpent:
+        raise SetError("budget: is too small for the first cells; give more runs") from None
     made = hits = 0
     for _ in range(PROBE_ROUNDS if probes else 0):
         asker.task = "probes"
