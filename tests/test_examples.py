@@ -30,13 +30,19 @@ def script(path: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return module
 
 
-def test_demo_prints_a_table_saves_runs_and_draws(
+def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     demo = script("examples/two_finger_ladder.py", monkeypatch)
     monkeypatch.setattr(demo, "FAN", (0.45, 0.9))
-    assert demo.main(["--out", str(tmp_path)], ratios=(0.45, 0.9)) == 0
+    assert demo.main(["--out", str(tmp_path)], ratios=(0.45, 0.55, 0.9)) == 0
     printed = capsys.readouterr().out
+    (shown,) = re.findall(
+        r"^ {5}rung.*\n(?: {4}.*\n)+", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE
+    )
+    lines = [line.strip() for line in printed.splitlines()]
+    for line in shown.splitlines():
+        assert any(same(said, line) for said in lines), line
     moving = [rung.name for rung in rw.LADDER if rung.moves]
     assert all(name in printed for name in moving)
     assert "frictional certificate" in printed
