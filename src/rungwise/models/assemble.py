@@ -13,7 +13,8 @@ With theta = 1, for a step h from (q, v), unknown the end velocity (theta < 1: t
     rigid contact: R = 0, w_n = psi / h + W_p v_p (psi = 0 where it is rounding: contacts side by side agree;
     overlapping bodies come apart in no less than a pause, however short the step, or they would be thrown,
     and open joints close in no less than half a pause)
-    restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0
+    restitution: w_n = e g + W_p v_p where g < -rest and psi + h g <= 0, unless overlap comes apart faster: on
+    bodies that turn each step is an approach, and the overlap that it adds would stay
 """
 
 from __future__ import annotations
@@ -70,13 +71,15 @@ def assemble(
             problem.w[k * d : k * d + d] = 0.0
             # (2) Signorini
             g = approach(k * d, terms, v, speed, free, n, eps) if terms.restitution[k] > 0.0 else 0.0
-            if bounce and g < 0.0 and terms.restitution[k] > 0.0 and terms.gap[k] + h * g <= 0.0:
-                problem.w[k * d] = terms.restitution[k] * g
-                bounced = True
-            elif terms.gap[k] > terms.rounding[0] or rung[0].metric:
+            if terms.gap[k] > terms.rounding[0] or rung[0].metric:
                 problem.w[k * d] = terms.gap[k] / h
             elif terms.gap[k] < -terms.rounding[0]:
                 problem.w[k * d] = terms.gap[k] / max(h, terms.pause[0])
+            if bounce and g < 0.0 and terms.gap[k] + h * g <= 0.0:
+                rebound = terms.restitution[k] * g
+                if rebound < problem.w[k * d]:
+                    problem.w[k * d] = rebound
+                    bounced = True
         if driven:
             for r in range(k * d, k * d + d):
                 problem.w[r] += carried(terms.rows, r, speed)

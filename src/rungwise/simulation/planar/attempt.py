@@ -147,7 +147,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             return TAKEN
         if not fits and not rung[0].metric:
             worse = (not closed and not bent) or clock.least_gap < 0.5 * least
-            if worse or clock.bounces or _is_thrown(records, state, scratch.v_new):
+            if worse or clock.bounced or _is_thrown(records, state, scratch.v_new):
                 status = UNSOLVED
                 break
         least, first = min(clock.least_gap, 0.0) if fits else clock.least_gap, False
@@ -207,7 +207,7 @@ def _restart(records: Records, rung: RecordArray, workspace: Workspace, h: float
 @rare_kernel
 def _linearise(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> int:
     """Linearise the step about its trial end, with the rows there or, if it is centred, with their means with
-    those at the start; returns how many contacts there are."""
+    those at the start; returns how many contacts there are. Nothing bounced at the start, so nothing does."""
     state, terms = workspace.state, workspace.terms
     clock = state.clock[0]
     centred = clock.centred and not clock.lost
@@ -223,6 +223,8 @@ def _linearise(records: Records, rung: RecordArray, workspace: Workspace, h: flo
         join(records, rung, workspace, h)
     if centred:
         take_means(contacts, workspace)
+    for k in range(contacts):
+        terms.restitution[k] = 0.0
     _shift(h, contacts, clock.drives, clock.limited, terms, workspace.scratch)
     return contacts
 
