@@ -120,7 +120,7 @@ def _run(
     if solver == "planar":
         status, _, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
     elif solver == "lemke":
-        status = 0 if solve_by_pivoting(p, n, contacts, limited, *out) else 1
+        status = 0 if solve_by_pivoting(p, n, contacts, limited, *out, False) else 1
     elif solver == "proximal":
         found = solve_proximal(p, n, contacts, limited, *out, *scratch, 0.1 * TOLERANCE)
         status = int(found > TOLERANCE)

@@ -1,5 +1,6 @@
 """The problem of one compiled step, and the chain that solves it in the plane."""
 
+from rungwise.contact.step.associated import start_associated
 from rungwise.contact.step.modes import ANY, BACKWARD, FORWARD, NAMES, OPEN, STICK
 from rungwise.contact.step.planar import (
     ENUMERATION,
@@ -16,5 +17,5 @@ from rungwise.contact.step.steady import correct_velocities
 __all__ = [
     "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "SOLVED",
     "STICK", "TOLERANCE", "ContactProblem", "allocate_problem", "correct_velocities", "matrix_size",
-    "solve_planar", "trim",
+    "solve_planar", "start_associated", "trim",
 ]  # fmt: skip

@@ -32,9 +32,10 @@ def solve_by_pivoting(
     v: Reals,
     force: Reals,
     tau: Reals,
+    associated: bool,
 ) -> bool:
     """Fill mode, v, force and tau; returns whether pivoting ended at a solution. Allocates: it is the
-    exception, not the rule."""
+    exception, not the rule. `associated`: see `contact.step.associated`."""
     rows = 2 * contacts + limited
     x, y = _units(problem, n, contacts, limited)
     delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
@@ -43,7 +44,7 @@ def solve_by_pivoting(
         unit = max(unit, abs(offset[i]))
     if not unit > 0.0:
         unit = 1.0
-    M, q = _unfold(problem, contacts, limited, delassus, offset, y, unit)
+    M, q = _unfold(problem, contacts, limited, delassus, offset, y, unit, associated)
     size = len(q)
     z = np.zeros(size)
     ended, _ = lemke(M, q, np.ones(size), z, np.empty((size, size + 2)), np.empty(4 * size + 2, np.int64))
@@ -170,8 +171,10 @@ def _unfold(
     offset: Reals,
     y: Reals,
     unit: float,
+    associated: bool,
 ) -> tuple[Reals, Reals]:
-    """M and q of 0 <= z _|_ M z + q >= 0; forces z are in units of y and `unit`."""
+    """M and q of 0 <= z _|_ M z + q >= 0; forces z are in units of y and `unit`. In the associated law a
+    contact opens at mu times its slip, or more: M is then positive semidefinite."""
     size = 4 * contacts + 3 * limited
     sign, source = np.zeros(size), np.full(size, -1)
     for k in range(contacts):
@@ -192,6 +195,7 @@ def _unfold(
     for k in range(contacts):
         gamma = 4 * k + 3
         M[gamma, 4 * k] = p.mu[k]
+        M[4 * k, gamma] = -p.mu[k] if associated else 0.0
         for s in range(1, 3):
             M[gamma, 4 * k + s], M[4 * k + s, gamma] = -1.0, 1.0
     for r in range(limited):

@@ -75,7 +75,7 @@ def solve_planar(
     if contacts + limited == 0:
         return NO_SOLUTION, found, PROXIMAL
     for polish in (True, False):
-        if not solve_by_pivoting(problem, n, contacts, limited, mode, v, force, tau):
+        if not solve_by_pivoting(problem, n, contacts, limited, mode, v, force, tau, False):
             break
         if polish:
             found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)

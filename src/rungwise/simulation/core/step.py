@@ -13,6 +13,7 @@ from rungwise.contact.step import (
     ContactProblem,
     correct_velocities,
     solve_planar,
+    start_associated,
 )
 from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, kernel
 from rungwise.models.assemble import Step, assemble, lean
@@ -74,6 +75,25 @@ def solve_step(
 
     Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
+    status = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
+    if status == SUPPORTED or rung[0].inertia > 0.0 or not rung[0].loads or state.force.shape[1] > 2:
+        return status
+    held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
+    return SUPPORTED if held == SUPPORTED else status
+
+
+@kernel
+def _solve_with_care(
+    rung: RecordArray,
+    h: float,
+    terms: Terms,
+    contacts: int,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+    convex: bool,
+) -> int:
+    """Solve the step with more and more care for rounding; `convex`: from the forces that let bodies rest."""
     clock = state.clock[0]
     status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
     first = RESTING if _may_rest(rung, h, terms, state) else MOVING
@@ -91,7 +111,7 @@ def solve_step(
             )
         if clock.eps != tried:
             tried = clock.eps
-            status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem)
+            status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem, convex)
             if status == SOLVED:
                 _take_over(rung, terms, contacts, state, scratch, problem)
         if status == SOLVED:
@@ -129,6 +149,7 @@ def _solve_in_turn(
     state: State,
     scratch: Scratch,
     problem: ContactProblem,
+    convex: bool,
 ) -> int:
     """Solve with restitution or else without it, and with theta = 1 where something rigid holds."""
     clock = state.clock[0]
@@ -143,7 +164,7 @@ def _solve_in_turn(
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
-        status = _solve(contacts, limited, n, terms, state, scratch, problem)
+        status = _solve(contacts, limited, n, terms, state, scratch, problem, convex)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
         elif status == SOLVED or not bounced:
@@ -177,7 +198,14 @@ def _take_over(
 
 @kernel
 def _solve(
-    contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+    contacts: int,
+    limited: int,
+    n: int,
+    terms: Terms,
+    state: State,
+    scratch: Scratch,
+    problem: ContactProblem,
+    convex: bool,
 ) -> int:
     d = state.force.shape[1]
     state.clock[0].solves += 1
@@ -189,6 +217,10 @@ def _solve(
             scratch.contact_force[k * d + i] = force
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
+    if convex and not start_associated(
+        problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force
+    ):
+        return NO_SOLUTION
     if state.clock[0].surfaces:
         status, found, stage = solve_supported(contacts, limited, n, terms, state, scratch, problem)
     elif d == 2:
