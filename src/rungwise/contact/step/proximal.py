@@ -20,7 +20,7 @@ from rungwise.contact.step.mode_newton import flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel, rare_kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least.
@@ -159,7 +159,9 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
 def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
     H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms a
-    yielding contact, if that is more; no rate counts for less than its rounding."""
+    yielding contact, if that is more; no rate counts for less than its rounding. Where hardly anything
+    resists a body that others press, its units say little: then forces are compared as forces, if that is
+    less."""
     called, greatest = 0.0, 0.0
     for i in range(n):
         called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
@@ -178,7 +180,31 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
             called = max(called, rate * unit / least)
             if c >= 0 and math.isfinite(p.F[c]):
                 called = max(called, p.F[c] * unit)
-    return greatest / called if greatest > 0.0 else 0.0
+    excess = greatest / called if greatest > 0.0 else 0.0
+    if excess > WEDGED:
+        excess = min(excess, _excess_of_force(p, n, contacts, limited, force, tau))
+    return excess
+
+
+@rare_kernel
+def _excess_of_force(
+    p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals
+) -> float:
+    """Greatest force over the greatest load or limit, as forces along the rows."""
+    called, greatest = 0.0, 0.0
+    for i in range(n):
+        lever = 0.0
+        for r in range(2 * contacts):
+            lever = max(lever, abs(p.W[r, i]))
+        for r in range(limited):
+            lever = max(lever, abs(p.S[r, i]))
+        called = max(called, abs(p.c[i]) / lever if lever > 0.0 else 0.0)
+    for r in range(2 * contacts):
+        greatest = max(greatest, abs(force[r]))
+    for r in range(limited):
+        greatest = max(greatest, abs(tau[r]))
+        called = max(called, p.F[r] if math.isfinite(p.F[r]) else 0.0)
+    return greatest / called if called > 0.0 else math.inf
 
 
 @kernel
