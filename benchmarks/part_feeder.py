@@ -107,7 +107,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--fresh", type=int, default=100, help="cups on which designs are tried")
     parser.add_argument("--budget", type=int, default=250, help="most runs of a search on a rung")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rigid", action="store_true", help="search on dynamic-rigid, too; some runs crawl")
+    parser.add_argument("--rigid", action="store_true", help="search on dynamic-rigid, too")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args(arguments)
     plain, turned, region = rw.load(SCENE), chute_frame(), geometry()

@@ -1,4 +1,5 @@
-"""Rollouts of pushes that wedge a box against a post end as runs do, and after about as many steps."""
+"""Rollouts of pushes that wedge a box against a post end as runs do, and after about as many steps; cups that
+are wedged come to rest."""
 
 from __future__ import annotations
 
@@ -46,3 +47,15 @@ def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long(
         "push", "quasistatic-rigid", inputs=heading, durations=durations, parameters=at, tol=TOL, threads=1
     )
     compare(found, 1)
+
+
+@pytest.mark.parametrize(("tol", "most"), [(TOL, 1000), (None, 2000)])
+def test_cups_wedged_between_pin_and_chute_come_to_rest(tol: float | None, most: int) -> None:
+    """Bodies that hold a cup on all sides, and overlap it by rounding, cannot come apart, and are held. Pins
+    and cups are random."""
+    scene, rng = rw.load("part_feeder"), np.random.default_rng(5)
+    assert scene.file.task is not None
+    drawn = {name: rng.uniform(*spread.uniform, 400) for name, spread in scene.file.task.uncertain.items()}
+    drawn |= {"pin_x": rng.uniform(0.015, 0.045, 400), "pin_y": rng.uniform(-0.025, 0.015, 400)}
+    found = rw.rollout("part_feeder", "dynamic-rigid", parameters=drawn, tol=tol, keep=False, budget=most)
+    assert not np.isin(found.outcomes, ["not_converged", "jammed"]).any()

@@ -28,11 +28,13 @@ from rungwise.system.terms import JOINT, Terms
 
 
 class Step(NamedTuple):
-    """A step of length h [time], whose equation holds at the part theta of it and has inertia times eps."""
+    """A step of length h [time], whose equation holds at the part theta of it and has inertia times eps;
+    overlap comes apart in no less than `ease` [time]: a pause, or never."""
 
     h: float
     theta: float
     eps: float
+    ease: float
 
 
 @kernel
@@ -53,7 +55,7 @@ def assemble(
 
     `bounce` says whether Newton's restitution applies; returns whether it does at any contact.
     """
-    h, theta, eps = step
+    h, theta, eps, ease = step
     problem.quantum[0] = terms.rounding[0] / h
     if rung[0].metric:
         _fill_metric(terms, free, n, problem)
@@ -74,7 +76,7 @@ def assemble(
             if terms.gap[k] > terms.rounding[0] or rung[0].metric:
                 problem.w[k * d] = terms.gap[k] / h
             elif terms.gap[k] < -terms.rounding[0]:
-                problem.w[k * d] = terms.gap[k] / max(h, terms.pause[0])
+                problem.w[k * d] = terms.gap[k] / max(h, ease)
             if bounce and g < 0.0 and terms.gap[k] + h * g <= 0.0:
                 rebound = terms.restitution[k] * g
                 if rebound < problem.w[k * d]:
@@ -90,7 +92,7 @@ def assemble(
         problem.w_s[r] = -problem.R_s[r] * (stiff * terms.error[r, 0] + damp * terms.error[r, 1])
         if math.isinf(stiff):  # (4) joints
             drifts = terms.account[r] == JOINT and not rung[0].metric
-            problem.w_s[r] = -terms.error[r, 0] / (max(h, 0.5 * terms.pause[0]) if drifts else h)
+            problem.w_s[r] = -terms.error[r, 0] / (max(h, 0.5 * ease) if drifts else h)
         if driven:
             problem.w_s[r] += carried(terms.limited, r, speed)
         problem.F[r] = terms.limit[r]

@@ -15,7 +15,7 @@ from rungwise.contact.step import (
     solve_planar,
     start_associated,
 )
-from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
@@ -151,15 +151,16 @@ def _solve_in_turn(
     problem: ContactProblem,
     convex: bool,
 ) -> int:
-    """Solve with restitution or else without it, and with theta = 1 where something rigid holds."""
+    """Solve with restitution or else without it, with theta = 1 where something rigid holds, and with overlap
+    as it is where bodies that hold each other on all sides cannot come apart."""
     clock = state.clock[0]
-    n, limited = clock.free, clock.limited
+    n, limited, ease = clock.free, clock.limited, terms.pause[0]
     bounced = rung[0].inertia > 0.0
     clock.theta = rung[0].theta
     status = NO_SOLUTION
-    for _ in range(3):
+    for _ in range(4):
         bounced = assemble(
-            rung, Step(h, clock.theta, clock.eps), terms, contacts, limited, state.free, n, state.v,
+            rung, Step(h, clock.theta, clock.eps, ease), terms, contacts, limited, state.free, n, state.v,
             state.speed, bounced, problem,
         )  # fmt: skip
         if clock.leans:
@@ -167,16 +168,30 @@ def _solve_in_turn(
         status = _solve(contacts, limited, n, terms, state, scratch, problem, convex)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
-        elif status == SOLVED or not bounced:
+        elif status == SOLVED:
             break
-        else:
+        elif bounced:
             bounced = False
+        elif math.isfinite(ease) and _overlap(rung, terms, contacts):
+            ease = math.inf
+        else:
+            break
     clock.bounced = bounced
     if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
         correct_velocities(
             problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order
         )
     return status
+
+
+@rare_kernel
+def _overlap(rung: RecordArray, terms: Terms, contacts: int) -> bool:
+    """Whether bodies whose contact is rigid overlap by more than rounding."""
+    overlap = False
+    for k in range(contacts):
+        yields = rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0])
+        overlap |= terms.gap[k] < -terms.rounding[0] and not yields
+    return overlap and not rung[0].metric
 
 
 @kernel

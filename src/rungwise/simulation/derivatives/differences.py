@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.analysis import DATA
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.models.assemble import Step, approach, assemble
+from rungwise.models.assemble import Step, assemble
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.records import SPEED
@@ -154,17 +153,13 @@ class Assembly:
         """The discrete choices of the step just solved."""
         state, terms, clock = self.state, self.workspace.terms, self.state.clock[0]
         bounced = np.zeros(count, bool)
-        n, eps = int(clock["free"]), float(clock["eps"])
-        if clock["bounces"] and self._assembled(count, n, eps, float(clock["theta"]), True)[1]:
-            for k in range(count):
-                g = approach(2 * k, terms, state.v, state.speed, state.free, n, eps)
-                bounced[k] = g < 0.0 < terms.restitution[k] and terms.gap[k] + self.h * g <= 0.0
-            if not np.array_equal(trim(self.workspace.problem, n, count, 0).w, problem.w):
-                bounced[:] = False
+        n, eps, theta = int(clock["free"]), float(clock["eps"]), float(clock["theta"])
+        if clock["bounces"] and np.array_equal(self._assembled(count, n, eps, theta, True).w, problem.w):
+            bounced = self._assembled(count, n, eps, theta, False).w[::2] != problem.w[::2]
         driven = self.records.coordinates["drive"] == SPEED
         return Held(
             self._keys(count), self.workspace.scratch.slots[:count].copy(), terms.gap[:count].copy(), bounced,
-            driven & (state.speed == 0.0), eps, float(clock["theta"]),
+            driven & (state.speed == 0.0), eps, theta,
         )  # fmt: skip
 
     def data(
@@ -200,7 +195,7 @@ class Assembly:
             field[:k] = field[order]
         terms.gap[:k] = held.gap
         terms.restitution[:k][~held.bounced] = 0.0
-        problem, _ = self._assembled(k, int(clock[0]["free"]), held.eps, held.theta, bool(held.bounced.any()))
+        problem = self._assembled(k, int(clock[0]["free"]), held.eps, held.theta, bool(held.bounced.any()))
         made: dict[str, Array] = {name: getattr(problem, name) for name in DATA}
         return {
             **made,
@@ -210,16 +205,15 @@ class Assembly:
             "damping": terms.contact_damping[:k].copy(),
         }
 
-    def _assembled(
-        self, count: int, n: int, eps: float, theta: float, bounce: bool
-    ) -> tuple[ContactProblem, bool]:
+    def _assembled(self, count: int, n: int, eps: float, theta: float, bounce: bool) -> ContactProblem:
         state, work = self.state, self.workspace
         limited = int(state.clock[0]["limited"])
-        bounced: Any = assemble(
-            self.rung, Step(self.h, theta, eps), work.terms, count, limited, state.free, n, state.v,
-            state.speed, bounce, work.problem,
+        step = Step(self.h, theta, eps, float(work.terms.pause[0]))
+        assemble(
+            self.rung, step, work.terms, count, limited, state.free, n, state.v, state.speed, bounce,
+            work.problem,
         )  # fmt: skip
-        return trim(work.problem, n, count, limited), bool(bounced)
+        return trim(work.problem, n, count, limited)
 
     def _keys(self, count: int) -> tuple[tuple[int, int], ...]:
         """(pair, feature) of each contact; a stop is its slot."""
