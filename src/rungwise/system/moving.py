@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.system.terms import Terms
 
@@ -26,7 +28,8 @@ class Moment(NamedTuple):
 @dataclass(frozen=True)
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
-    limited rows; and a length: the size of the smallest thing that may be hit."""
+    limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
+    each other before one can be through the other; and how far contacts can be looked for."""
 
     coordinates: int
     velocities: int
@@ -34,6 +37,12 @@ class Size:
     directions: int
     limited: int
     length: float
+    thin: float = math.inf
+    farthest: float = math.inf
+
+
+class Crowded(InputError):
+    """More contacts are within reach than a system has room for."""
 
 
 class System(Protocol):
@@ -55,7 +64,8 @@ class System(Protocol):
         """Fill `terms` with M, metric (where eps is 0), loads, `fall` (see `fall_freely`), gains, and with
         all contacts whose gap is at most `reach` and can be changed by something free, but not `heft` and
         deformations; returns the slot of each contact, and whether the last accepted step did not have it. A
-        slot belongs to one feature (a vertex and a face, two spheres) as long as steps see it."""
+        slot belongs to one feature (a vertex and a face, two spheres) as long as steps see it. Raises Crowded
+        where there is no room for all."""
 
     def accept(self) -> None:
         """The contacts of the last `fill` are those of a step that is taken."""
@@ -65,6 +75,10 @@ class System(Protocol):
 
     def least_gap(self, q: Reals) -> float:
         """The smallest gap of all contacts; inf where there is none."""
+
+    def passes(self, q: Reals, v: Reals, h: float) -> bool:
+        """Whether v may lead anything through another within h, seen neither at q nor at the end. Asked only
+        where two things move to each other by more than `size.thin`, after a `fill` that reached as far."""
 
     def fastest(self, q: Reals, v: Reals) -> float:
         """A bound on the speed with which any two points approach each other."""

@@ -124,6 +124,9 @@ class BodiesInSpace:
     def least_gap(self, q: Array) -> float:
         return min((gap for _, gap, _, _ in self._contacts(q)), default=np.inf)
 
+    def passes(self, _q: Array, _v: Array, _h: float) -> bool:
+        return False
+
     def fastest(self, _q: Array, v: Array) -> float:
         return 2.0 * max(
             float(np.linalg.norm(own[:3])) + body.reach * float(np.linalg.norm(own[3:]))

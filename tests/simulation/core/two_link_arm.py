@@ -77,6 +77,9 @@ class TwoLinkArm:
     def least_gap(self, q: Array) -> float:
         return self.wall - self.tip(q)[0]
 
+    def passes(self, _q: Array, _v: Array, _h: float) -> bool:
+        return False
+
     def fastest(self, _q: Array, v: Array) -> float:
         l1, l2 = self.lengths
         return float(l1 * abs(v[0]) + l2 * abs(v[0] + v[1]))

@@ -24,7 +24,7 @@ from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
-from rungwise.system.moving import Moment, System
+from rungwise.system.moving import Crowded, Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 LINEARISATIONS = 12
@@ -32,16 +32,18 @@ LINEARISATIONS = 12
 ROUNDED = 4
 """Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
 trial."""
-EXACT, OVERLAP = 1e-9, 1e-4
-"""Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved."""
+EXACT, OVERLAP, UNSEEN = 1e-9, 1e-4, 1e-3
+"""Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved;
+the last on compliant rungs, beyond the overlap that the step's linear contacts foresee."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over the farthest motion in the step."""
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
 PAUSE = 2.0
 """Nominal steps: an approach that loads cause within them is rest, not impact."""
-SINKING = 0.1
-"""Deformation over the system's length beyond which the compliant model fails."""
+SINKING, SUNK = 0.1, 0.2
+"""Deformation over the system's length beyond which the compliant model fails, and beyond which a long step
+is halved, so that what the run shows last is how it fails."""
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
@@ -81,6 +83,7 @@ class March:
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
     _overlaps: bool = field(init=False, default=False)
+    _deep: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -135,7 +138,7 @@ class March:
                 h = wish
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
-            if status == UNSUPPORTED or moved < STUCK * self.system.size.length:
+            if status == UNSUPPORTED or moved < min(STUCK * self.system.size.length, self.system.size.thin):
                 if self._explain(status, asked):
                     return h
                 asked = True
@@ -151,27 +154,51 @@ class March:
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self.attempts += 1
-        self._overlaps = False
+        self._overlaps, size = False, self.system.size
         self._drive()
         self.clock["tried"] = h
-        least = -math.inf
-        if not self.rung.compliant:
-            allowed = (EXACT if self.rung.metric else OVERLAP) * self.system.size.length
-            least = min(self.system.least_gap(self.q) - float(self.terms.rounding[0]), -allowed)
-        self._trial, v = self.q, self.state.v
+        before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
+        self._trial, v, reach, begins = self.q, self.state.v, self._reach(h), True
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
-            self._fill(self._trial, v, h)
+            if reach > size.farthest or not self._fill(self._trial, v, h, reach):
+                return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
             status = self._solve(
                 self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem
             )
             if status != SUPPORTED:
                 return status, self.state.v
+            way = h * self.system.fastest(self.q, self.scratch.v_new)
+            if way > reach:
+                reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
+                continue
             v = self.scratch.v_new.copy()
+            if way > size.thin and self.system.passes(self.q, v, h):
+                break
             self._trial = self.system.integrate(self.q, v, h)
-            if self.rung.compliant or self.system.least_gap(self._trial) >= least:
+            if self._fits(v, h, way, before):
                 return SUPPORTED, v
+            if begins:
+                self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
         self._overlaps = True
         return UNSOLVED, v
+
+    def _fits(self, v: Reals, h: float, way: float, before: float) -> bool:
+        """Whether things overlap no more at the end of a step to v than is allowed or was so `before`; on
+        compliant rungs than the contacts foresee, which are linear over a way."""
+        terms, size = self.terms, self.system.size
+        if self.rung.compliant:
+            if way <= STUCK * size.length:
+                return True
+            rows = terms.rows[: self.contacts * size.directions : size.directions]
+            foreseen = terms.gap[: self.contacts] + h * (rows @ v)
+            deepest = float(foreseen.min(initial=0.0))
+            if deepest < -SUNK * size.length and way > SINKING * size.length:
+                return False
+            least = deepest - UNSEEN * size.length
+        else:
+            allowed = (EXACT if self.rung.metric else OVERLAP) * size.length
+            least = min(before - float(terms.rounding[0]), -allowed)
+        return self.system.least_gap(self._trial) >= least
 
     def _drive(self) -> None:
         """Set which coordinates are free, and how fast the others move."""
@@ -185,14 +212,23 @@ class March:
         self.state.free[: len(free)] = free
         clock["free"] = len(free)
 
-    def _fill(self, trial: Reals, v: Reals, h: float) -> None:
+    def _reach(self, h: float) -> float:
+        """How far contacts are looked for in a step of length h, for what is known before it."""
+        falls = h if self.rung.inertia > 0.0 else 0.0
+        self._fill_pace(self.state.v, self.state.speed, self.terms.fall, falls, self._pace)
+        return SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
+
+    def _fill(self, trial: Reals, v: Reals, h: float, reach: float) -> bool:
         """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
-        there."""
+        there. False where more contacts than there is room for are within reach of a long step."""
         terms, state, rung = self.terms, self.state, self.rung
-        self._fill_pace(v, state.speed, terms.fall, h if rung.inertia > 0.0 else 0.0, self._pace)
-        reach = SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
         moment = Moment(self.time, trial, state.v, h, rung.inertia, rung.metric)
-        slots, fresh = self.system.fill(moment, terms, reach)
+        try:
+            slots, fresh = self.system.fill(moment, terms, reach)
+        except Crowded:
+            if reach > 2.0 * STUCK * self.system.size.length:
+                return False
+            raise
         count, d = len(slots), self.system.size.directions
         self.contacts = count
         self.scratch.slots[:count] = slots
@@ -201,10 +237,21 @@ class March:
             terms.deformation[: count * d] = state.deformation[slots].ravel()
         if trial is not self.q:
             terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
+            self._expel(terms.gap[:count], h)
         if rung.inertia == 0.0:
             terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
             terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
         np.subtract(terms.load, self.system.driving, out=state.passive)
+        return True
+
+    def _expel(self, gap: Reals, h: float) -> None:
+        """Let overlap that the way to a trial place adds be gone at the end of the step. The models take a
+        `pause` for overlap, which is meant for what was there before."""
+        if self.rung.compliant or self.rung.metric:
+            return
+        added = gap < -max(self._deep, float(self.terms.rounding[0]))
+        slower = max(1.0, float(self.terms.pause[0]) / h)
+        gap[added] = slower * (gap[added] + self._deep) - self._deep
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time

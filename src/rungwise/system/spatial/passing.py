@@ -1,0 +1,327 @@
+"""Whether bodies in space may have gone through each other on the way of a step, seen at neither of its ends.
+
+Convex geoms apart have a separating axis: the normal of their contact. On the way this axis may be carried
+along with either body or stay as it is: the distance of the geoms along it is then a minimum of smooth
+functions of time, each at least its chord less 1/8 of its greatest second derivative. Where that bound does
+not exclude a passage the way is taken in parts, each with axes of its own: conservative advancement (Mirtich,
+Impulse-based dynamic simulation, 1996) with axes instead of distances, as in the plane (`planar.passing`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, kernel
+from rungwise.scene.space.laws import touching
+from rungwise.system.spatial.features import Seen
+
+if TYPE_CHECKING:
+    import mujoco
+
+SLIP = 0.25
+"""Relative motion of two geoms, or their overlap on the way, as a part of the sum of their widths, that needs
+no further look: a geom half through another is seen, from the side on which it entered."""
+LOOKS = 64
+"""Parts in which a way is looked at; a way that needs more is taken in shorter steps."""
+PLANE, FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
+"""MuJoCo's numbers of types of geoms."""
+
+
+class Shapes(Block):
+    """Geoms as convex shapes: kind, body (g,), size (g, 3), width (g,) in their thinnest direction, inf for
+    planes; corners (k, 3) of meshes, of each geom from `first` to `end` (g,)."""
+
+    kind: Ints
+    body: Ints
+    size: Reals
+    width: Reals
+    corners: Reals
+    first: Ints
+    end: Ints
+
+
+class Rates(NamedTuple):
+    """What velocities do to each body at every state, per unit of each velocity: speed (b, n), a bound of the
+    speed of its points; turn (b, n), of its rate of turning; swing (b, n), of speeds that turn with it."""
+
+    speed: Reals
+    turn: Reals
+    swing: Reals
+
+
+class Frames(NamedTuple):
+    """Places (g, 3) and axes (g, 9) of geoms."""
+
+    place: Reals
+    axes: Reals
+
+
+def shapes(model: mujoco.MjModel) -> Shapes:
+    """The geoms of a model; MuJoCo takes meshes for their convex hulls."""
+    m = model
+    first, end = np.zeros(m.ngeom, np.int64), np.zeros(m.ngeom, np.int64)
+    meshes = m.geom_type == MESH
+    first[meshes] = m.mesh_vertadr[m.geom_dataid[meshes]]
+    end[meshes] = first[meshes] + m.mesh_vertnum[m.geom_dataid[meshes]]
+    corners = np.ascontiguousarray(m.mesh_vert, dtype=np.float64).reshape(-1, 3)
+    return Shapes(
+        kind=m.geom_type.astype(np.int64), body=m.geom_bodyid.astype(np.int64), size=m.geom_size.copy(),
+        width=np.array([_width(m, g, corners[first[g] : end[g]]) for g in range(m.ngeom)]).reshape(-1),
+        corners=corners, first=first, end=end,
+    )  # fmt: skip
+
+
+def _width(model: mujoco.MjModel, g: int, corners: Reals) -> float:
+    """Width of a geom in its thinnest direction; of meshes the least along the axes of a geom, which are
+    those of its inertia, and 0 for a height field, whose surface has no inside."""
+    kind, size = int(model.geom_type[g]), model.geom_size[g]
+    if kind == MESH:
+        return float(np.ptp(corners, axis=0).min())
+    if kind == PLANE:
+        return math.inf
+    if kind == FIELD:
+        return 0.0
+    radii = {SPHERE: size[:1], CAPSULE: size[:1], CYLINDER: size[:2]}.get(kind, size)
+    return 2.0 * float(radii.min())
+
+
+def thinnest(model: mujoco.MjModel, made: Shapes) -> float:
+    """The least sum of widths of a geom that moves and another that may touch something."""
+    touches = np.flatnonzero(touching(model))
+    moves = [g for g in touches if model.body_weldid[model.geom_bodyid[g]] != 0]
+    sums = [made.width[a] + made.width[touches[touches != a]].min(initial=math.inf) for a in moves]
+    return float(min(sums, default=math.inf))
+
+
+def rates(model: mujoco.MjModel, speed: Reals) -> Rates:
+    """What velocities do to each body, `speed` (b, n) for its points (`reach.reaches`).
+
+    A point's acceleration at steady velocities is at most the rate of turning times the swing: an axis turns
+    with those before it, and a slide's way counts twice, as Coriolis' acceleration does.
+    """
+    import mujoco
+
+    kinds = mujoco.mjtJoint
+    turn, swing = np.zeros_like(speed), np.zeros_like(speed)
+    for j in range(model.njnt):
+        at, kind = int(model.jnt_dofadr[j]), int(model.jnt_type[j])
+        moved = speed[:, at] > 0.0
+        if kind == kinds.mjJNT_SLIDE:
+            swing[moved, at] = 2.0
+            continue
+        if kind == kinds.mjJNT_FREE:
+            at += 3
+        turning = slice(at, at + (1 if kind == kinds.mjJNT_HINGE else 3))
+        turn[moved, turning] = 1.0
+        swing[:, turning] = speed[:, turning]
+    return Rates(speed, turn, swing)
+
+
+@kernel
+def may_pass(seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float) -> bool:
+    """Whether any geoms whose contacts are `seen` may be farther inside each other than is allowed on a way
+    that takes the time `part`, for all that their speeds say: by `SLIP` of their widths, and where things
+    overlapped by `deep` before the step by as much again, up to as much as is allowed anyhow."""
+    c, near = 0, False
+    while c < seen.dist.shape[0] and not near:
+        first, c = c, _end_of_pair(c, seen)
+        near = _is_near(first, c, seen, shapes, rates, v, part, deep)
+    return near
+
+
+@kernel
+def is_clear(
+    seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float, begin: Frames, end: Frames
+) -> bool:
+    """Whether none may be, for where they are at the end of the way as well."""
+    c, clear = 0, True
+    while c < seen.dist.shape[0] and clear:
+        first, c = c, _end_of_pair(c, seen)
+        if _is_near(first, c, seen, shapes, rates, v, part, deep):
+            clear = _keeps_apart(first, c, seen, shapes, rates, v, part, deep, begin, end)
+    return clear
+
+
+@kernel
+def _end_of_pair(first: int, seen: Seen) -> int:
+    """The contact after the last one of the geoms of a contact."""
+    c = first
+    while (
+        c < seen.dist.shape[0]
+        and seen.geom[c, 0] == seen.geom[first, 0]
+        and seen.geom[c, 1] == seen.geom[first, 1]
+    ):
+        c += 1
+    return c
+
+
+@kernel
+def _is_near(
+    first: int, end: int, seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, deep: float
+) -> bool:
+    a, b, gap = seen.geom[first, 0], seen.geom[first, 1], math.inf
+    for c in range(first, end):
+        gap = min(gap, seen.dist[c])
+    moved = part * (_rate(rates.speed, shapes.body[a], v) + _rate(rates.speed, shapes.body[b], v))
+    return seen.address[first] >= 0 and moved > gap + _allowed(a, b, deep, shapes)
+
+
+@kernel
+def _allowed(a: int, b: int, deep: float, shapes: Shapes) -> float:
+    slip = SLIP * (shapes.width[a] + shapes.width[b])
+    return float(slip + min(deep, slip))
+
+
+@kernel
+def _keeps_apart(
+    first: int,
+    last: int,
+    seen: Seen,
+    shapes: Shapes,
+    rates: Rates,
+    v: Reals,
+    part: float,
+    deep: float,
+    begin: Frames,
+    end: Frames,
+) -> bool:
+    a, b, apart = seen.geom[first, 0], seen.geom[first, 1], False
+    least = -_allowed(a, b, deep, shapes)
+    for c in range(first, last):
+        if shapes.kind[a] != FIELD and shapes.kind[b] != FIELD and not apart:
+            apart = _least_distance(c, seen, shapes, rates, v, part, begin, end) >= least
+    return apart
+
+
+@kernel
+def _least_distance(
+    c: int, seen: Seen, shapes: Shapes, rates: Rates, v: Reals, part: float, begin: Frames, end: Frames
+) -> float:
+    """Lower bound of the distance of two geoms on a part of the way, negative where they overlap: along the
+    normal of contact c at its begin, at rest or carried with one of them."""
+    a, b = seen.geom[c, 0], seen.geom[c, 1]
+    x, y, z = seen.frame[c, 0], seen.frame[c, 1], seen.frame[c, 2]
+    first = _distance(a, b, x, y, z, shapes, begin)
+    turn_a, turn_b = part * _rate(rates.turn, shapes.body[a], v), part * _rate(rates.turn, shapes.body[b], v)
+    bend = turn_a * part * _rate(rates.swing, shapes.body[a], v)
+    bend += turn_b * part * _rate(rates.swing, shapes.body[b], v)
+    speed = part * (_rate(rates.speed, shapes.body[a], v) + _rate(rates.speed, shapes.body[b], v))
+    apart = speed + _farthest(a, b, shapes, begin)
+    best = -math.inf
+    for k in range(3):
+        turn = 0.0 if k == 0 else turn_a if k == 1 else turn_b
+        if k > 0 and turn == 0.0:
+            continue
+        g = a if k == 1 else b
+        nx, ny, nz = (x, y, z) if k == 0 else _carried(g, x, y, z, begin, end)
+        last = _distance(a, b, nx, ny, nz, shapes, end)
+        bent = bend + 2.0 * turn * turn * apart + 2.0 * turn * speed
+        best = max(best, min(first, last) - bent / 8.0)
+    return best
+
+
+@kernel
+def _rate(of: Reals, b: int, v: Reals) -> float:
+    total = 0.0
+    for i in range(len(v)):
+        total += of[b, i] * abs(v[i])
+    return total
+
+
+@kernel
+def _carried(g: int, x: float, y: float, z: float, begin: Frames, end: Frames) -> tuple[float, float, float]:
+    """An axis that turns with geom g from the begin to the end."""
+    u, out = begin.axes[g], end.axes[g]
+    p = u[0] * x + u[3] * y + u[6] * z
+    q = u[1] * x + u[4] * y + u[7] * z
+    r = u[2] * x + u[5] * y + u[8] * z
+    return (
+        out[0] * p + out[1] * q + out[2] * r,
+        out[3] * p + out[4] * q + out[5] * r,
+        out[6] * p + out[7] * q + out[8] * r,
+    )
+
+
+@kernel
+def _farthest(a: int, b: int, shapes: Shapes, frames: Frames) -> float:
+    """Bound of the distance of any two points of the geoms."""
+    total = 0.0
+    for i in range(3):
+        total += (frames.place[a, i] - frames.place[b, i]) ** 2
+    return math.sqrt(total) + _radius(a, shapes) + _radius(b, shapes)
+
+
+@kernel
+def _radius(g: int, shapes: Shapes) -> float:
+    """Bound of the distance of a geom's points from its place."""
+    kind, size, far = shapes.kind[g], shapes.size[g], 0.0
+    if kind == MESH:
+        for k in range(shapes.first[g], shapes.end[g]):
+            far = max(far, shapes.corners[k, 0] ** 2 + shapes.corners[k, 1] ** 2 + shapes.corners[k, 2] ** 2)
+        return math.sqrt(far)
+    if kind in (CAPSULE, CYLINDER):
+        return float(size[0] + size[1])
+    return float(size[0] + size[1] + size[2])
+
+
+@kernel
+def _distance(a: int, b: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
+    """Distance of the geoms along an axis from a to b; negative where they overlap along it."""
+    along = x * (frames.place[b, 0] - frames.place[a, 0])
+    along += y * (frames.place[b, 1] - frames.place[a, 1])
+    along += z * (frames.place[b, 2] - frames.place[a, 2])
+    return float(along - _extent(a, x, y, z, shapes, frames) - _extent(b, -x, -y, -z, shapes, frames))
+
+
+@kernel
+def _extent(g: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
+    """How far a geom reaches from its place along an axis."""
+    kind, size, u = shapes.kind[g], shapes.size[g], frames.axes[g]
+    p = u[0] * x + u[3] * y + u[6] * z
+    q = u[1] * x + u[4] * y + u[7] * z
+    r = u[2] * x + u[5] * y + u[8] * z
+    if kind == SPHERE:
+        return float(size[0])
+    if kind == CAPSULE:
+        return float(size[0] + size[1] * abs(r))
+    if kind == CYLINDER:
+        return float(size[0] * math.hypot(p, q) + size[1] * abs(r))
+    if kind == ELLIPSOID:
+        return math.sqrt((size[0] * p) ** 2 + (size[1] * q) ** 2 + (size[2] * r) ** 2)
+    if kind == BOX:
+        return float(size[0] * abs(p) + size[1] * abs(q) + size[2] * abs(r))
+    far = -math.inf
+    for k in range(shapes.first[g], shapes.end[g]):
+        far = max(far, shapes.corners[k, 0] * p + shapes.corners[k, 1] * q + shapes.corners[k, 2] * r)
+    return far
+
+
+class Passing:
+    """Ways of the geoms of a model between two places; `thin` is the least sum of widths of two."""
+
+    def __init__(self, model: mujoco.MjModel, speed: Reals) -> None:
+        self.shapes = shapes(model)
+        self.rates = rates(model, speed)
+        self.thin = thinnest(model, self.shapes)
+
+    def is_curved(self, touches: NDArray[np.bool_]) -> bool:
+        """Whether the nearest points of some geoms that may touch are found by iteration."""
+        return bool(np.isin(self.shapes.kind[touches], (FIELD, ELLIPSOID, CYLINDER, MESH)).any())
+
+    def may_pass(self, seen: Seen, v: Reals, h: float, deep: float) -> bool:
+        """Whether velocities v may lead geoms through each other within h from where they are seen."""
+        return may_pass(seen, self.shapes, self.rates, v, h, deep)
+
+    def is_clear(self, seen: Seen, v: Reals, h: float, deep: float, begin: Frames, end: Frames) -> bool:
+        """Whether they do not, from where geoms are seen at the begin to the end."""
+        return is_clear(seen, self.shapes, self.rates, v, h, deep, begin, end)
+
+
+def frames(data: mujoco.MjData) -> Frames:
+    """Where the geoms of data are."""
+    return Frames(data.geom_xpos.copy(), data.geom_xmat.copy())
