@@ -20,6 +20,7 @@ from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.simulation.remarks import advice, remarks, untouchable
+from rungwise.wording import listed
 
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
 """A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
@@ -55,6 +56,8 @@ class Reasons:
         reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
         if code == Code.INVALID:
             reason = self._undefined()
+        if code == Code.MODEL_INVALID and clock["snapped"]:
+            reason = self._snapped()
         if code == Code.TIMEOUT and clock["segment"] < len(self.inputs):
             reason = self._waited(int(clock["segment"])) or reason
         if code not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
@@ -91,6 +94,22 @@ class Reasons:
         return (
             f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
             f" (from t = {clock['switched']:.6g} on)"
+        )
+
+    def _snapped(self) -> str:
+        """Which body left its balance, when, and which contacts had held it."""
+        state, template, records = self.workspace.state, self.scene.template, self.bound.records
+        pace = records.coordinates["lever"] * np.abs(self.workspace.scratch.v_new)
+        body = int(records.coordinates["body"][np.argmax(np.where(state.prescribed, 0.0, pace))])
+        slots = 2 * len(records.pairs)
+        pairs = np.unique(np.flatnonzero(state.force[:slots, 0] > 0.0) // 2)
+        held = {template.contacts[int(k)] for k in np.unique(records.pairs["contact"][pairs])}
+        near = sorted("|".join(names) for names in held if template.bodies[body] in names)
+        name, at = template.bodies[body], f" at {listed(near)}" if near else ""
+        return (
+            f"at t = {state.clock[0]['time']:.6g} {name} snaps out of its balance{at}: however"
+            " short the step, it moves on, and momentum, which this rung leaves out, decides where it rests."
+            " Use a dynamic rung, or damp the motion."
         )
 
     def _given_up(self) -> str:

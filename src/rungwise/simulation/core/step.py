@@ -116,7 +116,7 @@ def _solve_with_care(
                 _take_over(rung, terms, contacts, state, scratch, problem)
         if status == SOLVED:
             balanced = rung[0].inertia > 0.0 or not rung[0].loads
-            balanced = balanced or _is_balanced(h, _UNBALANCED[care], terms, state, scratch)
+            balanced = balanced or is_balanced(h, _UNBALANCED[care], terms, state, scratch)
         if status == SOLVED and balanced:
             break
     if status != SOLVED:
@@ -165,7 +165,7 @@ def _solve_in_turn(
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
-        status = _solve(contacts, limited, n, terms, state, scratch, problem, convex)
+        status = solve_assembled(contacts, limited, n, terms, state, scratch, problem, convex)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
         elif status == SOLVED:
@@ -212,7 +212,7 @@ def _take_over(
 
 
 @kernel
-def _solve(
+def solve_assembled(
     contacts: int,
     limited: int,
     n: int,
@@ -222,6 +222,8 @@ def _solve(
     problem: ContactProblem,
     convex: bool,
 ) -> int:
+    """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
+    the forces that let bodies rest; velocities go to scratch.x."""
     d = state.force.shape[1]
     state.clock[0].solves += 1
     for k in range(contacts):
@@ -283,7 +285,7 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 
 @kernel
-def _is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
+def is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
     """Whether the inertia that the limit eps -> 0+ leaves in the balance of each coordinate is negligible
     beside the load and the resistance there, of springs, dampers, and drives and friction with a limit."""
     clock = state.clock[0]

@@ -10,6 +10,7 @@ from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
+from rungwise.simulation.planar.balance import is_tiny, leaping, stands, strides
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember
@@ -23,7 +24,7 @@ from rungwise.simulation.planar.middle import (
     take_means,
     yield_fully,
 )
-from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.planar.nearby import begin_step, fastest_pair, gather, join, look, widen
 from rungwise.simulation.planar.passing import SLIP, passes
 from rungwise.simulation.planar.strays import note_strays
 from rungwise.simulation.planar.verdicts import sense
@@ -69,15 +70,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     """
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     clock = state.clock[0]
-    if rung[0].loads:
-        planar.loads(
-            records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
-            state.passive, terms,
-        )  # fmt: skip
-        copy(terms.load, workspace.early.load)
-    if records.joints.shape[0] > 0:
-        joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
-        join(records, rung, workspace, h)
+    begin_step(records, rung, workspace, h)
+    copy(terms.load, workspace.early.load)
     open_before = _opening(records, workspace)
     remember(state, workspace.before)
     gap_before = clock.least_gap
@@ -102,6 +96,11 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         if status == UNSUPPORTED:
             status = UNSUPPORTED if first else UNSOLVED
             break
+        if first:
+            clock.leaping = leaping(records, rung, h, workspace)
+            if strides(rung, h, contacts, workspace) and not stands(records, rung, h, shortest, workspace):
+                status = COARSE if h > shortest else UNSUPPORTED
+                break
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):
             status = ABSORBED
             break
@@ -120,7 +119,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = UNSOLVED
             break
         clock.bend = 0.0 if first or not clock.centred or clock.lost else bend(records, h, workspace)
-        if clock.bend > terms.low[0]:
+        if clock.bend > terms.low[0] and not (clock.leaping > 0.0 and is_tiny(h, terms)):
             status = COARSE
             break
         if rung[0].compliant and h > shortest and (_sinks(rung, workspace) or _outruns(contacts, workspace)):
@@ -308,17 +307,6 @@ def _opening(records: Records, workspace: Workspace) -> float:
     return joints.opening(records, state.placed.pose, state.q, workspace.scratch.row)
 
 
-@kernel
-def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
-    """Rows of the joints where the bodies are placed, in a step that began at `scratch.measures`."""
-    state, scratch = workspace.state, workspace.scratch
-    clock = state.clock[0]
-    joints.rows(
-        records, state.placed.pose, state.q, scratch.measures, state.start, clock.time + rung[0].theta * h,
-        h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
-    )  # fmt: skip
-
-
 @rare_kernel
 def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scratch) -> bool:
     """Whether a contact with restitution, open at the start, closes at speed during the step: it would not
@@ -383,6 +371,7 @@ def _finish(records: Records, rung: RecordArray, h: float, contacts: int, worksp
     """Set velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
     note_strays(records, h, contacts, workspace)
+    state.clock[0].leapt = state.clock[0].leaping
     work = state.clock[0].contact_work
     account(rung, h, terms, contacts, state, scratch, state.v)
     work = state.clock[0].contact_work - work

@@ -12,6 +12,7 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
+from rungwise.simulation.planar.balance import snaps
 from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed
@@ -23,6 +24,8 @@ from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import VERTICES
 from rungwise.system.planar.place import turns
 
+LEAPT = 5
+"""Status beside the statuses of `attempt`: bodies move on however short the step."""
 ONSET = 0.2
 """First step of a compliant impact under error control, relative to the time sqrt(M / K) of the contact."""
 SHORT_OF = 1.0 - 1e-9
@@ -67,13 +70,19 @@ def controlled_step(
         keep(workspace, workspace.kept)
     elif clock.bounces:
         h, _ = until_contact(records, rung, workspace, h, 0.0, 0.0, SOON, math.inf)
+    shortest = SOON * control[0].step
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
-        if part > 0 or allowed > 0.0 or clock.bounces:
+        probed = clock.leapt > 0.0
+        if probed and snaps(records, inputs, buffer, rung, workspace, length):
+            if part > 0:
+                restore(records, workspace)
+            return (TOO_COARSE if h > shortest else LEAPT), h, 0.5 * h
+        if part > 0 or probed or allowed > 0.0 or clock.bounces:
             length, _ = set_speeds(records, inputs, buffer, rung, workspace, length)
         status = UNDEFINED
         if workspace.scratch.undefined[0] < 0:
-            status = attempt(records, rung, workspace, length, SOON * control[0].step)
+            status = attempt(records, rung, workspace, length, shortest)
             clock.attempts += 1
         if status != TAKEN:
             bent, following = clock.bend > allowed > 0.0, 0.5 * h

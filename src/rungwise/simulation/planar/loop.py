@@ -18,7 +18,7 @@ import math
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
-from rungwise.simulation.planar.controlled import controlled_step, until_contact
+from rungwise.simulation.planar.controlled import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
 from rungwise.simulation.planar.inputs import (
@@ -246,7 +246,13 @@ def run_step(
                 return TIMEOUT
             return spent(records, control, workspace, moving, inputs)
         if status == LEFT_UNSUPPORTED:
-            return NO_SUPPORT
+            if h <= control[0].step:
+                return NO_SUPPORT
+            h = max(0.5 * h, control[0].step)
+            continue
+        if status == LEAPT:
+            clock.snapped = 1
+            return MODEL_INVALID
         if status == REFUSED and moving > 0.0:
             refused = True
             moved = h * max(moving, _fastest(records, rung, workspace))

@@ -63,6 +63,31 @@ def gather(records: Records, workspace: Workspace) -> int:
     )  # fmt: skip
 
 
+@kernel
+def begin_step(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Fill in loads and errors of servos for a step of length h, and measure and fill in the joints."""
+    state, scratch = workspace.state, workspace.scratch
+    if rung[0].loads:
+        planar.loads(
+            records, state.placed.pose, state.q, state.v, state.start, state.clock[0].time, h, rung[0].theta,
+            state.passive, workspace.terms,
+        )  # fmt: skip
+    if records.joints.shape[0] > 0:
+        joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
+        join(records, rung, workspace, h)
+
+
+@kernel
+def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Rows of the joints where the bodies are placed, in a step that began at `scratch.measures`."""
+    state, scratch = workspace.state, workspace.scratch
+    clock = state.clock[0]
+    joints.rows(
+        records, state.placed.pose, state.q, scratch.measures, state.start, clock.time + rung[0].theta * h,
+        h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
+    )  # fmt: skip
+
+
 @inner_kernel
 def swing(records: Records, state: State, i: int) -> float:
     """The factor that makes coordinate i a distance: 1, or the longest lever of an angle."""

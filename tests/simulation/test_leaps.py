@@ -1,0 +1,183 @@
+"""Without momentum nothing leaps: what no balance leads to is unsupported, and what snaps is told."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+
+SLOW = ("quasistatic-rigid", "quasistatic-compliant")
+G = 10.0
+
+
+def scene(
+    bodies: dict[str, Any], random: np.random.Generator, mu: float, slope: float = 0.0
+) -> dict[str, Any]:
+    """A scene of these bodies, all of which may touch, under gravity turned by `slope`; contacts and steps of
+    any kind."""
+    stiffness, damping, step = 10 ** random.uniform((5, 0, -4), (7, 2, -1))
+    contacts = {"between": ["*", "*"], "friction": mu, "stiffness": stiffness, "damping": damping}
+    return {
+        "name": "leap",
+        "gravity": [G * math.sin(slope), -G * math.cos(slope)],
+        "bodies": bodies,
+        "contacts": [contacts],
+        "step": step,
+        "duration": 5.0 * step,
+    }
+
+
+def fixed(width: float, height: float, **pose: float) -> dict[str, Any]:
+    return {"role": "obstacle", "shape": {"kind": "box", "width": width, "height": height}, "pose": pose}
+
+
+def free(shape: dict[str, Any], **pose: float) -> dict[str, Any]:
+    return {"role": "object", "mass": 1.0, "shape": shape, "pose": pose, "motion": {"kind": "free"}}
+
+
+def box(width: float, height: float) -> dict[str, Any]:
+    return {"kind": "box", "width": width, "height": height}
+
+
+def chute(random: np.random.Generator, steeper: float) -> dict[str, Any]:
+    """A box on a slope whose angle is `steeper` times that of friction, with a wall below."""
+    mu, far, tall = random.uniform(0.05, 0.9), 10 ** random.uniform(-2, 3), random.uniform(0.02, 0.05)
+    bodies = {
+        "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+        "wall": fixed(1.0, 1.0, x=far + 0.55, y=0.4),
+        "box": free(box(0.1, tall), y=0.5 * tall),
+    }
+    wanted = scene(bodies, random, mu, math.atan(mu) * steeper)
+    return wanted | {"goal": "gap(box, wall) <= 1e-3"}
+
+
+def tower(random: np.random.Generator, out: float) -> dict[str, Any]:
+    """Boxes on top of each other at the edge of a table, their common centre of mass beyond it by `out`."""
+    count, drop = random.integers(1, 4), 10 ** random.uniform(-1, 2)
+    bodies = {"table": fixed(1.0, 1.0, y=-0.5), "ground": fixed(9.0, 1.0, y=-1.5 - drop)}
+    for i in range(count):
+        bodies[f"box{i}"] = free(box(0.2, 0.1), x=0.5 + out, y=0.05 + 0.1 * i)
+    return scene(bodies, random, random.uniform(0.3, 1.0))
+
+
+def ladder(random: np.random.Generator, steeper: float) -> dict[str, Any]:
+    """A uniform, thin rod on a wall, with friction at both ends, `steeper` times as steep as balance
+    asks, tan = (1 - mu^2) / (2 mu) to the floor."""
+    mu, thick = random.uniform(0.2, 0.8), 1e-6
+    angle = math.atan((1.0 - mu * mu) / (2.0 * mu)) * steeper
+    rod = {"kind": "capsule", "length": 1.0, "radius": thick, "angle": -angle}
+    bodies = {
+        "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+        "wall": {"role": "obstacle", "shape": {"kind": "halfplane", "normal": [1, 0]}},
+        "rod": free(rod, x=thick + 0.5 * math.cos(angle), y=thick + 0.5 * math.sin(angle)),
+    }
+    return scene(bodies, random, mu)
+
+
+CASES = {"chute": (chute, 0.97, 1.03), "tower": (tower, -0.01, 0.01), "ladder": (ladder, 1.03, 0.97)}
+"""How each case is made, and numbers with which it is in balance, and is not."""
+
+
+@pytest.mark.parametrize("model", SLOW)
+@pytest.mark.parametrize("case", CASES)
+def test_what_nothing_holds_is_unsupported_however_far_it_would_go(case: str, model: str) -> None:
+    make, balanced, lost = CASES[case]
+    for seed in range(12):
+        tol = (None, 1e-3, 1e-5)[seed % 3]
+        for number, outcome in ((balanced, "timeout"), (lost, "unsupported")):
+            run = rw.simulate(make(np.random.default_rng(seed), number), model, tol=tol)
+            assert str(run.outcome) == outcome, (seed, run.reason)
+            assert (run.certificate is not None) == (outcome == "unsupported")
+
+
+@pytest.mark.parametrize("model", SLOW)
+def test_a_plate_that_tilts_lets_go_where_friction_ends(model: str) -> None:
+    for seed in range(9):
+        random = np.random.default_rng(seed)
+        mu, far, pace = random.uniform((0.1, 0.3, 0.2), (1.0, 3.0, 2.0))
+        turn = {
+            "role": "robot",
+            "motion": {"kind": "hinge", "pivot": [0, 0]},
+            "coordinates": {"angle": {"drive": {"kind": "speed", "speed": -pace}}},
+        }
+        bodies = {
+            "plate": turn | {"shape": box(2.0 * far + 2.0, 0.1), "pose": {"y": -0.05}},
+            "stop": turn | {"shape": box(0.1, 1.0), "pose": {"x": far, "y": 0.5}},
+            "box": free(box(0.1, 0.05), y=0.025),
+        }
+        tilting = scene(bodies, random, mu)
+        tilting["contacts"][0]["between"] = ["box", "*"]
+        ends, step = math.atan(mu) / pace, 0.02 * math.atan(mu) / pace
+        run = rw.simulate(
+            tilting | {"duration": 2.0 * ends, "step": step}, model, tol=(None, 1e-3, 1e-5)[seed % 3]
+        )
+        assert str(run.outcome) == "unsupported", (seed, run.reason)
+        assert run.time == pytest.approx(ends, abs=2.0 * step)
+
+
+@pytest.mark.parametrize("model", SLOW)
+def test_what_a_finger_lets_go_of_is_unsupported(model: str) -> None:
+    for seed in range(9):
+        random = np.random.default_rng(seed)
+        mu, drop = random.uniform(0.2, 1.0), 10 ** random.uniform(-1, 1)
+        bodies = {
+            "wall": {"role": "obstacle", "shape": {"kind": "halfplane", "normal": [1, 0]}},
+            "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}, "pose": {"y": -drop}},
+            "finger": {
+                "role": "robot",
+                "mass": 0.1,
+                "shape": {"kind": "disc", "radius": 0.02},
+                "pose": {"x": 0.12},
+                "motion": {"kind": "slide", "axis": [-1, 0]},
+                "coordinates": {"s": {"drive": {"kind": "force", "force": "40 - 200 * t"}}},
+            },
+            "box": free(box(0.1, 0.1), x=0.05),
+        }
+        ends = (40.0 - G / (2.0 * mu)) / 200.0
+        run = rw.simulate(
+            scene(bodies, random, mu) | {"duration": 0.2, "step": 1e-3},
+            model,
+            tol=(None, 1e-3, 1e-5)[seed % 3],
+        )
+        told = str(run.outcome) == "unsupported" or "snaps out of its balance" in run.reason
+        assert told, (seed, run.reason)
+        assert run.time == pytest.approx(ends, abs=2e-3)
+
+
+@pytest.mark.parametrize("tol", [None, 1e-6])
+def test_a_clip_that_snaps_without_damping_is_told(tol: float | None) -> None:
+    """A load that grows presses the clip between its noses: past the greatest force nothing holds it."""
+    clip = rw.load("snap").file.model_dump(exclude_unset=True)
+    clip["bodies"]["clip"]["force"] = ["10 * t", 0]
+    clip["bodies"]["clip"]["coordinates"]["x"]["damping"] = 0.0
+    clip["bodies"]["stop"] = fixed(0.01, 0.01, x=0.018)
+    greatest = 12.97  # docs/snap.md
+    for step in (1e-1, 1e-2, 1e-3):
+        given = {"u": 0.0, "apart": 1.0, "start": -1.4894e-3, "damping": 0.0}
+        run = rw.simulate(
+            clip | {"duration": 4.0}, "quasistatic-compliant", parameters=given, step=step, tol=tol
+        )
+        assert str(run.outcome) == "model_invalid", run.reason
+        assert "clip snaps out of its balance" in run.reason
+        assert run.time == pytest.approx(greatest / 10.0, abs=3.0 * step + 2e-3)
+        assert run.final["clip"]["x"] < 1e-3
+
+
+@pytest.mark.parametrize("tol", [None, 1e-4])
+def test_what_settles_does_not_snap(tol: float | None) -> None:
+    """Soft piles sink at once, and stay."""
+    for seed in range(10):
+        random, top = np.random.default_rng(seed), 0.0
+        bodies: dict[str, Any] = {"floor": {"role": "obstacle", "shape": {"kind": "halfplane"}}}
+        for i in range(random.integers(1, 5)):
+            width, height = random.uniform((0.1, 0.05), (0.3, 0.2))
+            bodies[f"box{i}"] = free(box(width, height), x=random.uniform(-0.02, 0.02), y=top + 0.5 * height)
+            top += height
+        pile = scene(bodies, random, 0.5)
+        pile["contacts"][0]["stiffness"] = 10 ** random.uniform(3.8, 5.0)
+        run = rw.simulate(pile, "quasistatic-compliant", tol=tol)
+        assert str(run.outcome) == "timeout", (seed, run.reason)
