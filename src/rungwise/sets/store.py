@@ -22,6 +22,7 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
+from rungwise.stored import store_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -110,7 +111,7 @@ def save(folder: Path, data: xarray.Dataset) -> Path:
     mark = folder / f".{uuid.uuid4().hex[:8]}.zarr"
     old = folder / f".{uuid.uuid4().hex[:8]}.old"
     try:
-        data.to_zarr(mark, mode="w", consolidated=False)
+        store_dataset(data, mark)
         if (folder / STORE).exists():
             os.replace(folder / STORE, old)
         os.replace(mark, folder / STORE)

@@ -16,6 +16,7 @@ from rungwise.contact.step import NAMES
 from rungwise.keywords import keywords
 from rungwise.plain import json_text
 from rungwise.simulation.planar.workspace import SCALARS, recorded
+from rungwise.stored import store_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -99,7 +100,7 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     mark = f".{uuid.uuid4().hex[:8]}"
     store, text = target / (STORE + mark), target / (SUMMARY + mark)
     try:
-        trajectory.to_zarr(store, mode="w", consolidated=False)
+        store_dataset(trajectory, store)
         text.write_text(json_text(summary, indent=1), "utf-8")
         old = target / (STORE + mark + ".old")
         if (target / STORE).exists():
