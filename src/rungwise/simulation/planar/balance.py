@@ -17,7 +17,7 @@ import math
 from rungwise.contact.step import OPEN, SOLVED
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import carried
-from rungwise.models.limit import LIMIT
+from rungwise.models.limit import LIMIT, greatest_load
 from rungwise.scene.records import Records
 from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled, solve_step
 from rungwise.simulation.planar.choice import choose_motion
@@ -50,6 +50,8 @@ def strides(rung: RecordArray, h: float, contacts: int, workspace: Workspace) ->
     state, terms, scratch, met = workspace.state, workspace.terms, workspace.scratch, False
     for k in range(contacts):
         met |= scratch.contact_force[2 * k] > 0.0 and not _is_within(h, k, workspace)
+    if met and greatest_load(terms, state.clock[0].free, state.free)[0] == 0.0:
+        return False
     return met or (state.clock[0].leaping > 0.0 and not is_balanced(h, LEFT, terms, state, scratch))
 
 
