@@ -1,6 +1,7 @@
 """Bodies that are wedged exactly rest if and only if a linear program finds forces that balance.
 
-Where they may rest, falling solves the step of the limit as well: Pang and Trinkle, ZAMM 80 (2000) 643-663.
+Where they may rest, falling solves the step of the limit as well, without end or to a floor below: Pang and
+Trinkle, ZAMM 80 (2000) 643-663.
 """
 
 from __future__ import annotations
@@ -27,11 +28,13 @@ class Wedge:
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
         self.size, self.turn = 10 ** self.rng.uniform(-3, 3), self.rng.uniform(0, 2 * math.pi)
-        self.friction = self.rng.uniform(0, 2)
+        self.friction, self.low = self.rng.uniform(0, 2), math.inf
         self.bodies: dict[str, Body] = {}
         heading = -math.pi / 2 if self.rng.random() < 0.6 else self.rng.uniform(0, 2 * math.pi)
         self.gravity = self.turned(9.81 * math.cos(heading), 9.81 * math.sin(heading))
         [self.books, self.vee, self.slot, self.discs][seed % 4]()
+        if self.rng.random() < 0.5:
+            self.add("floor", {"kind": "halfplane"}, 0.0, self.low - 10 ** self.rng.uniform(-6, 1))
 
     def turned(self, x: float, y: float) -> list[float]:
         c, s = math.cos(self.turn), math.sin(self.turn)
@@ -39,7 +42,9 @@ class Wedge:
 
     def add(self, name: str, shape: Body, x: float = 0.0, y: float = 0.0) -> None:
         if shape["kind"] == "halfplane":
-            shape["normal"] = self.turned(*shape["normal"])
+            shape["normal"] = self.turned(*shape.get("normal", (0.0, 1.0)))
+        if name.startswith("part"):
+            self.low = min(self.low, y - shape.get("radius", 0.5 * shape.get("height", 0.0)))
         x, y = (self.size * each for each in self.turned(x, y))
         body: Body = {"role": "obstacle", "shape": shape, "pose": {"x": x, "y": y}}
         if shape["kind"] != "halfplane":
@@ -101,7 +106,7 @@ class Wedge:
     def scene(self) -> rw.Scene:
         law = {"friction": self.friction, "stiffness": 1e6, "damping": 1e3}
         parts = [name for name in self.bodies if name.startswith("part")]
-        pairs = [[part, end] for part in parts for end in ("left", "right")]
+        pairs = [[part, other] for part in parts for other in self.bodies if other not in parts]
         pairs += [list(pair) for pair in pairwise(parts)]
         return rw.load(
             {

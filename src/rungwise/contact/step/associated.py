@@ -27,6 +27,9 @@ STILL = 1e-6
 """Slip over the rates that loads alone cause, and demanded ones, below which a contact sticks: pivots leave
 more rounding than other solvers. Chosen by trial, to a decade."""
 
+RESERVES = (0.9, 0.99)
+"""Parts of the friction with which contacts that stick may still do so. Chosen by trial."""
+
 
 @allocating_kernel
 def start_associated(
@@ -57,11 +60,47 @@ def start_associated(
             slip[k] = s
         if greatest <= STILL * pace or change <= SETTLED * greatest:
             break
+    if ended:
+        for k in range(contacts):
+            if force[2 * k] > 0.0 and abs(slip[k]) <= STILL * pace:
+                mode[k] = STICK
+        _keep_reserve(p, n, contacts, limited, STILL * pace, mode, v, force, tau)
     for k in range(contacts):
         p.w[2 * k] = offset[2 * k]
-        if force[2 * k] > 0.0 and abs(slip[k]) <= STILL * pace:
-            mode[k] = STICK
     return ended
+
+
+@allocating_kernel
+def _keep_reserve(
+    p: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    still: float,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> None:
+    """Where contacts that stick do so with less friction, too, take the forces found then: pivots end at
+    sides of cones, where rounding decides whether a contact sticks."""
+    mu, other = p.mu[:contacts].copy(), mode.copy()
+    velocity, push, pull = v.copy(), force.copy(), tau.copy()
+    for reserve in RESERVES:
+        for k in range(contacts):
+            p.mu[k] = reserve * mu[k] if mode[k] == STICK else mu[k]
+        sticks = solve_by_pivoting(p, n, contacts, limited, other, velocity, push, pull, True)
+        for r in range(2 * contacts):
+            change = 0.0
+            for i in range(n):
+                change += p.W[r, i] * (velocity[i] - v[i])
+            sticks &= abs(change) <= still
+        if sticks:
+            for k in range(contacts):
+                other[k] = STICK if mode[k] == STICK and push[2 * k] > 0.0 else other[k]
+            mode[:], v[:], force[:], tau[:] = other, velocity, push, pull
+            break
+    p.mu[:contacts] = mu
 
 
 @kernel

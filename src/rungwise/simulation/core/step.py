@@ -19,6 +19,7 @@ from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, kernel, r
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
+    STIR,
     greatest_load,
     limit_inertia,
     noticed_load,
@@ -28,7 +29,7 @@ from rungwise.models.limit import (
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.simulation.core.support import solve_supported
-from rungwise.system.terms import APART, Terms
+from rungwise.system.terms import APART, METRIC, Terms
 
 SUPPORTED, UNSUPPORTED, UNSOLVED = 0, 1, 2
 RESTING, MOVING, HEAVY, HEAVIEST, LANDING = 0, 1, 2, 5, 6
@@ -44,6 +45,8 @@ from Newton's method. Chosen by trial, to a decade."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
+SLOWER = 0.1
+"""Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
 
 
 @imported_kernel("rungwise.contact.solvers.spatial")
@@ -76,10 +79,40 @@ def solve_step(
     Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
     status = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
-    if status == SUPPORTED or rung[0].inertia > 0.0 or not rung[0].loads or state.force.shape[1] > 2:
+    free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
+    if not free or state.force.shape[1] > 2:
         return status
-    held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
-    return SUPPORTED if held == SUPPORTED else status
+    if status != SUPPORTED:
+        held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
+        return SUPPORTED if held == SUPPORTED else status
+    if _lands(h, terms, contacts, state, scratch):
+        pace = _pace(terms, scratch.v_new)
+        held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
+        if held != SUPPORTED or _pace(terms, scratch.v_new) > SLOWER * pace:
+            return _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
+    return status
+
+
+@kernel
+def _lands(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> bool:
+    """Whether something moves far faster than before, or than what is driven, to where open contacts stop it:
+    it may have been held instead."""
+    now, before = _pace(terms, scratch.v_new), max(_pace(terms, state.v), _pace(terms, state.speed))
+    if h * now <= STIR * terms.rounding[0] or now * SLOWER <= before:
+        return False
+    for k in range(contacts):
+        if scratch.contact_force[2 * k] > 0.0 and terms.gap[k] > terms.rounding[0]:
+            return True
+    return False
+
+
+@kernel
+def _pace(terms: Terms, v: Reals) -> float:
+    """Greatest speed of a coordinate; an angle counts by its radius of gyration."""
+    pace = 0.0
+    for i in range(v.shape[0]):
+        pace = max(pace, abs(v[i]) * math.sqrt(terms.heft[i, METRIC]))
+    return pace
 
 
 @kernel
