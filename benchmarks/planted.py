@@ -5,7 +5,12 @@
 A matrix is kept, a solution x and rates y that obey all laws are drawn, and b = y - A x. So there is a
 solution: `jammed` and `unsupported` are wrong. The matrices are those of the problem files in FOLDER
 (../shared/problems, if it is there) and random ones: mixed problems whose free block has a condition of up to
-1e12, contacts whose masses differ by up to 1e10 and stiffnesses by up to 1e12, circuits with relays.
+1e12, contacts whose masses differ by up to 1e10 and stiffnesses by up to 1e12, circuits with relays and with
+ideal diodes. Three kinds of loads: `full`, every unknown and every rate is drawn; `few`, up to three laws
+are, and all else is zero, so that many laws hold at their corners; and for circuits of diodes and resistors,
+which always have a solution, `loaded`, up to two sources and nothing else. `--units` draws units, that many
+decades from their own, for the rows and for the unknowns of problems without contacts; answers are then
+measured in their own.
 
   wrong     answers that are `jammed` or `unsupported`
   loose     answers that are `solved`, and violate a law by more than 1e-7 of the row's own |A| |x| + |b|
@@ -29,9 +34,9 @@ import rungwise as rw
 from rungwise.contact.files.read import read_problem
 
 Rng = np.random.Generator
-LOOSE, FAINT = 1e-7, 1e-8
+LOOSE, FAINT = 1e-7, 1e-6
 """What a row's violation must not exceed, beside its terms; which count as no less than this share of what
-the largest unknown would make of them: below lies the rounding of that, in rows where all is zero."""
+the largest unknown would make of them: below 1e-13 of that lies rounding, in rows where all is zero."""
 _LARGEST = 700
 """Unknowns up to which a published matrix is taken: others take seconds a call."""
 
@@ -58,6 +63,49 @@ def plant(rng: Rng, problem: rw.Problem) -> Planted:
     p = problem
     b = y - p.A @ x
     return Planted(rw.Problem(p.A, b, p.mu, p.directions, p.lower, p.upper, p.velocities), x)
+
+
+def plant_few(rng: Rng, problem: rw.Problem) -> Planted:
+    """The problem with an offset, of which an x is a solution in which few laws are not at their corners."""
+    p, d, (full, x) = problem, problem.directions, plant(rng, problem)
+    y, contacts, laws = p.A @ x + full.b, len(p.mu), len(p.mu) + len(p.lower)
+    drawn = set(rng.choice(laws, min(laws, int(rng.integers(1, 4))), replace=False).tolist())
+    for law in range(laws):
+        rows = slice(law * d, law * d + d) if law < contacts else slice(p.rows + law - contacts, None)
+        own = range(len(x))[rows][: d if law < contacts else 1]
+        if law not in drawn or rng.random() < 0.5:
+            y[own] = 0.0
+        if law not in drawn:
+            least, most = (0.0, 0.0) if law < contacts else (p.lower[law - contacts], p.upper[law - contacts])
+            x[own] = min(max(0.0, least), most)
+    return Planted(rw.Problem(p.A, y - p.A @ x, p.mu, d, p.lower, p.upper, p.velocities), x)
+
+
+def loaded(rng: Rng, problem: rw.Problem) -> rw.Problem:
+    """The circuit with up to two sources."""
+    p, b = problem, np.zeros(len(problem.b))
+    free = np.flatnonzero(p.free)
+    for i in rng.choice(free, min(len(free), int(rng.integers(1, 3))), replace=False):
+        b[i] = rng.choice([1.0 / 3.0, 0.1, -0.7, 1.0, rng.normal()])
+    return rw.Problem.boxes(p.A, b, p.lower, p.upper)
+
+
+class Posed(NamedTuple):
+    """A problem that has a solution, and the problem to solve: the same with unknowns in these units (N,)."""
+
+    problem: rw.Problem
+    asked: rw.Problem
+    unit: np.ndarray
+
+
+def posed(rng: Rng, problem: rw.Problem, decades: float = 0.0) -> Posed:
+    """The problem, without contacts in units up to so many decades from its own."""
+    p, size = problem, len(problem.b)
+    if not decades or p.rows or p.velocities:
+        return Posed(p, p, np.ones(size))
+    row, unit = (10.0 ** rng.uniform(-decades, decades, size) for _ in range(2))
+    A = sp.diags_array(row) @ sp.csr_array(p.A) @ sp.diags_array(unit)
+    return Posed(p, rw.Problem.boxes(A.toarray(), row * p.b, p.lower / unit, p.upper / unit), unit)
 
 
 def _contacts(rng: Rng, problem: rw.Problem) -> tuple[np.ndarray, np.ndarray]:
@@ -89,6 +137,9 @@ def _limited(rng: Rng, lower: float, upper: float) -> tuple[float, float]:
     if np.isfinite(lower) and np.isfinite(upper):
         return float(rng.uniform(0.05, 0.95) * (upper - lower) + lower), 0.0
     return (lower + float(rate), 0.0) if np.isfinite(lower) else (upper - float(rate), 0.0)
+
+
+PLANTS: dict[str, Callable[[Rng, rw.Problem], Planted]] = {"full": plant, "few": plant_few}
 
 
 def violation(problem: rw.Problem, x: np.ndarray) -> float:
@@ -187,7 +238,66 @@ def circuit(rng: Rng) -> rw.Problem:
     return rw.Problem.mlcp(A, np.zeros(len(A)), np.arange(len(A)) >= g)
 
 
-FAMILIES: dict[str, Callable[[Rng], rw.Problem]] = {"mixed": mixed, "bodies": bodies, "circuit": circuit}
+def network(rng: Rng) -> rw.Problem:
+    """Resistors between nodes, of which a tree leads to the ground, and ideal diodes between any two, some
+    with a resistance; some resistors and sources are branches, whose currents are free unknowns."""
+    g, k, m = (int(rng.integers(*ends)) for ends in ((2, 14), (1, 10), (0, 4)))
+    nodes, spread, size = slice(0, g), rng.uniform(0.0, 4.0), g + m + k
+    A = np.zeros((size, size))
+    pairs = [(i, int(rng.integers(-1, i)) if i else -1) for i in range(g)]
+    pairs += [tuple(rng.choice(g, 2, replace=False)) for _ in range(int(rng.integers(0, g)))]
+    for ends in pairs:
+        between = _between(ends, g)
+        A[nodes, nodes] += 10.0 ** rng.uniform(-spread, 0.0) * np.outer(between, between)
+    for i in range(g, size):
+        first = int(rng.integers(0, g))
+        other = int(rng.integers(-1, g))
+        between = rng.choice([-1.0, 1.0]) * _between((first, other if other != first else -1), g)
+        A[i, nodes], A[nodes, i] = between, -between
+        A[i, i] = 10.0 ** rng.uniform(-5.0, 5.0) if i < g + m else 0.0
+        if i >= g + m and rng.random() < 0.3:
+            A[i, i] = 10.0 ** rng.uniform(-6.0, 0.0)
+    return rw.Problem.mlcp(A, np.zeros(size), np.arange(size) >= g + m)
+
+
+def _between(ends: tuple[int, ...], nodes: int) -> np.ndarray:
+    """How the potentials of all nodes make the voltage between two, of which -1 is the ground."""
+    row = np.zeros(nodes)
+    for end, sign in zip(ends, (1.0, -1.0), strict=True):
+        if end >= 0:
+            row[end] = sign
+    return row
+
+
+def bridges(rng: Rng) -> rw.Problem:
+    """One step of a chain of diode bridges: each rectifies an oscillator of a capacitor and a coil, and the
+    next is driven by what it gives, through a resistor. A stage's unknowns: the oscillator's potential and
+    current, the two potentials of its load, and after all of these its four diodes."""
+    stages, step = int(rng.integers(1, 12)), 10.0 ** rng.uniform(-7.0, -2.0)
+    g = 4 * stages
+    A = np.zeros((2 * g, 2 * g))
+    for stage in range(stages):
+        a, coil, plus, minus = range(4 * stage, 4 * stage + 4)
+        A[a, a] = 10.0 ** rng.uniform(-8.0, -4.0) / step
+        A[a, coil], A[coil, a], A[coil, coil] = 1.0, -1.0, 10.0 ** rng.uniform(-4.0, -1.0) / step
+        across = _between((plus, minus), g)
+        filtered = 10.0 ** rng.uniform(-8.0, -4.0) / step * (rng.random() < 0.5)
+        A[:g, :g] += (10.0 ** rng.uniform(-4.0, -1.0) + filtered) * np.outer(across, across)
+        if stage:
+            joined = _between((a, plus - 4), g)
+            A[:g, :g] += 10.0 ** rng.uniform(-4.0, 0.0) * np.outer(joined, joined)
+        for i, ends in enumerate(((plus, a), (a, minus), (plus, -1), (-1, minus))):
+            diode = g + 4 * stage + i
+            A[diode, :g], A[:g, diode] = _between(ends, g), -_between(ends, g)
+    return rw.Problem.mlcp(A, np.zeros(2 * g), np.arange(2 * g) >= g)
+
+
+DIODES: dict[str, Callable[[Rng], rw.Problem]] = {"network": network, "bridges": bridges}
+"""Their matrix is positive semidefinite, and what the sources do is in its range: there is a solution
+(Cottle, Pang, Stone: The Linear Complementarity Problem (1992), theorem 3.1.2)."""
+FAMILIES: dict[str, Callable[[Rng], rw.Problem]] = {
+    "mixed": mixed, "bodies": bodies, "circuit": circuit, **DIODES,
+}  # fmt: skip
 
 
 def published(folder: Path) -> Iterator[tuple[str, rw.Problem]]:
@@ -212,16 +322,16 @@ class Count(NamedTuple):
     seconds: float
 
 
-def tried(rng: Rng, draw: Callable[[], rw.Problem], calls: int, show: bool = False) -> Count:
-    """Solve that many planted problems."""
+def tried(rng: Rng, pose: Callable[[Rng], Posed], calls: int, show: bool = False) -> Count:
+    """Solve that many problems that have a solution."""
     wrong = loose = still_open = 0
     largest = seconds = 0.0
     for call in range(calls):
-        problem, _ = plant(rng, draw())
+        problem, asked, unit = pose(rng)
         began = time.perf_counter()
-        found = rw.solve(problem)
+        found = rw.solve(asked)
         seconds += time.perf_counter() - began
-        far = violation(problem, found.x) if found.status == "solved" else 0.0
+        far = violation(problem, unit * found.x) if found.status == "solved" else 0.0
         wrong += found.status in ("jammed", "unsupported")
         still_open += found.status == "not_converged"
         loose += not far <= LOOSE
@@ -229,6 +339,20 @@ def tried(rng: Rng, draw: Callable[[], rw.Problem], calls: int, show: bool = Fal
         if show and (found.status != "solved" or not far <= LOOSE):
             print(f"    call {call}: {found.status} {found.residuals.worst:.1e} {far:.1e} {found.chain}")
     return Count(calls, wrong, loose, still_open, largest, seconds)
+
+
+Pose = Callable[[Rng], Posed]
+
+
+def poses(draw: Callable[[Rng], rw.Problem], load: str = "full", decades: float = 0.0) -> Pose:
+    """A function that draws a problem with such a load, in units so many decades apart."""
+
+    def pose(rng: Rng) -> Posed:
+        made = draw(rng)
+        made = loaded(rng, made) if load == "loaded" else PLANTS[load](rng, made).problem
+        return posed(rng, made, decades)
+
+    return pose
 
 
 def main() -> None:
@@ -241,19 +365,25 @@ def main() -> None:
     parser.add_argument("--only", default="", help="matrices whose name has this text")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--worst", action="store_true", help="print each call that is not solved")
+    parser.add_argument("--units", type=float, default=0.0, help="decades by which units are drawn apart")
     given = parser.parse_args()
-    cases: list[tuple[str, Callable[[Rng], rw.Problem], int]] = [
+    matrices: list[tuple[str, Callable[[Rng], rw.Problem], int]] = [
         (name, draw, 10 * given.each) for name, draw in FAMILIES.items()
     ]
     if given.folder.is_dir():
-        cases += [(name, lambda _, p=problem: p, given.each) for name, problem in published(given.folder)]
+        matrices += [(name, lambda _, p=p: p, given.each) for name, p in published(given.folder)]
+    cases = [
+        (name if load == "full" else f"{name}, {load}", poses(draw, load, given.units), calls)
+        for name, draw, calls in matrices
+        for load in ("full", "few", *(("loaded",) if name in DIODES else ()))
+    ]
     total = Count(0, 0, 0, 0, 0.0, 0.0)
-    print(f"{'':36}{'calls':>7}{'wrong':>7}{'loose':>7}{'open':>7}{'worst':>10}{'ms':>10}")
-    for name, draw, calls in cases:
+    print(f"{'':48}{'calls':>7}{'wrong':>7}{'loose':>7}{'open':>7}{'worst':>10}{'ms':>10}")
+    for name, pose, calls in cases:
         if given.only not in name:
             continue
         rng = np.random.default_rng(given.seed)
-        found = tried(rng, lambda draw=draw, rng=rng: draw(rng), calls, given.worst)
+        found = tried(rng, pose, calls, given.worst)
         _print(name, found)
         total = Count(*(max(a, b) if isinstance(a, float) and i == 4 else a + b
                         for i, (a, b) in enumerate(zip(total, found, strict=True))))  # fmt: skip
@@ -262,7 +392,7 @@ def main() -> None:
 
 def _print(name: str, c: Count) -> None:
     mean = 1e3 * c.seconds / max(c.calls, 1)
-    print(f"{name:36}{c.calls:7}{c.wrong:7}{c.loose:7}{c.open:7}{c.worst:10.1e}{mean:10.2f}", flush=True)
+    print(f"{name:48}{c.calls:7}{c.wrong:7}{c.loose:7}{c.open:7}{c.worst:10.1e}{mean:10.2f}", flush=True)
 
 
 if __name__ == "__main__":

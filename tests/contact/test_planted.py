@@ -4,6 +4,7 @@ rows of the problem as it was given."""
 from __future__ import annotations
 
 import sys
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -25,16 +26,79 @@ CIRCUITS = sorted([*FOLDER.glob("*lcp*.dat"), *FOLDER.glob("relay*.dat")])
 
 @pytest.mark.parametrize("family", planted.FAMILIES)
 def test_a_planted_solution_is_found_and_holds_in_its_own_rows(family: str) -> None:
-    rng, draw = np.random.default_rng(7), planted.FAMILIES[family]
-    found = planted.tried(rng, lambda: draw(rng), 300)
+    rng, pose = np.random.default_rng(7), planted.poses(planted.FAMILIES[family])
+    found = planted.tried(rng, pose, 300)
     assert found.wrong == 0 and found.loose == 0
     assert found.open <= 0.02 * found.calls
 
 
+@pytest.mark.parametrize("decades", [0.0, 3.0])
+@pytest.mark.parametrize("load", ["few", "loaded"])
+@pytest.mark.parametrize("family", planted.FAMILIES)
+def test_few_loads_in_any_units_are_answered(family: str, load: str, decades: float) -> None:
+    """Most unknowns are zero, and their rows have no terms but rounding."""
+    if load == "loaded" and family not in planted.DIODES:
+        pytest.skip("only circuits of diodes and resistors have a solution for any sources")
+    pose = planted.poses(planted.FAMILIES[family], load, decades)
+    found = planted.tried(np.random.default_rng(14), pose, 100)
+    assert found.wrong == 0 and found.loose == 0
+    assert found.open <= 0.02 * found.calls
+
+
+def test_a_free_unknown_that_should_be_zero() -> None:
+    """A source feeds a diode to the ground; nothing flows through the rest of the circuit."""
+    M = [
+        [1.001, -0.501, -1, 0, 1],
+        [-0.501, 0.501, 0, -1, -1],
+        [1, 0, 1, 0, 0],
+        [0, 1, 0, 0, 0],
+        [-1, 1, 0, 0, 1e-3],
+    ]
+    found = rw.solve(rw.Problem.mlcp(M, [0.0, 1.0 / 3.0, 0.0, 0.0, 0.0], np.arange(5) > 1))
+    assert found.status == "solved"
+    np.testing.assert_allclose(found.x, [0.0, 0.0, 0.0, 1.0 / 3.0, 0.0], rtol=1e-15, atol=0)
+
+
+@pytest.mark.parametrize("family", ["mixed", "circuit", "network", "bridges"])
+def test_free_rows_hold_beside_the_terms_that_they_have(family: str) -> None:
+    """Summed in rational numbers; what is below 1e-13 of the largest terms of all rows is rounding."""
+    rng, pose = np.random.default_rng(15), planted.poses(planted.FAMILIES[family], "few")
+    for _ in range(60):
+        problem = pose(rng).asked
+        found = rw.solve(problem)
+        if found.status != "solved":
+            continue
+        terms = [_terms(problem, found.x, i) for i in np.flatnonzero(problem.free)]
+        largest = max(max(map(abs, each), default=Fraction(0)) for each in terms)
+        for each in terms:
+            size = max(sum(map(abs, each)), largest / 10**7)
+            assert abs(sum(each)) <= size / 10**6
+
+
+def _terms(problem: rw.Problem, x: np.ndarray, row: int) -> list[Fraction]:
+    """The terms of a row, exactly."""
+    used = np.flatnonzero(problem.A[row])
+    products = [Fraction(float(problem.A[row, j])) * Fraction(float(x[j])) for j in used]
+    return [*products, Fraction(float(problem.b[row]))]
+
+
+def test_no_unknown_is_beyond_its_limits() -> None:
+    """LCPs in units twelve decades apart: what no row feels is within its limits all the same."""
+    rng = np.random.default_rng(16)
+    for _ in range(150):
+        n = int(rng.integers(2, 20))
+        half = rng.normal(size=(n, n if rng.random() < 0.5 else max(n // 2, 1)))
+        matrix = rw.Problem.lcp(half @ half.T, np.zeros(n))
+        found = rw.solve(planted.posed(rng, planted.plant(rng, matrix).problem, 6.0).asked)
+        assert found.status in ("solved", "not_converged")
+        if found.status == "solved":
+            assert found.x.min() >= 0.0
+
+
 @pytest.mark.parametrize("path", CIRCUITS, ids=lambda path: path.name)
 def test_published_matrices_with_planted_solutions(path: Path) -> None:
-    rng, problem = np.random.default_rng(8), read_problem(path)
-    found = planted.tried(rng, lambda: rw.Problem.of(problem), 20)
+    rng, problem = np.random.default_rng(8), rw.Problem.of(read_problem(path))
+    found = planted.tried(rng, planted.poses(lambda _: problem), 20)
     assert (found.wrong, found.loose, found.open) == (0, 0, 0)
 
 

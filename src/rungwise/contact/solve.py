@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from rungwise.contact.judge.farkas import Infeasible, proves
-from rungwise.contact.judge.verdict import Residuals, judged
+from rungwise.contact.judge.verdict import Residuals, is_plain, judged, misses
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.prepare.units import settle
@@ -25,8 +25,10 @@ from rungwise.contact.solvers import (
     proximal_point,
     step,
 )
+from rungwise.contact.solvers.exact import exact
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.refine import SMALL, rate_error, refined, sharpened
+from rungwise.contact.solvers.settled import calmed, clip
 from rungwise.contact.solvers.small import try_at_once
 from rungwise.contact.solvers.work import Work
 from rungwise.contact.step.problem import ContactProblem
@@ -39,8 +41,8 @@ TOLERANCE = 1e-9
 precision, as room for ill-conditioned problems."""
 _MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
 """Residual asked of solvers over the tolerance, since the judge measures x in its given rows; rounds that fit
-other units; Newton steps of settled forces; the residual, about one rounding of double precision, asked of
-last steps. The first three are chosen by trial."""
+other units, and that find the modes of an exact answer; Newton steps of settled forces; the residual, about
+one rounding of double precision, asked of last steps. The first three are chosen by trial."""
 _ASIDE = 0.3
 """Share of the work that is left for the form with all unknowns, whose factors have many more entries.
 Chosen by trial."""
@@ -83,7 +85,10 @@ def solve(
         if own.iterations >= 0:
             attempts.append(Attempt(own.solver, own.iterations, own.residuals.natural))
         if own.residuals.worst <= tol:
-            return _solved(problem, _Answer(own.x, own.y, own.residuals), tol, attempts)
+            answer = _Answer(own.x, own.y, own.residuals)
+            if own.misses and (given is None or attempts):
+                answer = _exact(problem, scaled(problem), answer, tol)
+            return _solved(problem, answer, tol, attempts)
     system = scaled(problem)
     if given is not None:
         answer = _as_it_is(problem, system, given)
@@ -92,7 +97,7 @@ def solve(
     if own is not None:
         answer = _judged(problem, system, own.x, tol)
         if _tells(problem, system, answer, tol):
-            return _solved(problem, answer, tol, attempts)
+            return _solved(problem, _exact(problem, system, answer, tol), tol, attempts)
         attempts.clear()
     given = np.zeros(len(problem.b)) if given is None else given
     work = Work()
@@ -123,12 +128,15 @@ def solve(
             answer = answer if _is_open(massless, tol) else massless
         elif massless is not None and system.demanded < tol and answer.residual <= tol:
             answer = answer if _tells(problem, system, answer, tol) else massless
+    is_massless = answer is massless
+    if answer.residual <= tol and not is_massless:
+        answer = _exact(problem, system, answer, tol)
     status = Status.NOT_CONVERGED if answer.proof is None else Status(answer.proof.kind)
     if answer.residual <= tol:
         status, answer = Status.SOLVED, answer._replace(proof=None)
     return ContactSolution(
         problem, status, answer.x, answer.y, answer.residuals, tol, tuple(attempts), answer.proof,
-        answer is massless,
+        is_massless,
     )  # fmt: skip
 
 
@@ -154,21 +162,51 @@ def _as_it_is(problem: Problem, system: System, x: Array) -> _Answer:
     return _Answer(x, y, residuals)
 
 
+def _clipped(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
+    """The answer x within its limits; without what is rounding, where rows hold better so."""
+    clip(x := x.copy(), problem.laws)
+    answer = _as_it_is(problem, system, x)
+    if not (missed := misses(problem, x, answer.y)) > tol:
+        return answer
+    calmer = _as_it_is(problem, system, calmed(problem, x))
+    better = misses(problem, calmer.x, calmer.y) < missed or answer.residual > tol
+    return calmer if better and calmer.residual <= max(tol, answer.residual) else answer
+
+
+def _exact(problem: Problem, system: System, answer: _Answer, tol: float) -> _Answer:
+    """The answer made exact where rows miss their own terms by more than `tol`; or the answer. Bodies at rest
+    are left as they are: what moves them is rounding."""
+    if answer.residual <= tol and not is_plain(problem.rows, problem.velocities):
+        return answer
+    if not (missed := misses(problem, answer.x, answer.y)) > tol:
+        return answer
+    trial = answer.x
+    for _ in range(_ROUNDS):
+        trial = exact(problem, trial)
+        found = _clipped(problem, system, trial, tol)
+        least = misses(problem, found.x, found.y)
+        if (least < missed or answer.residual > tol) and found.residual <= max(tol, answer.residual):
+            answer, missed = found, least
+        if missed <= tol:
+            break
+    return answer
+
+
 def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
     """The answer x; or, where x is not within `tol`, the answer sharpened in the rows as they were given."""
-    answer = _as_it_is(problem, system, x)
-    if answer.residual > tol and (sharp := sharpened(problem, system, x)) is not x:
-        other = _as_it_is(problem, system, sharp)
+    answer = _clipped(problem, system, x, tol)
+    if answer.residual > tol and (sharp := sharpened(problem, answer.x)) is not answer.x:
+        other = _clipped(problem, system, sharp, tol)
         answer = other if other.residual < answer.residual else answer
-    return answer
+    return _exact(problem, system, answer, tol) if answer.residual > tol else answer
 
 
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
-    answer = _as_it_is(problem, system, system.recover(x * system.force))
+    answer = _clipped(problem, system, system.recover(x * system.force), tol)
     if answer.residual > tol and natural(system, x) <= tol:
         exact, _ = newton.finish(system, newton.form(system), x, _FINEST, work)
-        other = _as_it_is(problem, system, system.recover(exact * system.force))
+        other = _clipped(problem, system, system.recover(exact * system.force), tol)
         answer = other if other.residual < answer.residual else answer
     if answer.residual > tol:
         answer = _judged(problem, system, answer.x, tol)

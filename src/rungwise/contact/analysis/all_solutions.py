@@ -273,7 +273,7 @@ def _measure(problem: Problem, system: System, motion: Array, mode: Mode) -> Pie
     if directions is None:
         return None
     x = system.recover(point * system.force)
-    if not holds_in_own_terms(problem, system, x):
+    if not holds_in_own_terms(problem, x):
         return None
     return Piece(mode, x, *dimensions(motion, directions), point, multipliers)
 

@@ -230,9 +230,9 @@ def dimensions(motion: Array, directions: Array) -> tuple[int, int]:
     return moved, total - moved
 
 
-def holds_in_own_terms(problem: Problem, system: System, x: Array) -> bool:
+def holds_in_own_terms(problem: Problem, x: Array) -> bool:
     """Whether x (N,) is a solution also in rows that are tiny beside others (see `judge`)."""
-    return bool(problem.free.any()) or in_own_terms(problem, system, x, problem.A @ x + problem.b) <= _OWN
+    return bool(problem.free.any()) or in_own_terms(problem, x, problem.A @ x + problem.b) <= _OWN
 
 
 def same(a: Array, b: Array, motion: Array | None = None) -> bool:
@@ -274,7 +274,7 @@ def check(found: Solutions) -> bool:
             return False
         if not np.array_equal(piece.x, system.recover(piece.point * system.force)):
             return False
-        if not holds_in_own_terms(problem, system, piece.x):
+        if not holds_in_own_terms(problem, piece.x):
             return False
     if found.held and not is_monotone(system, motion):
         return False

@@ -10,8 +10,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from rungwise.contact.judge.natural import contact_map, natural_map
+from rungwise.contact.prepare.magnitudes import Magnitudes, faint_terms, largest, magnitudes
 from rungwise.contact.prepare.system import System
-from rungwise.contact.prepare.units import Sparse, compressed, fitted, part
+from rungwise.contact.prepare.units import Sparse, compressed
 from rungwise.contact.problem import Array, Laws, Matrix, Problem
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
@@ -24,16 +25,20 @@ _FINE = 1e-9
 rows may cause it, and tolerances finer than 1e-9 concern the norm of all rows."""
 _ROUNDING, _FLOOR = 2.0**-54, 1e-6
 """Least residual, over the norm of the rates' terms: half a rounding of double precision. Least terms of a
-free row, over the greatest of all, by trial: at a tolerance of 1e-9 it may err by 1e-15 of these, a few
+free row, over its faint terms, by trial: at a tolerance of 1e-9 it may err by 1e-15 of these, a few
 roundings."""
+_HIDDEN, _MOST = 2.0**-50, 1e-3
+"""Rounding of the rates of a plain problem, over the norm of their terms: eight roundings of double
+precision; and the most that it may hide, over the norm of the loads. Unknowns that run away from a
+contradiction leave it whole, until their terms are that large. Chosen by trial, to a decade."""
 _AT_REST, _FAINT = 2.0**-44, 1e-5
-"""A row whose terms are no more than the first share of the terms of all rows is at rest: its terms are
-rounding of other rows, and count beside the second share, of which 1e-11 / `OWN` is 30 roundings. The first
-is 512 roundings of double precision, chosen by trial."""
+"""A row whose terms are no more than the first share of its faint terms is at rest: its terms are rounding of
+other rows, and count beside the second share, of which 1e-11 / `OWN` is 30 roundings. The first is 512
+roundings of double precision, chosen by trial."""
 
 
 class Units(NamedTuple):
-    """Units of forces and rates (n,) of the kept unknowns, and the places of these (n,)."""
+    """Units of forces and rates (n,) of the unknowns that are measured, and the places of these (n,)."""
 
     kept: Ints
     force: Array
@@ -46,7 +51,7 @@ class Residuals:
 
     `natural` and `balance` have no unit and decide: the norm of the natural map of the exact law, each
     contact measured in a unit of its own, over the norm of the rates without forces; and the largest
-    imbalance of a free row over the sum of its terms, unit forces included. `natural` is no less than any
+    imbalance of a free row over the sum of the terms that it has. `natural` is no less than any
     penetration in these units, which great friction would hide, nor than `OWN` times `in_own_terms`, the
     largest violation of a row of the problem as it was given beside the terms of this row alone. The others
     tell where the fault is, in the problem's own units: penetration [velocity] the greatest -u_n; cone
@@ -81,13 +86,31 @@ def judged(problem: Problem, system: System, x: Array) -> tuple[Residuals, Array
     if not math.isfinite(float(y @ y)):
         return Residuals(*[np.inf] * 7), y
     scales, found = _scales(problem), np.empty(7)
-    terms = scales.absolute @ np.abs(x)
-    units, scratch = Units(system.kept, system.force, system.rate), np.empty((3, len(system.kept)))
-    violations(x, y, terms, units, system.laws, problem.lower, problem.upper, scratch, found)
-    found[1] = _imbalance(problem, system, scales, x, y)
-    own = _in_own_terms(problem, system, x, y, terms)
+    terms, faint = scales.absolute @ np.abs(x), _faint(problem, x)
+    units, laws = _units(problem, system)
+    scratch = np.empty((3, len(units.kept)))
+    plain = is_plain(problem.rows, problem.velocities)
+    violations(x, y, terms, units, laws, problem.lower, problem.upper, plain, scratch, found)
+    found[1] = imbalance(y, terms, problem.b, faint, scales.free)
+    own = _in_own_terms(problem, x, y, terms, faint)
     found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
     return Residuals(*found.tolist()), y
+
+
+def _units(problem: Problem, system: System) -> tuple[Units, Laws]:
+    """The units of the natural map, and the laws in them: those of the system, which know contacts and
+    inertia; without either, magnitudes of rows and of unknowns."""
+    if not is_plain(problem.rows, problem.velocities):
+        return Units(system.kept, system.force, system.rate), system.laws
+    p, sizes = problem, magnitudes_of(problem)
+    limits = Laws(p.mu, p.directions, p.lower / sizes.force, p.upper / sizes.force)
+    return Units(np.arange(len(p.b)), sizes.force, sizes.rate), limits
+
+
+@kernel
+def is_plain(rows: int, velocities: int) -> bool:
+    """Whether there are neither contacts nor velocities: an LCP, a circuit, relays."""
+    return rows == 0 and velocities == 0
 
 
 @kernel
@@ -99,15 +122,15 @@ def violations(
     scaled: Laws,
     lower: Reals,
     upper: Reals,
+    plain: bool,
     scratch: Reals,
     found: Reals,
 ) -> None:
     """Fill `found` in the order of `Residuals`, without the balance; terms = |A| |x|, `scaled` the laws in
-    these units."""
+    these units. In a plain problem, whose rows all have magnitudes, what rounding hides is no violation."""
     own, slope, out = scratch[0], scratch[1], scratch[2]
     kept, force, rate = units
     mu, d = scaled.mu, scaled.d
-    # Rounding in the rates: no residual is known better than this.
     doubt = 0.0
     for i in range(len(kept)):
         own[i], slope[i] = x[kept[i]] / force[i], y[kept[i]] / rate[i]
@@ -115,7 +138,11 @@ def violations(
     for i in range(len(found)):
         found[i] = 0.0
     natural = natural_map(own, slope, scaled, out)
-    found[0] = max(natural, _ROUNDING * math.sqrt(doubt))
+    doubt = math.sqrt(doubt)
+    if plain and _HIDDEN * doubt <= _MOST:
+        found[0] = max(natural - _HIDDEN * doubt, 0.0)
+    else:  # no residual is known better than the rounding of the rates
+        found[0] = max(natural, _ROUNDING * doubt)
     for k in range(len(mu)):
         n, pull, slip, power = k * d, 0.0, 0.0, 0.0
         for i in range(n + 1, n + d):
@@ -139,14 +166,14 @@ def judge_rows(
     scaled: Laws,
     laws: Laws,
     free: Ints,
-    unit: Reals,
+    faint: Reals,
     x: Reals,
     y: Reals,
     scratch: Reals,
     found: Reals,
 ) -> None:
-    """Fill y and `found` as `judged` does, without the balance of free rows; free (g,), unit (g,) among the
-    free unknowns; scratch (6, N), whose first row becomes the terms."""
+    """Fill y and `found` as `judged` does; free (g,) the free rows, faint (N,) the faint terms of all;
+    scratch (6, N), whose first row becomes the terms."""
     terms, total = scratch[0], 0.0
     for i in range(len(x)):
         y[i], terms[i] = b[i], 0.0
@@ -158,20 +185,22 @@ def judge_rows(
         for i in range(len(found)):
             found[i] = math.inf
         return
-    violations(x, y, terms, units, scaled, laws.lower, laws.upper, scratch[1:4], found)
-    own_terms(A, terms, b, units, laws.d * len(laws.mu), laws.d, free, unit, scratch[2:])
+    plain = len(units.kept) == len(x) and len(laws.mu) == 0
+    violations(x, y, terms, units, scaled, laws.lower, laws.upper, plain, scratch[1:4], found)
+    found[1] = imbalance(y, terms, b, faint, free)
+    own_terms(terms, b, faint, laws.d * len(laws.mu), laws.d, scratch[2])
     own = own_violation(A, x, y, laws, scratch[2:])
     found[0] = max(found[0], OWN * own if own > _FINE else 0.0)
 
 
 class _Scales(NamedTuple):
-    """Numbers that the judge keeps for a problem: |A|, its rows, the free rows, and units of free unknowns
-    among themselves."""
+    """Numbers that the judge keeps for a problem: |A|, its rows, the free rows, and the magnitudes of rows
+    and unknowns."""
 
     absolute: Matrix
     rows: Sparse
     free: Ints
-    unit: Array
+    magnitudes: Magnitudes
 
 
 _known: WeakKeyDictionary[Problem, _Scales] = WeakKeyDictionary()
@@ -180,11 +209,9 @@ _known: WeakKeyDictionary[Problem, _Scales] = WeakKeyDictionary()
 def _scales(problem: Problem) -> _Scales:
     found = _known.get(problem)
     if found is None:
-        free = problem.free.nonzero()[0] + problem.rows
-        absolute, unit = abs(problem.A), np.empty(len(free))
-        if len(free):
-            fitted(compressed(part(absolute, free, free)), 0, 1, unit)
-        found = _known[problem] = _Scales(absolute, compressed(absolute), free, unit)
+        absolute = abs(problem.A)
+        rows, free = compressed(absolute), problem.free.nonzero()[0] + problem.rows
+        found = _known[problem] = _Scales(absolute, rows, free, magnitudes(rows, problem.b, problem.laws))
     return found
 
 
@@ -193,81 +220,79 @@ def absolute(problem: Problem) -> Matrix:
     return _scales(problem).absolute
 
 
-def in_own_terms(problem: Problem, system: System, x: Array, y: Array) -> float:
+def magnitudes_of(problem: Problem) -> Magnitudes:
+    """The magnitudes of the problem's rows and unknowns, made once."""
+    return _scales(problem).magnitudes
+
+
+def in_own_terms(problem: Problem, x: Array, y: Array) -> float:
     """The largest violation by x of a law of the problem as it was given, whatever the units of its rows and
     of its unknowns: rates count by the size of their terms, forces by their terms in the rows, over the terms
     of the rows; each contact in a unit of its own.
 
     Where small rows stand beside large ones, the rates of an x that is far from all solutions may be nothing
-    beside the norm of all. Only a row whose own terms are rounding beside that norm (`_AT_REST`) counts
-    beside a share of the norm; and a free row beside a share of the terms of the other free rows.
+    beside the norm of all. Only a row whose own terms are rounding (`_AT_REST`) of the terms that unknowns as
+    large as the largest would have in it, in their magnitudes (see `magnitudes`), counts beside a share of
+    these: its faint terms. A free row always counts beside a far smaller share of them. Source: Arioli,
+    Demmel, Duff, SIAM J. Matrix Anal. Appl. 10 (1989) 165-190.
     """
-    return _in_own_terms(problem, system, x, y, _scales(problem).absolute @ np.abs(x))
+    return _in_own_terms(problem, x, y, _scales(problem).absolute @ np.abs(x), _faint(problem, x))
 
 
-def _in_own_terms(problem: Problem, system: System, x: Array, y: Array, terms: Array) -> float:
-    scales, scratch = _scales(problem), _own_terms(problem, system, terms)
-    return float(own_violation(scales.rows, x, y, problem.laws, scratch))
+def misses(problem: Problem, x: Array, y: Array) -> float:
+    """The largest violation by x of a law or of a free row, beside the row's own terms, whatever is
+    rounding."""
+    none, terms = np.zeros(len(x)), _scales(problem).absolute @ np.abs(x)
+    free = float(imbalance(y, terms, problem.b, none, _scales(problem).free))
+    return max(free, _in_own_terms(problem, x, y, terms, none))
 
 
-def own_units(problem: Problem, system: System, x: Array) -> tuple[Array, Array]:
+def _faint(problem: Problem, x: Array) -> Array:
+    """The faint terms (N,) of all rows: see `in_own_terms`."""
+    scales, faint, size = _scales(problem), np.empty(len(x)), np.empty(2 * len(x))
+    largest(problem.b, x, scales.magnitudes, size)
+    faint_terms(scales.rows, scales.magnitudes, size, problem.rows, faint)
+    return faint
+
+
+def _in_own_terms(problem: Problem, x: Array, y: Array, terms: Array, faint: Array) -> float:
+    scratch = np.empty((4, len(x)))
+    own_terms(terms, problem.b, faint, problem.rows, problem.directions, scratch[0])
+    return float(own_violation(_scales(problem).rows, x, y, problem.laws, scratch))
+
+
+def own_units(problem: Problem, x: Array) -> tuple[Array, Array]:
     """The units in which `in_own_terms` counts rates (N,) and forces (N,); one where there is nothing to
     count by."""
-    scales = _scales(problem)
-    scratch = _own_terms(problem, system, scales.absolute @ np.abs(x))
-    own_size(scales.rows, problem.rows, problem.directions, scratch[0], scratch[1])
-    rate, each = scratch[0], scratch[1]
+    scales, rate, each = _scales(problem), np.empty(len(x)), np.empty(len(x))
+    terms = scales.absolute @ np.abs(x)
+    own_terms(terms, problem.b, _faint(problem, x), problem.rows, problem.directions, rate)
+    own_size(scales.rows, problem.rows, problem.directions, rate, each)
     return np.where(rate > 0.0, rate, 1.0), 1.0 / np.where(each > 0.0, each, 1.0)
 
 
-def _own_terms(problem: Problem, system: System, terms: Array) -> Array:
-    """The scratch (4, N) as `own_terms` fills it, where `terms` (N,) are the sums of each row's terms."""
-    p, scales, scratch = problem, _scales(problem), np.empty((4, len(terms)))
-    units = Units(system.kept, system.force, system.rate)
-    own_terms(scales.rows, terms, p.b, units, p.rows, p.directions, scales.free, scales.unit, scratch)
-    return scratch
-
-
 @kernel
-def own_terms(
-    A: Sparse,
-    terms: Reals,
-    b: Reals,
-    units: Units,
-    rows: int,
-    d: int,
-    free: Ints,
-    unit: Reals,
-    scratch: Reals,
-) -> None:
-    """Fill the first row of scratch (3, N) with the size of each row's terms, where `terms` is |A| |x|.
-
-    Where the terms of a row are rounding beside the norm of all rates, its size is raised to that norm, but
-    to no more than the row's share of the unknowns that the terms of the free rows allow.
-    """
-    own, others, speed, most = scratch[0], scratch[1], scratch[2], 0.0
-    kept, rate = units.kept, units.rate
+def own_terms(terms: Reals, b: Reals, faint: Reals, rows: int, d: int, own: Reals) -> None:
+    """Fill `own` (N,) with the size of each row's terms, where `terms` is |A| |x|; and of its faint terms
+    where these make it rounding. The rows of a contact count alike."""
     for i in range(len(b)):
-        own[i], others[i], speed[i] = terms[i] + abs(b[i]), math.inf, 0.0
-    for i in free:
-        for k in range(A.start[i], A.start[i + 1]):
-            if A.place[k] == i and A.value[k] != 0.0:
-                speed[i] = own[i] / abs(A.value[k])
-    for i in range(len(b) if len(free) else 0):
-        others[i] = 0.0
-        for k in range(A.start[i], A.start[i + 1]):
-            others[i] += abs(A.value[k]) * speed[A.place[k]]
-    for i in range(len(kept)):
-        others[kept[i]] = min(others[kept[i]], rate[i])
-    for i in range(len(free)):
-        most = max(most, unit[i] * own[free[i]])
-    for i in range(len(free)):
-        others[free[i]] = most / unit[i]
+        own[i] = terms[i] + abs(b[i])
     _largest_of_each(own, rows, d)
-    _largest_of_each(others, rows, d)
-    for i in range(len(b)):
-        if own[i] <= _AT_REST * others[i]:
-            own[i] += _FAINT * others[i]
+    for first in range(0, rows, d):
+        _raise(own, faint, first, first + d)
+    for i in range(rows, len(b)):
+        _raise(own, faint, i, i + 1)
+
+
+@inner_kernel
+def _raise(own: Reals, faint: Reals, first: int, end: int) -> None:
+    """Raise the terms of these rows, all alike, where they are at rest."""
+    most = 0.0
+    for i in range(first, end):
+        most = max(most, faint[i])
+    for i in range(first, end):
+        if own[i] <= _AT_REST * most:
+            own[i] += _FAINT * most
 
 
 @kernel
@@ -316,30 +341,12 @@ def _largest_of_each(values: Reals, rows: int, d: int) -> None:
             values[i] = largest
 
 
-def _imbalance(problem: Problem, system: System, scales: _Scales, x: Array, y: Array) -> float:
-    """The largest |y| of a free row, over the sum of the row's terms and of the terms of unit forces in it.
-
-    A row whose terms are nothing beside the terms of other rows, in units of its unknown, is not held to its
-    own terms. No unit force is beyond its limits.
-    """
-    free, unit = scales.free, scales.unit
-    if len(free) == 0:
-        return 0.0
-    size = np.abs(x)
-    most = np.concatenate([np.full(problem.rows, np.inf), np.maximum(abs(problem.lower), abs(problem.upper))])
-    size[system.kept] += np.minimum(system.force, most[system.kept])
-    terms = (scales.absolute @ size)[free] + np.abs(problem.b[free])
-    return float(imbalance(y[free], terms, unit))
-
-
 @kernel
-def imbalance(y: Reals, terms: Reals, unit: Reals) -> float:
-    """The largest |y| (g,) over the row's terms, which count as no less than a share of the terms of other
-    rows."""
-    most, worst = 0.0, 0.0
-    for i in range(len(y)):
-        most = max(most, unit[i] * terms[i])
-    for i in range(len(y)):
-        size = terms[i] + _FLOOR * most / unit[i]
+def imbalance(y: Reals, terms: Reals, b: Reals, faint: Reals, free: Ints) -> float:
+    """The largest |y_i| of a free row, over the sum of the terms that it has and a share of its faint
+    terms."""
+    worst = 0.0
+    for i in free:
+        size = terms[i] + abs(b[i]) + _FLOOR * faint[i]
         worst = max(worst, abs(y[i]) / size if size > 0.0 else abs(y[i]))
     return worst

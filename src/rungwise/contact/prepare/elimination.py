@@ -105,7 +105,7 @@ def _eliminated_small(problem: Problem, A: Array, kept: Ints, gone: Ints) -> Lef
     k, g, b = len(kept), len(gone), problem.b
     left, offset = np.empty((k, k)), np.empty(k)
     solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
-    if not schur.eliminate(A, b, kept, gone, left, offset, *solver, np.empty(g)):
+    if not schur.eliminate(A, b, kept, gone, left, offset, *solver):
         return everything(problem)
 
     def recover(x: Array) -> Array:

@@ -15,7 +15,6 @@ import numpy as np
 
 from rungwise.contact.linear import factorise, substitute, substitute_transposed
 from rungwise.contact.prepare.product import ROUNDING
-from rungwise.contact.prepare.units import Sparse, compress, fitted
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 REGULAR, ACCURATE = 1e-13, 1e-5
@@ -36,11 +35,10 @@ def eliminate(
     factor: Reals,
     unit: Reals,
     order: Ints,
-    scale: Reals,
 ) -> bool:
     """Fill the rest of the problem, A_kk - A_kg A_gg^-1 A_gk in left (k, k) and b_k + A_kg x_g(0) in offset
-    (k,); factor (g, g), unit (g,), order (g,), with which `respond` solves; and scale (g,), the units of the
-    free unknowns among themselves. False where A_gg cannot be solved."""
+    (k,); and factor (g, g), unit (g,), order (g,), with which `respond` solves. False where A_gg cannot be
+    solved."""
     k, g = len(kept), len(gone)
     own, response, change = np.empty((g, g)), np.empty((k, g)), np.empty((k, g))
     for i in range(g):
@@ -58,9 +56,6 @@ def eliminate(
             response[j, i] -= change[j, i]
     if not correction <= ACCURATE * largest:
         return False
-    entries = Sparse(np.empty(g + 1, np.int64), np.empty(g * g, np.int64), np.empty(g * g))
-    compress(own, entries)
-    fitted(entries, 0, 1, scale)
     push, still, weight, error = np.empty(g), np.empty(g), np.empty((k, g)), np.empty((k + 1, g))
     for i in range(g):
         push[i] = still[i] = -b[gone[i]]

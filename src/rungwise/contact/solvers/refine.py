@@ -46,7 +46,7 @@ _SHARP, _ROUNDING = 8, 1e-15
 roundings of double precision. The number by trial."""
 
 
-def sharpened(problem: Problem, system: System, x: Array) -> Array:
+def sharpened(problem: Problem, x: Array) -> Array:
     """x (N,), or its successor after Newton steps in the rows' own terms, where this violates the laws
     less."""
     if len(problem.b) > LARGEST:
@@ -55,12 +55,12 @@ def sharpened(problem: Problem, system: System, x: Array) -> Array:
     best, least, trial = x, math.inf, x
     for done in range(_SHARP + 1):
         y = A @ trial + problem.b
-        found = in_own_terms(problem, system, trial, y)
+        found = in_own_terms(problem, trial, y)
         if found < least:
             best, least = trial, found
         if done == _SHARP or not found > _ROUNDING or not np.isfinite(y).all():
             break
-        step = _own_step(problem, A, trial, y, *own_units(problem, system, trial))
+        step = _own_step(problem, A, trial, y, *own_units(problem, trial))
         if step is None:
             break
         trial = step
