@@ -158,7 +158,7 @@ def repeat_preparation(
         if g > 0:
             M, q = np.empty((k, k)), np.empty(k)
             solver = np.empty((g, g)), np.empty(g), np.empty(g, np.int64)
-            schur.eliminate(A, b, kept, gone, M, q, *solver, np.empty(g))
+            schur.eliminate(A, b, kept, gone, M, q, *solver)
         if scaling:
             entries = Sparse(np.empty(k + 1, np.int64), np.empty(k * k, np.int64), np.empty(k * k))
             compress(M, entries)
