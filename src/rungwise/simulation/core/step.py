@@ -80,7 +80,7 @@ def solve_step(
     """
     status = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
     free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
-    if not free or state.force.shape[1] > 2:
+    if not free or state.force.shape[1] > 2 or not _is_pressed(terms, state):
         return status
     if status != SUPPORTED:
         held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
@@ -91,6 +91,13 @@ def solve_step(
         if held != SUPPORTED or _pace(terms, scratch.v_new) > SLOWER * pace:
             return _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
     return status
+
+
+@kernel
+def _is_pressed(terms: Terms, state: State) -> bool:
+    """Whether loads, or drives whose force has a limit, may hold bodies against each other."""
+    clock = state.clock[0]
+    return bool(clock.limited > 0 or greatest_load(terms, clock.free, state.free)[0] > 0.0)
 
 
 @kernel
@@ -205,7 +212,7 @@ def _solve_in_turn(
             break
         elif bounced:
             bounced = False
-        elif math.isfinite(ease) and _overlap(rung, terms, contacts):
+        elif math.isfinite(ease) and _is_pressed(terms, state) and _overlap(rung, terms, contacts):
             ease = math.inf
         else:
             break

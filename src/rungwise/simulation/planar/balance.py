@@ -99,8 +99,11 @@ def leaping(records: Records, rung: RecordArray, h: float, workspace: Workspace)
     length, 0 where it is no more than steps usually are."""
     if rung[0].inertia > 0.0 or not rung[0].loads or workspace.state.clock[0].chooses:
         return 0.0
+    seen = _seen(h, workspace)
+    if math.isinf(seen):
+        return 0.0
     moved, driven = _displacement(records, h, workspace)
-    return moved if moved > max(_seen(h, workspace), DRIVEN * driven) else 0.0
+    return moved if moved > max(seen, DRIVEN * driven) else 0.0
 
 
 @rare_kernel
@@ -156,9 +159,10 @@ def _displacement(records: Records, h: float, workspace: Workspace) -> tuple[flo
 def _is_within(h: float, k: int, workspace: Workspace) -> bool:
     """Whether contact k is closed, what is driven closes it in a step of length h, or it pushed in the last
     step: a step that takes faces as flat may leave it a little open."""
-    state, terms = workspace.state, workspace.terms
-    closed = max(NEAR * state.clock[0].reach, -h * carried(terms.rows, 2 * k, state.speed))
-    return bool(terms.gap[k] <= closed or state.modes[workspace.scratch.slots[k]] != OPEN)
+    state, gap = workspace.state, workspace.terms.gap[k]
+    if gap <= NEAR * state.clock[0].reach or state.modes[workspace.scratch.slots[k]] != OPEN:
+        return True
+    return bool(gap <= -h * carried(workspace.terms.rows, 2 * k, state.speed))
 
 
 @rare_kernel
