@@ -25,6 +25,8 @@ from rungwise.wording import listed
 JAM, CLOSER, LOOKS = 0.25, 0.1, 4
 """A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
 where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+SEEN = 1e-3
+"""Part of the fastest coordinate's speed from which on a coordinate is named."""
 
 
 class Ended(NamedTuple):
@@ -136,7 +138,24 @@ class Reasons:
         found = remarks(self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved())
         found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
         leap = leap_taken(self.scene, self.bound, self.workspace, self._far())
+        found += self._held()
         return found if leap is None else (*found, str(leap))
+
+    def _held(self) -> tuple[str, ...]:
+        """A remark where bodies were held though another motion solved the step as well, with this motion."""
+        *other, time = self.workspace.scratch.other.tolist()
+        pace = self.bound.records.coordinates["lever"] * np.array(other)
+        fastest = float(np.abs(pace).max(initial=0.0))
+        if time < 0.0 or fastest == 0.0:
+            return ()
+        names = self.scene.template.coordinates
+        motion = [
+            f"{names[i]} {pace[i] / fastest:+.2g}" for i in np.flatnonzero(np.abs(pace) > SEEN * fastest)
+        ]
+        return (
+            f"rest: at t = {time:.6g} friction may hold bodies, and holds them; but another motion solves the"
+            f" step as well: {', '.join(motion)} (parts of the fastest). Richer rungs may take it",
+        )
 
     def _least_moved(self) -> float:
         """Reach of the smallest body with a coordinate that forces move, by its largest shape; inf if there

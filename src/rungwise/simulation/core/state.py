@@ -52,7 +52,8 @@ class State(Block):
 class Scratch(Block):
     """Workspace of one step: the solution x of the free coordinates, all velocities, forces and modes of the
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
-    notes of `notes.note`, if it has room, and the rows of limit surfaces."""
+    notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
+    that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none."""
 
     x: Reals
     v_new: Reals
@@ -66,6 +67,7 @@ class Scratch(Block):
     after: Reals
     hard: Reals
     support: RecordArray
+    other: Reals
 
 
 def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:
@@ -102,4 +104,5 @@ def scratch_arrays(
         "after": np.zeros(d),
         "hard": np.zeros(notes),
         "support": np.zeros(limited, SUPPORT),
+        "other": np.append(np.zeros(n), -1.0),
     }

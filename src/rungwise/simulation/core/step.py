@@ -15,7 +15,7 @@ from rungwise.contact.step import (
     solve_planar,
     start_associated,
 )
-from rungwise.kernel import Ints, Reals, RecordArray, imported_kernel, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, RecordArray, copy, imported_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
@@ -82,15 +82,18 @@ def solve_step(
     free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
     if not free or state.force.shape[1] > 2 or not _is_pressed(terms, state):
         return status
-    if status != SUPPORTED:
-        held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
-        return SUPPORTED if held == SUPPORTED else status
-    if _lands(h, terms, contacts, state, scratch):
-        pace = _pace(terms, scratch.v_new)
-        held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True)
-        if held != SUPPORTED or _pace(terms, scratch.v_new) > SLOWER * pace:
-            return _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
-    return status
+    lands = status == SUPPORTED and _lands(h, terms, contacts, state, scratch)
+    if status == SUPPORTED and not lands:
+        return status
+    pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
+    if first:
+        copy(scratch.v_new, scratch.other[:-1])
+    held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True) == SUPPORTED
+    if lands and not (held and _pace(terms, scratch.v_new) <= SLOWER * pace):
+        return _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
+    if held and first:
+        scratch.other[-1] = state.clock[0].time
+    return SUPPORTED if held else status
 
 
 @kernel
