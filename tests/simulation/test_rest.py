@@ -153,3 +153,22 @@ def test_what_may_rest_rests_and_nothing_else(tol: float | None) -> None:
         else:
             assert run.outcome == "unsupported", (seed, run.reason)
     assert 24 <= rests <= 47
+
+
+def test_a_book_that_rests_says_that_it_may_fall_as_well() -> None:
+    """Between bookends just as far apart as it is wide a book rests on two supports that nothing calls for;
+    on a floor it rests on one, and cannot fall."""
+    end = {"role": "obstacle", "shape": {"kind": "box", "width": 1.0, "height": 6.0}}
+    book = {
+        "role": "object", "motion": {"kind": "free"}, "mass": 1.0,
+        "shape": {"kind": "box", "width": 1.0, "height": 2.0},
+    }  # fmt: skip
+    bodies = {"book": book, "left": end | {"pose": {"x": -1.0}}, "right": end | {"pose": {"x": 1.0}}}
+    scene = {
+        "name": "book", "gravity": [0, -9.81], "bodies": bodies, "duration": 0.01,
+        "contacts": [{"between": ["book", "*"], "friction": 0.3}],
+    }  # fmt: skip
+    (note,) = rw.simulate(scene, rw.QUASISTATIC_RIGID).notes
+    assert note.startswith("rest: at t = 0 friction may hold bodies") and "book.y -1 (" in note
+    bodies["floor"] = {"role": "obstacle", "shape": {"kind": "halfplane"}, "pose": {"y": -1.0}}
+    assert rw.simulate(scene, rw.QUASISTATIC_RIGID).notes == ()
