@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rungwise.kernel import Reals, kernel, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.simulation.core.accept import accept, forget
+from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
 from rungwise.simulation.core.resort import IN_SPACE, ask
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
@@ -51,6 +53,16 @@ ROUNDING = 1e-12
 """Rounding of positions over the system's length."""
 
 
+class Leap(NamedTuple):
+    """A step without momentum that goes far: from a time, of length h, how far as a length, and its motion v
+    (n,)."""
+
+    time: float
+    h: float
+    far: float
+    v: Reals
+
+
 @dataclass
 class March:
     """A run of `system` on `rung` in steps of length `step`; `theta` as in the theta rule.
@@ -58,8 +70,10 @@ class March:
     `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
     NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
-    Python reads it fastest. `leap` is the farthest motion, as a length, in a step without momentum, with the
-    step's start and length; `lack` says what the last attempt of a run that is NOT_CONVERGED lacks.
+    Python reads it fastest. `leaps` are those of steps without momentum, `leapt` the last step's or 0,
+    `snaps` whether the run ended because a leap goes on; `outran` is the first step that was shortened
+    because things moved too far in it; `lack` says what the last attempt of a run that is
+    NOT_CONVERGED lacks.
     """
 
     system: System
@@ -70,7 +84,8 @@ class March:
     outcome: Code = Code.RUNNING
     certificate: Certificate | None = None
     residual: float = 0.0
-    leap: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    leaps: list[Leap] = field(default_factory=list)
+    outran: Leap | None = None
     lack: str = ""
     q: Reals = field(init=False)
     state: State = field(init=False)
@@ -84,6 +99,9 @@ class March:
     _trial: Reals = field(init=False)
     _overlaps: bool = field(init=False, default=False)
     _deep: float = field(init=False, default=0.0)
+    leapt: float = field(init=False, default=0.0)
+    snaps: bool = field(init=False, default=False)
+    _leaping: float = field(init=False, default=0.0)
 
     def __post_init__(self) -> None:
         size = self.system.size
@@ -100,6 +118,7 @@ class March:
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
         self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
+        self._keep_near = steady(keep_near)
         clock = self.clock
         clock["limited"] = size.limited
         clock["surfaces"] = bool((self.terms.surface != APART).any())
@@ -113,7 +132,8 @@ class March:
         """Take steps until the time has grown by `duration`, or until a step has no solution."""
         end = self.time + duration
         while self.outcome == Code.RUNNING and self.time < end * (1.0 - 1e-12):
-            self.advance(min(self.step, end - self.time))
+            if self.leapt == 0.0 or not self.snaps_on(self.step):
+                self.advance(min(self.step, end - self.time))
         return self.outcome
 
     def advance(self, h: float, tol: float = math.inf) -> float:
@@ -154,7 +174,7 @@ class March:
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self.attempts += 1
-        self._overlaps, size = False, self.system.size
+        self._overlaps, self._leaping, size = False, 0.0, self.system.size
         self._drive()
         self.clock["tried"] = h
         before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
@@ -162,12 +182,14 @@ class March:
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             if reach > size.farthest or not self._fill(self._trial, v, h, reach):
                 return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
-            status = self._solve(
-                self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem
-            )
+            status = self._again(h)
             if status != SUPPORTED:
                 return status, self.state.v
             way = h * self.system.fastest(self.q, self.scratch.v_new)
+            if begins and self._leads_far(way):
+                verdict, paced = self._walk(h, way, reach)
+                if verdict != SUPPORTED:
+                    return verdict, paced
             if way > reach:
                 reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
                 continue
@@ -181,6 +203,59 @@ class March:
                 self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
         self._overlaps = True
         return UNSOLVED, v
+
+    def _leads_far(self, way: float) -> bool:
+        """Whether a step without momentum goes so far that it may leap."""
+        return self.rung.inertia == 0.0 and self.rung.loads and way > NEAR * self.system.size.length
+
+    def _walk(self, h: float, way: float, reach: float) -> tuple[int, Reals]:
+        """Whether balance is held along the way of a step without momentum that was just solved, of length h:
+        SUPPORTED with its solution as it was, or another status and how fast things would move.
+
+        What nothing holds where the step begins would come to rest against whatever lies in its way, however
+        far. So the contacts that are closed, or that driven motion closes in the step, have to balance the
+        loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing.
+        One that does not leads out of balance: it settles, because loads or drives have jumped, or goes on
+        (`snaps_on`).
+        """
+        size, state, scratch, v = self.system.size, self.state, self.scratch, self.scratch.v_new.copy()
+        driven = h * self.system.fastest(self.q, state.speed)
+        everything, near = self.contacts, NEAR * size.length
+        self.contacts = self._keep_near(h, near, everything, state.speed, self.terms, scratch)
+        lone = self.contacts < everything
+        if lone and self._again(h) != SUPPORTED:
+            return (UNSUPPORTED, state.v) if driven < STUCK * size.length else (UNSOLVED, state.speed)
+        if lone:
+            self._fill(self.q, state.v, h, reach)
+        far = way > max(2.0 * size.length, DRIVEN * driven)
+        if far:
+            shorter = self._again(SHORTER * h)
+            moved = SHORTER * h * self.system.fastest(self.q, scratch.v_new)
+            if shorter == SUPPORTED and moved < 0.5 * way:
+                self.outran = self.outran or Leap(self.time, h, 0.5 * way, v)
+                return UNSOLVED, v
+            self._leaping = 0.5 * way
+        if far or lone:
+            self._again(h)
+        return SUPPORTED, v
+
+    def snaps_on(self, h: float) -> bool:
+        """Whether what leapt in the last step would go on so in a small part of a step of length h, under the
+        same drives: then momentum decides where it rests, and the run is over."""
+        part = SHORTER * h
+        self._drive()
+        supported = (
+            self._fill(self.q, self.state.v, part, self._reach(part)) and self._again(part) == SUPPORTED
+        )
+        if supported and 0.5 * part * self.system.fastest(self.q, self.scratch.v_new) >= 0.5 * self.leapt:
+            self.outcome, self.snaps = Code.MODEL_INVALID, True
+        return self.snaps
+
+    def _again(self, h: float) -> int:
+        """Solve the problem of a step of length h from the terms that there are."""
+        return int(
+            self._solve(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        )
 
     def _fits(self, v: Reals, h: float, way: float, before: float) -> bool:
         """Whether things overlap no more at the end of a step to v than is allowed or was so `before`; on
@@ -258,9 +333,9 @@ class March:
         sunk = self._take(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
-        if self.rung.inertia == 0.0 and not self.rung.metric:
-            moved = h * self.system.fastest(self.q, np.abs(self.state.v))
-            self.leap = max(self.leap, (moved, self.time, h))
+        if self._leaping > 0.0:
+            self.leaps.append(Leap(self.time, h, self._leaping, self.state.v.copy()))
+        self.leapt = self._leaping
         self.q, self.time = self._trial, self.time + h
         if self.rung.compliant and sunk > SINKING * self.system.size.length:
             self.outcome = Code.MODEL_INVALID

@@ -35,9 +35,9 @@ def memory_parts(scene: SpaceScene) -> Parts:
     return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
 
 
-HEAD = 6
-"""Numbers before all others: margin of contacts, limited rows, slots of the state and of features, and how
-many of them are in use."""
+HEAD = 7
+"""Numbers before all others: margin of contacts, how far the last step leapt, limited rows, slots of the
+state and of features, and how many of them are in use."""
 
 
 class _Arrays(NamedTuple):
@@ -66,7 +66,7 @@ def remembered(march: March, space: Space) -> Reals:
     moved = [(each != 0.0).any(axis=1) for each in (state.deformation, state.force, state.impulse)]
     active = np.flatnonzero((state.modes != 0) | moved[0] | moved[1] | moved[2])
     known = np.flatnonzero(space.kept.geoms[:, 0] >= 0)
-    head = np.array([space.margin, *_sizes(march, space), len(active), len(known)])
+    head = np.array([space.margin, march.leapt, *_sizes(march, space), len(active), len(known)])
     parts = [
         *arrays.whole,
         *(each[active] for each in arrays.state),
@@ -84,10 +84,11 @@ def recall(march: March, space: Space, values: Reals) -> None:
     """Go on as the run with this memory would; what follows it in the array is not read. Raises ValueError
     where it is of another model."""
     arrays = _arrays(march, space)
-    if len(values) < HEAD or values[1:4].tolist() != _sizes(march, space):
+    if len(values) < HEAD or values[2:5].tolist() != _sizes(march, space):
         raise ValueError("the memory is of another model")
     space.look_within(float(values[0]))
-    counts, at = values[4:HEAD].astype(np.int64), HEAD
+    march.leapt = float(values[1])
+    counts, at = values[5:HEAD].astype(np.int64), HEAD
     active = values[at : at + counts[0]].astype(np.int64)
     known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
     at += int(counts.sum())
@@ -113,6 +114,7 @@ def hand_on(march: March, space: Space, values: Reals) -> None:
     march.state.clock[:], march.terms.fall[:] = clock, fall
     march.scratch.limited_force[:] = march.scratch.limited_mode[:] = 0
     march.state.impulse[:] = 0.0
+    march.leapt = 0.0
     if not march.rung.compliant:
         march.state.deformation[:] = 0.0
     space.look_within(margin)
