@@ -158,7 +158,8 @@ class March:
                 h = wish
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
-            if status == UNSUPPORTED or moved < min(STUCK * self.system.size.length, self.system.size.thin):
+            stuck = min(STUCK * self.system.size.length, self.system.size.thin)
+            if status == UNSUPPORTED or moved < stuck * (STUCK if self._overlaps else 1.0):
                 if self._explain(status, asked):
                     return h
                 asked = True

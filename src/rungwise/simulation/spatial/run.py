@@ -354,7 +354,7 @@ class SpaceSimulation:
             remarks += (
                 f"step: at t = {first.time:.6g} {self._fastest(first.v)} would move by {first.far:.3g} in one"
                 f" of {first.h:.3g}, against damping alone: such steps are shortened to the size of the"
-                " smallest body, and what comes to rest may swing by as much; tol or a dynamic rung follows it",
+                " smallest body, and what comes to rest may swing by as much; tol or a dynamic rung follows",
             )
         return remarks
 
