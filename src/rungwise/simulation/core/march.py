@@ -159,7 +159,9 @@ class March:
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             stuck = min(STUCK * self.system.size.length, self.system.size.thin)
-            if status == UNSUPPORTED or moved < stuck * (STUCK if self._overlaps else 1.0):
+            if status == UNSUPPORTED or moved < (
+                STUCK * stuck if self._overlaps and self.rung.inertia > 0.0 else stuck
+            ):
                 if self._explain(status, asked):
                     return h
                 asked = True
