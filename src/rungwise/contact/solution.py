@@ -31,6 +31,12 @@ ADVICE = {
     Status.NOT_CONVERGED: "no solver came within tolerance, and no certificate says why: see the residual",
 }
 
+FORCES_ALONE = (
+    "the rounding of a Delassus matrix hides small differences of velocities, and its entries are many: give"
+    " the problem as `Problem.balance`, which takes less time and knows these differences"
+)
+"""What else helps where a problem has contacts and no velocities."""
+
 
 @dataclass(frozen=True)
 class Attempt:
@@ -91,11 +97,19 @@ class ContactSolution:
     def iterations(self) -> int:
         return sum(attempt.iterations for attempt in self.attempts)
 
+    @property
+    def reason(self) -> str:
+        """What the status means, and what to do where it says that no answer was found."""
+        is_local = self.problem.rows > 0 and self.problem.velocities == 0
+        if self.status == Status.NOT_CONVERGED and is_local:
+            return f"{ADVICE[self.status]}; {FORCES_ALONE}"
+        return ADVICE[self.status]
+
     def summary(self) -> dict[str, object]:
         """Plain values, for printing."""
         return {
             "status": str(self.status),
-            "reason": ADVICE[self.status],
+            "reason": self.reason,
             "contacts": len(self.problem.mu),
             "directions": self.problem.directions,
             "unknowns": len(self.problem.b),

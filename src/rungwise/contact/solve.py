@@ -30,7 +30,7 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.refine import SMALL, rate_error, refined, sharpened
 from rungwise.contact.solvers.settled import calmed, clip
 from rungwise.contact.solvers.small import try_at_once
-from rungwise.contact.solvers.work import Work
+from rungwise.contact.solvers.work import Work, allowed
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.keywords import keywords
 
@@ -67,7 +67,7 @@ def solve(
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
     given as assembled, is first solved as in a run. However hard a problem is, solvers do no more work than
-    `Work` allows.
+    `allowed` for its size.
 
     Raises ValueError naming the argument that is wrong.
     """
@@ -100,7 +100,7 @@ def solve(
             return _solved(problem, _exact(problem, system, answer, tol), tol, attempts)
         attempts.clear()
     given = np.zeros(len(problem.b)) if given is None else given
-    work = Work()
+    work = Work(allowed(len(problem.b)))
     if assembled is not None and solvers is None and step.accepts(assembled):
         answer = _judged(problem, system, step.solve(assembled, given), tol)
         attempts.append(Attempt(step.NAME, 1, answer.residual))

@@ -1,19 +1,26 @@
-"""How much solvers may do: a bound on the time of a solve that does not depend on the machine."""
+"""How much solvers may do, by the size of the problem: a bound on the time of a solve that does not depend on
+the machine."""
 
 from __future__ import annotations
 
-LIMIT = 1e11
-"""Multiplications that one call of `rw.solve` may make; chosen by trial, to a decade."""
+LIMIT, SLIGHT, SQUARE = 5e10, 1e9, 1e4
+"""Multiplications that one call of `rw.solve` may make at most; and those that it may for any problem and
+for each pair of its unknowns. Chosen by trial: three times as many as the hardest solved problems need."""
 SHARE = 1 / 2
 """Share of the remaining work that the next solver of the chain may take; chosen by trial."""
 STEP = 1e6
 """Multiplications counted for every factorisation, however small its factors are; chosen by trial, to a
 decade."""
 _LOW = 0.2
-"""Share of `LIMIT` below which no further attempt is begun; chosen by trial."""
+"""Share of all that is allowed below which no further attempt is begun; chosen by trial."""
 DENSE = 0.2
 """Time of blocked arithmetic on dense matrices over the time of sparse arithmetic, per multiplication;
 chosen by trial."""
+
+
+def allowed(unknowns: int) -> float:
+    """Multiplications for a problem of so many unknowns."""
+    return min(SLIGHT + SQUARE * float(unknowns) ** 2, LIMIT)
 
 
 class Work:
@@ -21,7 +28,7 @@ class Work:
     entries of the matrix. A solver reports the multiplications it makes, and ends when none are left."""
 
     def __init__(self, left: float = LIMIT) -> None:
-        self.left = left
+        self.left = self._whole = left
 
     @property
     def is_spent(self) -> bool:
@@ -30,7 +37,7 @@ class Work:
     @property
     def is_low(self) -> bool:
         """Whether too little work is left to begin anything more."""
-        return self.left < _LOW * LIMIT
+        return self.left < _LOW * self._whole
 
     def spend(self, multiplications: float) -> None:
         self.left -= multiplications
