@@ -18,10 +18,10 @@ from scipy.optimize import minimize
 import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.climb import COARSE
-from rungwise.planning.lift import Work, begin
 from rungwise.planning.predict import GOES_ON, Budget, Places, Stage
+from rungwise.planning.schedule import COARSE
 from rungwise.planning.task import instances, task_of
+from rungwise.planning.work import Work, begin
 
 ROOM = 0.5
 """How far drawn states lie beyond start and goals, as a part of their greatest distance."""

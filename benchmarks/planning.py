@@ -22,7 +22,8 @@ import numpy as np
 from ompl_rrt import rrt
 
 import rungwise as rw
-from rungwise.planning.climb import COARSE, FINE, SCHEDULES, TENTH, Schedule
+from rungwise.planning.climb import TENTH
+from rungwise.planning.schedule import COARSE, FINE, SCHEDULES, Schedule
 
 TASKS = ("push", "two_finger", "four_finger", "grasp")
 FIRST_SEED = 1000

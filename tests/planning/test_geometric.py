@@ -13,10 +13,10 @@ import yaml
 import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.planning.geometric import Placing, needs_forces, placed_part
-from rungwise.planning.lift import begin
 from rungwise.planning.placed import Placed, put, untouched
 from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.task import instances, task_of
+from rungwise.planning.work import begin
 from rungwise.scene.scene import LIBRARY
 from rungwise.simulation.state import State
 

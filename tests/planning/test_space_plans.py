@@ -15,11 +15,11 @@ import rungwise as rw
 from rungwise import cli
 from rungwise.outcome import Code
 from rungwise.planning.execute import Replanner
-from rungwise.planning.lift import begin
 from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Budget, Places, predictor_of
 from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.task import task_of
+from rungwise.planning.work import begin
 from rungwise.scene.space import SpaceScene
 
 MODEL = """<mujoco><worldbody><geom name="table" type="plane" size="2 2 .1"/>

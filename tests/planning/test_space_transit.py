@@ -11,10 +11,10 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.lift import Work, begin
 from rungwise.planning.predict import Budget, Places
 from rungwise.planning.space_room import SpaceRoom
 from rungwise.planning.task import task_of
+from rungwise.planning.work import Work, begin
 from rungwise.scene.space import SpaceScene
 
 STAGE = [("dynamic-compliant", 1e-2)]

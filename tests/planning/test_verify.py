@@ -87,13 +87,21 @@ def test_nothing_that_varies_much_always_succeeds() -> None:
 
 
 def test_what_cannot_be_verified_is_refused(plan: rw.Plan) -> None:
-    with pytest.raises(rw.TaskError, match=r"task\.uncertain: is empty"):
-        rw.verify(rw.plan(scene({}), task_seed=4, to="quasistatic-rigid"))
     none = rw.plan(PUSH, task_seed=4, schedule="direct", budget=400)
     with pytest.raises(rw.TaskError, match="plan: there is none"):
         rw.verify(none)
     with pytest.raises(rw.ModelError, match="samples: must be a whole number"):
         rw.verify(plan, samples=0)
+
+
+def test_without_uncertainty_the_plan_is_run_as_it_is() -> None:
+    plan = rw.plan(scene({}), task_seed=4, to="quasistatic-rigid")
+    found = rw.verify(plan)
+    assert (found.samples, found.successes, found.lower, found.upper) == (1, 1, 1.0, 1.0)
+    assert "the plan as it is reaches the goal" in str(found)
+    lost = rw.verify(plan, "kinematic")
+    assert (lost.samples, lost.successes, lost.lower) == (1, 0, 0.0)
+    assert "the plan as it is ends missed" in str(lost) and lost.failures == {"missed": 1}
 
 
 def test_draws_keep_the_ranges_of_parameters() -> None:

@@ -2,59 +2,49 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time as clock
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from rungwise.errors import InputError
 from rungwise.keywords import keywords
-from rungwise.models.ladder import (
-    DYNAMIC_COMPLIANT,
-    LADDER,
-    QUASISTATIC_RIGID,
-    Rung,
-    rung,
-)
+from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.outcome import Code
 from rungwise.planning.carriers import TaskError
 from rungwise.planning.diagnose import APART, Diagnosis, diagnose
 from rungwise.planning.geometric import needs_forces
 from rungwise.planning.improve import better, cost_of
 from rungwise.planning.lay import Course
-from rungwise.planning.lift import HELD, Before, Found, Work, begin, known, laid, on_stage
+from rungwise.planning.lift import HELD, Before, Lifted, on_stage
 from rungwise.planning.placed import NOTHING, in_the_way, nowhere, place, put, untouched
-from rungwise.planning.plan import Plan, Record, installed
-from rungwise.planning.predict import Budget, Stage
+from rungwise.planning.plan import Plan, Record, installed, with_record
+from rungwise.planning.predict import Budget, Stage, TimeOver
 from rungwise.planning.robust import made_robust
-from rungwise.planning.task import Task, fields_of, instances, task_of
+from rungwise.planning.schedule import Schedule, stages, usual
+from rungwise.planning.task import fields_of, instances, task_of
 from rungwise.planning.verify import CONFIDENCE, bound_below
+from rungwise.planning.work import Found, Work, begin, known, laid
 from rungwise.scene import Scene
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
-from rungwise.scene.values import finite, shown
+from rungwise.scene.values import finite
 from rungwise.simulation.options import count
-from rungwise.wording import choices
 
-COARSE, FINE, TENTH = 1e-2, 1e-3, 0.1
-"""Accuracies of stages: the error allowed per step, as a part of the size of what is moved; and how much
-finer the replay is that confirms a plan."""
-SHARE = 0.1
-"""Part of the steps left that may be spent on a stage of another rung than the last."""
+TENTH = 0.1
+"""How much finer the replay is that confirms a plan."""
+SHARE, TURNS = 0.4, 3
+"""Part of the steps and of the time left that may be spent on stages of other rungs than the last in one
+turn, and in how many turns all is spent where nothing comes to the last one."""
+MENDING = 0.2
+"""Part of what is left that a plan which is not confirmed may take to be repaired."""
+UNCONFIRMED = "not confirmed by a replay at a tenth of its accuracy"
 INTERRUPTED = "interrupted"
 """How the reason of a plan begins whose search was interrupted."""
-SCHEDULES = ("coarse-fine", "climb", "quasistatic", "direct")
-"""Schedules by name: coarse steps on the last rung, then fine ones; all rungs from the first to the last;
-fine steps on the rigid quasistatic rung, then on the last; fine steps on the last rung alone."""
-Schedule: TypeAlias = "str | Sequence[Stage | tuple[str | Rung, float] | str | Rung]"
-
-
-class ScheduleOfStagesError(InputError):
-    """A schedule of stages is wrong; one line that names it."""
 
 
 @keywords
@@ -84,16 +74,17 @@ def plan(
         schedule: a name of `SCHEDULES`, or stages: rungs, or rungs with an accuracy, the error allowed per
             step as a part of the size of what is moved. The task's own if not given (see `usual`).
         parameters: of the instance; task_seed: draws the instance by the task's rules instead.
-        budget: simulated steps, refused ones included; limit: seconds after which nothing more is
-            tried.
+        budget: simulated steps, refused ones included, that searches may spend, without bound if None; limit:
+            seconds after which the call returns with what it has found.
         improve: simulated steps that are spent on plans of less cost once there is one.
         robust: rate of success, of which the plan must keep a lower bound (95 %) in so many `samples` of
             what the task calls uncertain: open loop, with guarded moves, or re-planning, whichever suffices
             first; `Plan.mode` says which, `Plan.checks` how each went.
         seed: of the searches; the same seed gives the same plan whatever the threads.
         initial: a plan to begin with in place of a search on the first stage.
-        on_progress: called with a line on what is done now. Ctrl-C ends the search and keeps the plan of
-            the last stage that was finished, with a reason; it is raised again where there is none.
+        on_progress: called with a line on what is done now, about ten times a second. Ctrl-C ends the search
+            and keeps the plan of the last stage that was finished, with a reason; it is raised again where
+            there is none.
 
     Stages on which nothing was found are left out; the first plan of a later stage is replayed on them, and
     the diagnosis says why it fails there.
@@ -119,27 +110,14 @@ def plan(
     if why:
         return replace(found, reason=why)
     if initial is not None:
-        found = replace(found, moves=initial.moves, waypoints=initial.waypoints, stage=initial.stage)
-    finished, failed = False, list[Stage]()
+        found = replace(
+            found, moves=initial.moves, waypoints=initial.waypoints, stage=initial.stage,
+            segments=initial.segments, labels=initial.labels,
+        )  # fmt: skip
+    finished = False
     try:
-        for stage in chosen:
-            tell(f"{stage}: {'lifting' if len(found.moves) else 'planning'}")
-            told = found.found
-            with work.budget.part(1.0 if stage.model == chosen[-1].model else SHARE):
-                found = _take_stage(work, found, stage)
-            if found.found and found.segments:
-                found, failed = _explained(work, found, failed), []
-            elif stage.model.moves and not told and found.records[-1].how == NOTHING:
-                failed.append(stage)
-            if not work.budget.left:
-                break
-        if not found.found and found.stage is None:
-            found = _blocked(work, found)
-        if found.found and found.stage != chosen[-1]:
-            found = replace(
-                found, reason=f"{chosen[-1]}: was not reached; the plan holds on {found.stage}. {known(work)}"
-            )
-        found = _confirmed(work, found, chosen[-1])
+        for each in _climbed(work, found, chosen, tell):
+            found = each
         finished = True
         if improve and found.found:
             work.budget.extend(count("improve", improve, 0))
@@ -148,13 +126,101 @@ def plan(
                 tell(f"{found.stage}: cost {found.cost:.4g}")
         if rate is not None and found.found:
             finished = False
-            found = made_robust(found, rate, count("samples", samples, 1), threads, tell)
+            found = _robust(work, found, rate, count("samples", samples, 1), tell)
     except KeyboardInterrupt:
         if found.stage is None:
             raise
         if not finished:
             found = replace(found, reason=f"{INTERRUPTED}; the plan holds on {found.stage}")
     return found
+
+
+def _climbed(work: Work, begun: Plan, chosen: Sequence[Stage], tell: Callable[[str], None]) -> Iterator[Plan]:
+    """The best plan so far, again and again: stage by stage, and from the first stage on once more where
+    nothing came to the last one and was confirmed there, as long as steps and time are left."""
+    best, last = begun, chosen[-1]
+    for turn in itertools.count():
+        spent = work.budget.spent.total()
+        own = (
+            begun
+            if turn == 0
+            else Plan(begun.scene, begun.parameters, seed=begun.seed, version=begun.version)
+        )
+        own = replace(own, records=best.records, reason="nothing was tried")
+        for each in _one_turn(work, own, chosen, turn, tell):
+            best = _better(each, best, chosen)
+            yield best
+        if (
+            (best.found and _has_come(best, last))
+            or not work.budget.left
+            or work.budget.spent.total() == spent
+        ):
+            break
+    if best.stage is None and work.budget.is_in_time():
+        best = _blocked(work, best)
+    if best.found and not _has_come(best, last):
+        reason = f"{last}: was not reached; the plan holds on {best.stage}. {known(work)}"
+        best = replace(best, reason=reason)
+    yield best
+
+
+def _better(own: Plan, best: Plan, chosen: Sequence[Stage]) -> Plan:
+    """The plan that came further, with the records of all."""
+
+    def far(plan: Plan) -> tuple[int, bool]:
+        if _has_come(plan, chosen[-1]):
+            return len(chosen), plan.found
+        return (-1 if plan.stage not in chosen else chosen.index(plan.stage)), plan.found
+
+    return own if far(own) >= far(best) else replace(best, records=own.records)
+
+
+def _has_come(plan: Plan, last: Stage) -> bool:
+    """Whether a plan is one of the last stage, or as exact."""
+    stage = plan.stage
+    return stage is not None and stage.model == last.model and stage.tol <= last.tol
+
+
+def _one_turn(
+    work: Work, found: Plan, chosen: Sequence[Stage], turn: int, tell: Callable[[str], None]
+) -> Iterator[Plan]:
+    """The plan after each stage; the last one is confirmed."""
+    last, moving, failed = chosen[-1], [stage for stage in chosen if stage.model.moves], list[Stage]()
+    for stage in chosen if turn == 0 else moving:
+        _announce(work, stage, found, tell)
+        told = found.found
+        with work.budget.part(_share(stage, moving, turn)):
+            found = _take_stage(work, found, stage)
+        if found.found and found.segments:
+            found, failed = _explained(work, found, failed), []
+        elif stage.model.moves and not told and found.how(stage) == NOTHING:
+            failed.append(stage)
+        found = _confirmed(work, found, last)
+        yield found
+        if not work.budget.left:
+            break
+
+
+def _share(stage: Stage, moving: Sequence[Stage], turn: int) -> float:
+    """The part of the steps and of the time left that a stage may take in a turn."""
+    if not stage.model.moves:
+        return 1.0
+    last = moving[-1]
+    if stage.model != last.model:
+        return SHARE / sum(each.model != last.model for each in moving)
+    return 1.0 if len(moving) == 1 else 1.0 / max(1 + (stage != last), TURNS + 1 - turn)
+
+
+def _announce(work: Work, stage: Stage, found: Plan, tell: Callable[[str], None]) -> None:
+    """Say what is done now, and have the budget say how far it has come."""
+    line = f"{stage}: {'lifting' if len(found.moves) else 'planning'}"
+
+    def how_far() -> None:
+        nearest = f", the nearest plan lacks {work.nearest:.3g}" if math.isfinite(work.nearest) else ""
+        tell(f"{line}, {work.budget.spent.total()} steps{nearest}")
+
+    tell(line)
+    work.budget.tell = how_far
 
 
 def _rate(robust: float | None) -> float | None:
@@ -179,25 +245,27 @@ def _silent(line: str) -> None:
     """Tell nobody."""
 
 
-def _take_stage(work: Work, before: Plan, stage: Stage) -> Plan:
-    """The plan lifted to a stage, with its record and, where it failed or drifted there, the diagnosis."""
+def _take_stage(work: Work, before: Plan, stage: Stage, anew: bool = True) -> Plan:
+    """The plan lifted to a stage, with its record and, where it failed or drifted there, the diagnosis; with
+    `anew` another one where it cannot be repaired there."""
     spent, began = work.budget.spent.total(), clock.perf_counter()
     why = _left_out(work, stage)
     if why:
-        record = Record(str(stage), why, 0, 0.0)
         reason = "" if before.found else f"{stage}: {why}"
-        return replace(before, records=(*before.records, record), reason=reason)
+        return replace(with_record(before, Record(str(stage), why, 0, 0.0)), reason=reason)
     if not stage.model.moves:
         placed = place(work)
-        record = Record(str(stage), placed.how, 0, clock.perf_counter() - began)
-        found = replace(before, records=(*before.records, record))
+        found = with_record(before, Record(str(stage), placed.how, 0, clock.perf_counter() - began))
         if not len(placed.way):
             return replace(found, reason=f"{stage}: {placed.how}")
         return put(found, stage, placed)
-    lifted, how = on_stage(work, stage, _to_lift(before))
+    try:
+        lifted, how = on_stage(work, stage, _to_lift(before), anew)
+    except TimeOver:
+        lifted, how = Lifted(None, NOTHING)
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     moves = 0 if lifted is None else len(lifted.vectors)
-    found = replace(before, records=(*before.records, Record(str(stage), how, steps, seconds, moves)))
+    found = with_record(before, Record(str(stage), how, steps, seconds, moves))
     if before.found and (how != HELD or lifted is None or _drifts(work, before, lifted.course)):
         found = replace(found, diagnosis=(*found.diagnosis, *_diagnosis(work, before, stage)))
     if lifted is None:
@@ -243,12 +311,15 @@ def _improved(work: Work, plan: Plan) -> Iterator[Plan]:
     assert stage is not None
     spent, began, times, best = work.budget.spent.total(), clock.perf_counter(), 0, plan
     predictor = work.predictor(stage)
-    first = Found(laid(work, predictor, plan.moves), plan.moves)
-    for found in better(work, predictor, first):
-        trial = _put(work, plan, stage, found)
-        if _is_confirmed(trial):
-            best, times = trial, times + 1
-            yield best
+    try:
+        first = Found(laid(work, predictor, plan.moves), plan.moves)
+        for found in better(work, predictor, first):
+            trial = _put(work, plan, stage, found)
+            if _is_confirmed(work, trial):
+                best, times = trial, times + 1
+                yield best
+    except TimeOver:
+        pass  # what was found before is kept
     steps, seconds = work.budget.spent.total() - spent, clock.perf_counter() - began
     how = f"improved {times} times, by {1.0 - best.cost / plan.cost:.0%}"
     yield replace(best, records=(*plan.records, Record(str(stage), how, steps, seconds, len(best.waypoints))))
@@ -257,22 +328,37 @@ def _improved(work: Work, plan: Plan) -> Iterator[Plan]:
 def _to_lift(plan: Plan) -> Before | None:
     if plan.stage is None or not len(plan.moves):
         return None
-    return Before(plan.moves, np.array(plan.waypoints), plan.stage.model)
+    return Before(plan.moves, np.array(plan.waypoints), plan.stage.model, plan.segments, plan.labels)
 
 
 def _confirmed(work: Work, found: Plan, last: Stage) -> Plan:
     """The plan of the last stage, if its replay at a tenth of the accuracy comes to the goal; otherwise one
     that was repaired at that accuracy."""
-    if not found.found or found.stage != last or not last.model.moves or _is_confirmed(found):
+    if not found.found or found.stage != last or not last.model.moves:
         return found
-    found = _take_stage(work, found, Stage(last.model, TENTH * last.tol))
-    if found.found and not _is_confirmed(found):
-        found = replace(found, reason=f"{found.stage}: not confirmed by a replay at a tenth of its accuracy")
-    return found
+    try:
+        if _is_confirmed(work, found):
+            return found
+        with work.budget.part(MENDING):
+            found = _take_stage(work, found, Stage(last.model, TENTH * last.tol), anew=False)
+        if not found.found or _is_confirmed(work, found):
+            return found
+    except TimeOver:
+        return replace(found, reason=f"{found.stage}: {UNCONFIRMED}; {work.budget.ended}")
+    return replace(found, reason=f"{found.stage}: {UNCONFIRMED}")
 
 
-def _is_confirmed(plan: Plan) -> bool:
-    return plan.replay(tol=TENTH * plan.tol).outcome.code == Code.GOAL
+def _is_confirmed(work: Work, plan: Plan) -> bool:
+    run = plan.replay(tol=TENTH * plan.tol, on_progress=work.budget.look)
+    return bool(run.outcome.code == Code.GOAL)
+
+
+def _robust(work: Work, plan: Plan, rate: float, samples: int, tell: Callable[[str], None]) -> Plan:
+    """The plan in the mode in which it succeeds at a rate."""
+    try:
+        return made_robust(plan, rate, samples, work.threads, tell, work.budget.look)
+    except TimeOver:
+        return replace(plan, reason=f"robust: {work.budget.ended}; the plan holds on {plan.stage}")
 
 
 def _drifts(work: Work, before: Plan, course: Course) -> bool:
@@ -285,68 +371,15 @@ def _drifts(work: Work, before: Plan, course: Course) -> bool:
 
 def _diagnosis(work: Work, before: Plan, stage: Stage) -> list[Diagnosis]:
     assert before.stage is not None
-    if not before.stage.model.moves:
-        told = untouched(work, before, stage)
-        return [] if told is None else [told]
-    found = diagnose(
-        work.task.scene, before.stage.model, stage.model, inputs=before.segments, tol=before.tol,
-        other_tol=stage.tol * work.size, parameters=work.task.parameters,
-    )  # fmt: skip
+    try:
+        if not before.stage.model.moves:
+            told = untouched(work, before, stage)
+            return [] if told is None else [told]
+        found = diagnose(
+            work.task.scene, before.stage.model, stage.model, inputs=before.segments, tol=before.tol,
+            other_tol=stage.tol * work.size, parameters=work.task.parameters,
+            on_progress=work.budget.look,
+        )  # fmt: skip
+    except TimeOver:
+        return []  # the plan counts without its diagnosis
     return [replace(found, before=str(before.stage), after=str(stage))]
-
-
-def usual(task: Task, to: Rung | str) -> str:
-    """The schedule that wins `benchmarks/planning.py --schedules` on tasks of this kind: where robots push
-    slowly, the quasistatic rung predicts what the last one does, in fewer steps."""
-    try:
-        above = LADDER.index(rung(to)) > LADDER.index(QUASISTATIC_RIGID)
-    except ValueError as error:
-        raise ScheduleOfStagesError(str(error)) from None
-    return "quasistatic" if task.is_slow and above else "coarse-fine"
-
-
-def stages(schedule: Schedule, from_: Rung | str | None, to: Rung | str) -> list[Stage]:
-    """The stages of a schedule. Raises ScheduleOfStagesError."""
-    try:
-        last = rung(to)
-        first = None if from_ is None else rung(from_)
-        if not isinstance(schedule, str):
-            if not isinstance(schedule, Iterable):
-                raise ValueError(f"schedule: must be a name or stages, not {shown(schedule)}")
-            listed = [_stage(each) for each in schedule]
-            if not listed:
-                raise ValueError("schedule: needs at least one stage")
-            return listed
-        if schedule not in SCHEDULES:
-            raise ValueError(f"schedule: unknown {shown(schedule)}{choices(schedule, SCHEDULES)}")
-        if not last.moves:
-            return [Stage(last, COARSE)]
-        if first is not None or schedule == "climb":
-            low = 0 if first is None else LADDER.index(first)
-            climbed = LADDER[low : LADDER.index(last) + 1]
-            if not climbed:
-                raise ValueError(f"from: {from_} is above {last.name}")
-            return [*(Stage(each, COARSE) for each in climbed), Stage(last, FINE)]
-    except ValueError as error:
-        raise ScheduleOfStagesError(str(error)) from None
-    chosen = {
-        "coarse-fine": [Stage(last, COARSE), Stage(last, FINE)],
-        "quasistatic": [Stage(QUASISTATIC_RIGID, FINE), Stage(last, FINE)],
-        "direct": [Stage(last, FINE)],
-    }
-    return chosen[schedule]
-
-
-def _stage(given: Any) -> Stage:
-    match given:
-        case Stage():
-            found = given
-        case (model, float() | int() as tol) if tol > 0.0:
-            found = Stage(rung(model), float(tol))
-        case str() | Rung():
-            found = Stage(rung(given), FINE)
-        case _:
-            raise ValueError(
-                f"schedule: a stage must be a rung, or a rung and an accuracy, not {shown(given)}"
-            )
-    return found

@@ -7,12 +7,12 @@ and larger sets are tried: the cause is mixed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from itertools import combinations
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -43,6 +43,7 @@ MOMENTS = 400
 NOTHING = "no difference"
 WIDE = 98
 """Columns of a table."""
+_Look: TypeAlias = "Callable[[Any], None] | None"
 
 
 @dataclass(frozen=True)
@@ -127,11 +128,13 @@ def diagnose(
     other_parameters: Mapping[str, float] | None = None,
     tol: float | None = None,
     other_tol: float | None = None,
+    on_progress: Callable[[Any], None] | None = None,
 ) -> Diagnosis:
     """Why the motion under these inputs differs between two rungs, two sets of parameters, or two accuracies.
 
     `other_parameters` and `other_tol` belong to `after`, and are the same as before if not given; `tol` is
-    the error allowed per step, 1e-4 of the size of objects if not given. Raises SceneError for wrong input.
+    the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten
+    times a second with the run that is made. Raises SceneError for wrong input.
     """
     loaded = load(scene)
     own = moved(loaded, loaded.parameters(parameters))
@@ -143,10 +146,10 @@ def diagnose(
         first, second = rung(before), rung(after)
         return compare(
             SpaceWorld(loaded, one, first, accuracy), SpaceWorld(loaded, other, second, other_accuracy),
-            inputs, own.weights, own.size,
+            inputs, own.weights, own.size, on_progress,
         )  # fmt: skip
     a, b = World(loaded, one, rung(before), accuracy), World(loaded, other, rung(after), other_accuracy)
-    return compare(a, b, inputs, own.weights, own.size)
+    return compare(a, b, inputs, own.weights, own.size, on_progress)
 
 
 def differing(a: W, b: W) -> tuple[str, ...]:
@@ -154,17 +157,19 @@ def differing(a: W, b: W) -> tuple[str, ...]:
     return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
 
 
-def compare(a: W, b: W, inputs: Sequence[Segment], weights: Reals, size: float) -> Diagnosis:
+def compare(
+    a: W, b: W, inputs: Sequence[Segment], weights: Reals, size: float, look: _Look = None
+) -> Diagnosis:
     """Why the motion in world b differs from the motion in world a; weights (n,) of coordinates, and the size
-    of what moves."""
+    of what moves; `look` is called while runs go on."""
     names = differing(a, b)
-    runs, (first, last), until = both(a, b, inputs, weights)
+    runs, (first, last), until = both(a, b, inputs, weights, look)
     motions = {frozenset[str](): first, frozenset(names): last}
     distance = distances(first, last, until)[0]
     causes: tuple[str, ...] = ()
     left: dict[str, float] = {}
     if distance > APART * size:
-        causes, left = _least(a, b, names, inputs, weights, motions, distance, until)
+        causes, left = _least(a, b, names, inputs, weights, motions, distance, until, look)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
     details = _evidence(Parting((a, b), (first, last), time, body, size), causes)
@@ -186,14 +191,16 @@ def ended(run: Run | SpaceRun) -> dict[str, Any]:
 
 
 def both(
-    a: W, b: W, inputs: Sequence[Segment], weights: Reals
+    a: W, b: W, inputs: Sequence[Segment], weights: Reals, look: _Look = None
 ) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
     """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
     which they are compared, when both runs have ended."""
-    runs = _run(a, inputs), _run(b, inputs)
+    runs = _run(a, inputs, look), _run(b, inputs, look)
     until = max(run.time for run in runs)
     whole = frozenset(differing(a, b))
-    motions = [_motion(a.mixed(b, taken), inputs, weights, until) for taken in (frozenset[str](), whole)]
+    motions = [
+        _motion(a.mixed(b, taken), inputs, weights, until, look) for taken in (frozenset[str](), whole)
+    ]
     return runs, (motions[0], motions[1]), until
 
 
@@ -206,6 +213,7 @@ def _name(world: World | SpaceWorld, other: World | SpaceWorld) -> str:
 def _least(
     a: W, b: W, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
     motions: dict[frozenset[str], Motion], distance: float, until: float,
+    look: _Look,
 ) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
     """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals; and
     what each set that was tried left."""
@@ -215,7 +223,7 @@ def _least(
         for taken in combinations(names, size):
             key = frozenset(taken)
             if key not in motions:
-                motions[key] = _motion(a.mixed(b, key), inputs, weights, until)
+                motions[key] = _motion(a.mixed(b, key), inputs, weights, until, look)
             part = distances(motions[key], last, until)[0] / distance
             left[" + ".join(taken)] = part
             if part <= CLOSES:
@@ -226,19 +234,22 @@ def _least(
     return tuple(names), left
 
 
-def _run(world: World | SpaceWorld, inputs: Sequence[Segment]) -> Run | SpaceRun:
+def _run(world: World | SpaceWorld, inputs: Sequence[Segment], look: _Look) -> Run | SpaceRun:
     run: Run | SpaceRun = simulate(
-        world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol
-    )
+        world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol,
+        on_progress=look,
+    )  # fmt: skip
     if (run.space if isinstance(run, SpaceRun) else run.workspace) is None:
         raise SceneError(run.reason)
     return run
 
 
-def _motion(world: World | SpaceWorld, inputs: Sequence[Segment], weights: Reals, until: float) -> Motion:
+def _motion(
+    world: World | SpaceWorld, inputs: Sequence[Segment], weights: Reals, until: float, look: _Look
+) -> Motion:
     """The motion up to this time: what comes after both runs have ended, at their goals or elsewhere, does
     not matter."""
-    data = _run(world, inputs).trajectory
+    data = _run(world, inputs, look).trajectory
     data = data.isel(time=slice(int(np.searchsorted(data.time.values, until)) + 1))
     return Motion(data.time.values, data.position.values * weights, data)
 

@@ -14,12 +14,12 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.lay import Course, lay
-from rungwise.planning.lift import Work, begin
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage, predictor_of
 from rungwise.planning.shoot import Search, run_moves, shoot
 from rungwise.planning.task import task_of
 from rungwise.planning.tree import grow
+from rungwise.planning.work import Work, begin
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
@@ -51,8 +51,9 @@ class Replanner:
         """How it ends in the world with these parameters and errors of inputs, and what was executed."""
         work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
         world = predictor_of(
-            self._plan.scene, self._stage, self._tol, parameters, Budget(), self._threads, quick=False
-        )
+            self._plan.scene, self._stage, self._tol, parameters, Budget(), self._threads, quick=False,
+            span=self._task.span,
+        )  # fmt: skip
         start = State.of(self._plan.scene, parameters=parameters)
         now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
         outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._plan.moves, self._task.before
@@ -91,11 +92,11 @@ class Replanner:
         """Plans (k, d) from where the world is, as they are found: the rest of the plan if it comes to the
         goal, plans near it, and new ones; last those that come nearest to the goal."""
         if len(rest):
-            trial = run_moves(work.moves, self._nominal, work.start, rest[None], work.lack, levels)
+            trial = run_moves(work.moves, self._nominal, work.start, rest[None], work.whole, levels)
             if trial.reached[0]:
                 yield rest[: trial.reached[0]]
             near = shoot(
-                work.moves, self._nominal, work.start, len(rest), work.lack, work.rng, REPAIR,
+                work.moves, self._nominal, work.start, len(rest), work.whole, work.rng, REPAIR,
                 seeds=rest[None], spread=0.1, before=levels,
             )  # fmt: skip
             for vectors, reached in zip(near.vectors, near.reached, strict=True):
@@ -104,7 +105,9 @@ class Replanner:
         nearest = list[tuple[float, Reals]]()
         while work.budget.left:
             most = max(2, len(rest))
-            tree, way = grow(work.moves, self._nominal, work.start, levels, work.lack, most, ROUNDS, work.rng)
+            tree, way = grow(
+                work.moves, self._nominal, work.start, levels, work.whole, most, ROUNDS, work.rng
+            )
             if len(way):
                 yield way
             if len(tree.parent) == 1:

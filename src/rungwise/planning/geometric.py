@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.planning.room import room_of
 from rungwise.planning.task import Task
-from rungwise.planning.ways import cut_short, grown
+from rungwise.planning.ways import always, cut_short, grown
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.questions import Question
@@ -133,9 +133,12 @@ class Placing:
         """Whether the goal says anything of places."""
         return self._goal is not None
 
-    def goals(self, rng: np.random.Generator, apart: bool = True, count: int = 1) -> Goals:
-        """Places at the goal, sought from the start and from others about it until there are `count`; with
-        `apart`, where no bodies overlap, and nothing is unsafe."""
+    def goals(
+        self, rng: np.random.Generator, in_time: Callable[[], bool] = always, apart: bool = True,
+        count: int = 1,
+    ) -> Goals:  # fmt: skip
+        """Places at the goal, sought from the start and from others about it until there are `count`, while
+        there is time; with `apart`, where no bodies overlap, and nothing is unsafe."""
         x = self._tries(rng)
         best, least, found = x[0], np.inf, x[:0]
         lacks = self._lacks(x, apart)
@@ -146,7 +149,7 @@ class Placing:
                 best, least = x[k].copy(), float(sums[k])
             done = x[sums == 0.0]
             found = np.vstack([found, done[~self._barred(done, self._gaps(done))] if apart else done])
-            if len(found) >= count:
+            if len(found) >= count or not in_time():
                 break
             x, lacks = self._stepped(x, lacks, apart)
             stalled = np.flatnonzero(~(lacks.sum(axis=1) < STALLED * sums))

@@ -8,9 +8,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.lay import Course
-from rungwise.planning.lift import Found, Work, laid
 from rungwise.planning.predict import Predictor
 from rungwise.planning.shoot import Search, Trials, run_moves, shoot
+from rungwise.planning.work import Found, Work, laid
 
 POPULATION, LAID = 96, 3
 """Plans that are run together, and how many of them are laid out, with the robots' ways."""
@@ -42,7 +42,7 @@ def better(work: Work, predictor: Predictor, found: Found) -> Iterator[Found]:
     idle = 0
     while work.budget.left and idle < PATIENCE:
         trials = run_moves(
-            work.moves, predictor, work.start, _varied(work, best.vectors), work.lack, work.task.before
+            work.moves, predictor, work.start, _varied(work, best.vectors), work.whole, work.task.before
         )
         cheaper = _cheapest(work, predictor, trials, best)
         idle += 1
@@ -55,8 +55,8 @@ def _shortened(work: Work, predictor: Predictor, vectors: Reals) -> Trials:
     """Plans with one move less, about the plan (k, d) without each of its moves."""
     seeds = np.array([np.delete(vectors, k, axis=0) for k in range(len(vectors))])
     return shoot(
-        work.moves, predictor, work.start, len(vectors) - 1, work.lack, work.rng, Search(generations=SHORTER),
-        seeds=seeds,
+        work.moves, predictor, work.start, len(vectors) - 1, work.whole, work.rng,
+        Search(generations=SHORTER), seeds=seeds,
     )  # fmt: skip
 
 

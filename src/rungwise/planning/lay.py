@@ -11,12 +11,15 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.moves import Moves
-from rungwise.planning.predict import GOES_ON, Ends, Places, Predictor
+from rungwise.planning.predict import GOES_ON, Budget, Ends, Places, Predictor
+from rungwise.planning.rest import rested
 from rungwise.planning.transit import Transit
 from rungwise.simulation.inputs import Segment
 
 _Row: TypeAlias = "tuple[Reals, float, bool]"
 """A segment: inputs (u,), its duration, and whether it ramps."""
+ENDS, WAIT = ("back", "hold"), "wait"
+"""Labels of the segments with which moves end, and of the wait until objects rest that may follow."""
 LATER = 0.05
 """Part of its last move by which a plan goes on after it came to the goal: a run ends with the goal, and at
 another accuracy or on another rung it comes there sooner or later."""
@@ -54,7 +57,7 @@ def lay(
     segments, labels, counts, places = list[Segment](), list[str](), list[int](), list[Places]()
     outcome, now, work = Code.MISSED, start, 0.0
     for number, vector in enumerate(vectors):
-        legs, begun = _led(moves, transit, now, vector[None], levels[0], seed + number)
+        legs, begun = _led(moves, transit, now, vector[None], levels[0], seed + number, predictor.budget)
         if legs is None:
             return Course(
                 tuple(segments), tuple(labels), tuple(counts), tuple(places), levels[0], work, outcome,
@@ -74,6 +77,9 @@ def lay(
             now, np.array([[row[0] for row in rows]]), np.array([[row[1] for row in rows]]),
             ramps=tuple(row[2] for row in rows),
         )  # fmt: skip
+        run, after, waits = rested(moves.task, predictor, run, own.levels[:, -1])
+        if waits[0] > 0.0:
+            rows.append((after[0], (1.0 + LATER) * float(waits[0]), False))
         outcome, work = Code(int(run.outcome[0])), work + float(run.work[0])
         kept = _kept(rows, run, now, levels[0])
         if draws_back and moves.task.carriers and outcome == Code.GOAL and run.switches[0] == len(rows) - 2:
@@ -82,10 +88,10 @@ def lay(
             Segment(dict(zip(names, row.tolist(), strict=True)), float(took), None, ramp)
             for row, took, ramp in kept
         ]
-        labels += (["transit"] * len(legs) + _labels(moves))[: len(kept)]
+        labels += (["transit"] * len(legs) + _labels(moves) + [WAIT])[: len(kept)]
         counts.append(len(kept))
         places.append(run.places)
-        levels = own.levels[:, -1]
+        levels = after
         if outcome not in GOES_ON:
             break
         now = run.places
@@ -98,13 +104,13 @@ def _labels(moves: Moves) -> list[str]:
 
 
 def _led(
-    moves: Moves, transit: Transit, now: Places, vector: Reals, before: Reals, seed: int
+    moves: Moves, transit: Transit, now: Places, vector: Reals, before: Reals, seed: int, budget: Budget
 ) -> tuple[list[_Row] | None, Places]:
     """Segments that lead the carriers to where a move begins, None where there is no way."""
     begun, fits = moves.begin(vector, now)
     if not moves.task.carriers:
         return [], begun
-    way = transit.way(now.q[0], begun.q[0], seed) if fits[0] else None
+    way = transit.way(now.q[0], begun.q[0], seed, budget.is_in_time) if fits[0] else None
     if way is None:
         return None, begun
     legs = []

@@ -8,6 +8,7 @@ Each number of a vector lies in 0..1; that of a place on a boundary is periodic.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -80,6 +81,27 @@ class Moves:
     def _records(self) -> Records:
         return self.task.planar.bind(self.task.parameters).records
 
+    def aimed(self, vectors: Reals, bodies: Collection[str]) -> Reals:
+        """The vectors (..., d) with pushes turned to these bodies, by every robot that may push at one."""
+        found = vectors.copy()
+        for k, names in enumerate(self.pushable):
+            chosen = np.flatnonzero([name in bodies for name in names])
+            if len(chosen):
+                scaled = np.mod(found[..., self.per * k], 1.0) * len(names)
+                whole = np.minimum(scaled.astype(np.int64), len(names) - 1)
+                other = chosen[whole % len(chosen)]
+                target = np.where(np.isin(whole, chosen), whole, other)
+                found[..., self.per * k] = np.minimum(
+                    target + scaled - whole, np.nextafter(target + 1, 0.0)
+                ) / len(names)
+        return found
+
+    @property
+    def pushable(self) -> list[list[str]]:
+        """The names of the objects that each robot may push at, in the order of its targets."""
+        names = self.task.scene.template.bodies
+        return [[names[target.body] for target in targets] for targets in self._targets]
+
     @property
     def segments(self) -> int:
         """Segments of a move: a push and the way back, or what holds the inputs; before them the change of
@@ -101,8 +123,9 @@ class Moves:
         fits = ~self.question.geometry(q).collides
         return Places(q, v, places.time, np.zeros((0, places.memory.shape[1]))), fits
 
-    def segments_of(self, vectors: Reals, places: Places, before: Reals) -> Segments:
-        """Inputs and durations, of moves that begin at these places after inputs `before` (m, u)."""
+    def segments_of(self, vectors: Reals, places: Places, before: Reals, cuts: int = 1) -> Segments:
+        """Inputs and durations, of moves that begin at these places after inputs `before` (m, u); pushes at
+        given speeds are cut into so many segments."""
         m, task = len(vectors), self.task
         held = before.copy()
         held[:, self._free] = self._inputs(vectors)
@@ -123,7 +146,21 @@ class Moves:
             least = max(low, 1e-3 * high)
             parts.append((held, least * (high / least) ** vectors[:, -1], False))
             return _segments(parts)
-        return _segments(parts + self._pushes(held, self._strokes(vectors, places), places))
+        push, back = self._pushes(held, self._strokes(vectors, places), places)
+        cut = (push[0], push[1] / cuts, push[2])
+        return _segments([*parts, *([cut] * cuts), back])
+
+    def cut(self, vectors: Reals, part: float) -> tuple[Reals, NDArray[np.bool_]]:
+        """The vectors (m, d) of moves whose pushes end after a part of their way, and whether pushes may be
+        so short (m,)."""
+        found, fits = vectors.copy(), np.ones(len(vectors), bool)
+        for k, carrier in enumerate(self.task.carriers):
+            column, (low, high) = self.per * (k + 1) - 1, carrier.push
+            length = part * pushed_length(carrier, vectors[:, column]) - carrier.clearance
+            fits &= length >= low
+            if high > low:
+                found[:, column] = np.log(np.maximum(length, low) / low) / math.log(high / low)
+        return found, fits
 
     def _pushes(self, held: Reals, strokes: list[Stroke], places: Places) -> list[tuple[Reals, Reals, bool]]:
         """The push, all carriers in the same time, and the way back."""

@@ -27,11 +27,12 @@ TURNED = 2.0
 class Moved(NamedTuple):
     """Weights (n_q,) of coordinates in distances between states: 1 for places of objects, how far they reach
     for angles, 0 for robots; size: how far the largest object reaches; turns (r, 4): columns of
-    quaternions."""
+    quaternions; rates (n_v,): weights of velocities in speeds, in the same manner."""
 
     weights: Reals
     size: float
     turns: Ints
+    rates: Reals
 
 
 def roles_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
@@ -64,7 +65,7 @@ def moved_in_space(bound: SpaceBound) -> Moved:
     """Weights and size of what is moved in a bound scene in space."""
     model, roles = bound.model, np.array(_roles(bound))
     reach = reaches_of(model)
-    weights, turns = np.zeros(model.nq), list[range]()
+    weights, turns, rates = np.zeros(model.nq), list[range](), np.zeros(model.nv)
     for j in range(model.njnt):
         kind, first, body = int(model.jnt_type[j]), int(model.jnt_qposadr[j]), int(model.jnt_bodyid[j])
         places = 3 if kind == FREE else 0
@@ -74,11 +75,16 @@ def moved_in_space(bound: SpaceBound) -> Moved:
             weights[first : first + places] = 1.0
             lever = TURNED * reach[body] if kind in (FREE, BALL) else 1.0 if kind == SLIDE else reach[body]
             weights[first + places : first + places + (4 if kind in (FREE, BALL) else 1)] = lever
+            moving = int(model.jnt_dofadr[j])
+            rates[moving : moving + places] = 1.0
+            rates[moving + places : moving + places + (3 if kind in (FREE, BALL) else 1)] = (
+                1.0 if kind == SLIDE else reach[body]
+            )
     sizes = reach[roles == OBJECT]
     if not sizes.max(initial=0.0) > 0.0:
         sizes = reach[roles == ROBOT]
     size = float(sizes.max(initial=0.0))
-    return Moved(weights, size or 1.0, np.array(turns, np.int64).reshape(-1, 4))
+    return Moved(weights, size or 1.0, np.array(turns, np.int64).reshape(-1, 4), rates)
 
 
 def moved_in_plane(scene: Scene, records: Records) -> Moved:
@@ -90,7 +96,8 @@ def moved_in_plane(scene: Scene, records: Records) -> Moved:
         float(s["reach"]) for s in records.shapes if roles[scene.template.bodies[int(s["body"])]] == OBJECT
     ]
     size = max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
-    return Moved(np.where(of_object, records.coordinates["lever"], 0.0), size, np.zeros((0, 4), np.int64))
+    levers = np.where(of_object, records.coordinates["lever"], 0.0)
+    return Moved(levers, size, np.zeros((0, 4), np.int64), levers)
 
 
 def moved(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> Moved:

@@ -13,13 +13,13 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.diagnose import APART, Diagnosis, ended
 from rungwise.planning.geometric import GOALS, Placing, jumps
-from rungwise.planning.lift import Work
 from rungwise.planning.objects import OBJECT, OBSTACLE, ROBOT, roles_of
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import Stage
 from rungwise.planning.room import room_of
 from rungwise.planning.ways import PlannerMissing
 from rungwise.planning.words import UNTOUCHED
+from rungwise.planning.work import Work
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
@@ -47,14 +47,19 @@ def nowhere(work: Work) -> str:
     placing = Placing(work.task, scene, q, yields=True)
     if not placing.asks or placing.room.bound or jumps(scene.file.goal or ""):
         return ""
-    found = placing.goals(np.random.default_rng(seed))
+    in_time = work.budget.is_in_time
+    found = placing.goals(np.random.default_rng(seed), in_time)
     if len(found.places) or found.lack < SURE:
-        reserved = Placing(work.task, work.task.search, q, yields=True).goals(np.random.default_rng(seed))
-        if len(reserved.places) or reserved.lack < SURE:
+        reserved = Placing(work.task, work.task.search, q, yields=True).goals(
+            np.random.default_rng(seed), in_time
+        )
+        if len(reserved.places) or reserved.lack < SURE or not in_time():
             return ""
         reserve = work.task.numbers["task.reserve"]
         return f"goal: no place was found at which it holds with a reserve of {reserve:g}; see task.reserve"
-    alone = placing.goals(np.random.default_rng(seed), apart=False)
+    if not in_time():
+        return ""
+    alone = placing.goals(np.random.default_rng(seed), in_time, apart=False)
     if len(alone.places):
         return f"goal: holds only where {placing.overlapping(alone.nearest)} overlap, as far as was found"
     failing = placing.lacking(alone.nearest)
@@ -69,15 +74,16 @@ def place(work: Work, without: str = "") -> Placed:
         return Placed(none, f"left out: {placing.room.bound}")
     if not placing.asks:
         return Placed(none, "left out: places do not decide the goal")
-    goals = placing.goals(np.random.default_rng(work.seed), count=GOALS)
+    in_time = work.budget.is_in_time
+    goals = placing.goals(np.random.default_rng(work.seed), in_time, count=GOALS)
     if not len(goals.places):
         return Placed(none, NOTHING)
     try:
-        way = placing.way(goals.places, work.seed, lambda: work.budget.in_time)
+        way = placing.way(goals.places, work.seed, in_time)
     except PlannerMissing:
         return Placed(none, "left out: needs OMPL (pip install 'rungwise[plan]')")
     if way is None:
-        return Placed(none, NOTHING if work.budget.in_time else f"{NOTHING}; {work.budget.ended}")
+        return Placed(none, NOTHING if in_time() else f"{NOTHING}; {work.budget.ended}")
     return Placed(way, "planned")
 
 
@@ -102,8 +108,9 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     names, scene = work.task.scene.template.inputs, work.task.scene
     hold = Segment(dict(zip(names, work.task.before.tolist(), strict=True)), work.task.duration[1])
     run = simulate(
-        scene, stage.model, parameters=work.task.parameters, tol=stage.tol * work.size, inputs=[hold]
-    )
+        scene, stage.model, parameters=work.task.parameters, tol=stage.tol * work.size, inputs=[hold],
+        on_progress=work.budget.look,
+    )  # fmt: skip
     if run.outcome.code in (Code.GOAL, Code.INVALID):
         return None
     way = np.array([work.start.q[0], *before.waypoints])

@@ -7,7 +7,8 @@ import json
 import math
 import os
 import uuid
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from io import StringIO
 from pathlib import Path
@@ -124,6 +125,10 @@ class Plan:
             return self.checks[-1].mode
         return GUARDED if any(segment.until for segment in self.segments) else OPEN_LOOP
 
+    def how(self, stage: Stage) -> str:
+        """What came of a stage at last; empty where it was not tried."""
+        return next((record.how for record in self.records if record.stage == str(stage)), "")
+
     @property
     def duration(self) -> float:
         """Time that the plan takes, at most: a guarded move may end before its time-out."""
@@ -140,6 +145,7 @@ class Plan:
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
+        on_progress: Callable[[Any], None] | None = None,
     ) -> Run | SpaceRun:
         """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
         options as for `simulate`. Raises PlanError where there is no plan, or one of places only, and what
@@ -151,7 +157,7 @@ class Plan:
         run: Run | SpaceRun = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
-            frames=frames, stride=stride, save_hard=save_hard,
+            frames=frames, stride=stride, save_hard=save_hard, on_progress=on_progress,
         )  # fmt: skip
         return run
 
@@ -341,6 +347,17 @@ def _from_values(scene: Scene | SpaceScene, data: dict[str, Any]) -> Plan:
         checks=tuple(Check(**values) for values in data["checks"]),
         reason=data["reason"], version=data["version"],
     )  # fmt: skip
+
+
+def with_record(plan: Plan, record: Record) -> Plan:
+    """The plan with what came of a stage; what the same stage took before is added to it."""
+    places = [each.stage for each in plan.records]
+    if record.stage not in places:
+        return replace(plan, records=(*plan.records, record))
+    records, at = list(plan.records), places.index(record.stage)
+    steps, seconds = record.steps + records[at].steps, record.seconds + records[at].seconds
+    records[at] = replace(record, steps=steps, seconds=seconds)
+    return replace(plan, records=tuple(records))
 
 
 def is_reached(run: Run | SpaceRun) -> bool:

@@ -6,7 +6,7 @@ import math
 import os
 import time as clock
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -23,7 +23,7 @@ from rungwise.simulation.crew import Crew, threads_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.questions import Question
-from rungwise.simulation.run import JAM, Simulation
+from rungwise.simulation.run import JAM, TURN_S, Simulation
 from rungwise.simulation.spatial.batch import BUDGET
 from rungwise.simulation.spatial.crew import Sample, Sampled, Terms, run_samples, spread
 from rungwise.simulation.spatial.memory import memory_parts
@@ -64,21 +64,37 @@ class Places(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """How m runs ended: outcomes (m,), where, the segments that ended (m,), the work of drives (m,)."""
+    """How m runs ended: outcomes (m,), where, the segments that ended (m,), the work of drives (m,); `at`
+    gives the places of some rows at the end of a segment, where the stage keeps them."""
 
     outcome: Ints
     places: Places
     switches: Ints
     work: Reals
+    at: Callable[[int, Ints], Places]
+
+
+class TimeOver(Exception):
+    """The time that a search has is over; what was found before counts."""
 
 
 class Budget:
     """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
-    more, and time is left of `limit` seconds."""
+    more, and time is left of `limit` seconds. `tell` is called about ten times a second while runs go on."""
 
     def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
-        self._ends = math.inf if limit is None else clock.perf_counter() + limit
+        self.ends = math.inf if limit is None else clock.monotonic() + limit
+        self.tell: Callable[[], None] = _nothing
+        self._told = clock.monotonic()
+
+    def look(self, _done: object = None) -> None:
+        """Called again and again while runs go on. Raises TimeOver."""
+        if not self.is_in_time():
+            raise TimeOver
+        if clock.monotonic() - self._told >= TURN_S:
+            self.tell()
+            self._told = clock.monotonic()
 
     def take(self, stage: Stage, steps: int, outcomes: Ints) -> None:
         self.spent[str(stage)] += steps
@@ -88,13 +104,17 @@ class Budget:
 
     @contextmanager
     def part(self, share: float) -> Iterator[None]:
-        """Allow only this part of the steps that are left, until the end of the context."""
-        most = self.most
+        """Allow only this part of the steps and of the time that are left, until the end of the context."""
+        most, ends = self.most, self.ends
         if most is not None:
             spent = self.spent.total()
             self.most = spent + int(share * (most - spent))
-        yield
-        self.most = most
+        if ends < math.inf:
+            self.ends = ends - (1.0 - share) * max(0.0, ends - clock.monotonic())
+        try:
+            yield
+        finally:
+            self.most, self.ends = most, ends
 
     def extend(self, steps: int) -> None:
         """Allow so many steps from now on."""
@@ -105,16 +125,23 @@ class Budget:
         """Why nothing more may be tried, in words; empty if more may."""
         if self.most is not None and self.spent.total() >= self.most:
             return "the budget is spent"
-        return "" if self.in_time else "the time is over"
+        return "" if self.is_in_time() else "the time is over"
 
-    @property
-    def in_time(self) -> bool:
+    def is_in_time(self) -> bool:
         """Whether time is left, whatever the steps."""
-        return clock.perf_counter() < self._ends
+        return clock.monotonic() < self.ends
 
     @property
     def left(self) -> bool:
         return not self.ended
+
+
+def _not_kept(segment: int, rows: Ints) -> Places:
+    raise NotImplementedError(f"the ends of segment {segment} are not kept, of runs {rows}")
+
+
+def _nothing() -> None:
+    """Tell nobody."""
 
 
 class Predictor(Protocol):
@@ -137,12 +164,13 @@ class Predictor(Protocol):
 
 def predictor_of(
     scene: Scene | SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
-    threads: int | None = None, *, quick: bool = True,
+    threads: int | None = None, *, quick: bool = True, span: float | None = None,
 ) -> Predictor:  # fmt: skip
-    """Runs with an error `tol` allowed per step; quick ones end where they take long (see `LONGEST`)."""
+    """Runs with an error `tol` allowed per step, as parts of one that lasts for `span`, if that is given;
+    quick ones end where they take long (see `LONGEST`)."""
     if isinstance(scene, SpaceScene):
         return SpacePredictor(scene, stage, tol, parameters, budget, threads, quick=quick)
-    return PlanarPredictor(scene, stage, tol, parameters, budget, threads, quick=quick)
+    return PlanarPredictor(scene, stage, tol, parameters, budget, threads, quick=quick, span=span)
 
 
 class PlanarPredictor:
@@ -150,11 +178,11 @@ class PlanarPredictor:
 
     def __init__(
         self, scene: Scene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
-        threads: int | None = None, *, quick: bool = True,
+        threads: int | None = None, *, quick: bool = True, span: float | None = None,
     ) -> None:  # fmt: skip
         self.scene, self.stage, self.budget = scene, stage, budget
         self._tol, self._parameters, self._threads = tol, parameters, threads
-        self._quick = quick
+        self._quick, self._span = quick, span
         self._crews: dict[tuple[tuple[bool, ...], tuple[str | None, ...]], Crew] = {}
 
     def run(
@@ -172,15 +200,23 @@ class PlanarPredictor:
             memories=places.memory if goes_on else None,
             memory=np.arange(m) if goes_on else None,
             durations=np.ascontiguousarray(durations), levels=np.ascontiguousarray(levels), keeps=True,
-            chunk=max(1, min(64, math.ceil(m / crew.threads / 2))),
+            chunk=max(1, min(64, math.ceil(m / crew.threads / 2))), on_progress=self.budget.look,
         )  # fmt: skip
         found, n = samples.results, samples.final.shape[1] // 2
         self.budget.take(self.stage, int(found["attempts"].sum()), found["outcome"].astype(np.int64))
         column = np.minimum(found["switches"], max(s, 1) - 1)
         memory = samples.kept[np.arange(m), column]
         places = Places(samples.final[:, :n], samples.final[:, n:], found["time"].copy(), memory)
-        work = in_memory(crew.workspace.state, "drive_work", memory) - before
-        return Ends(found["outcome"].astype(np.int64), places, found["switches"].astype(np.int64), work)
+        state, kept = crew.workspace.state, samples.kept
+        work = in_memory(state, "drive_work", memory) - before
+
+        def at(segment: int, rows: Ints) -> Places:
+            there = kept[rows, segment]
+            q, v, time = (in_memory(state, name, there) for name in ("q", "v", "time"))
+            return Places(q, v, time, there)
+
+        switches = found["switches"].astype(np.int64)
+        return Ends(found["outcome"].astype(np.int64), places, switches, work, at)
 
     def taken_over(self, now: Places, scene: Scene, _levels: Reals, /) -> Places:
         """See `Predictor`; inputs begin as at these parameters."""
@@ -199,7 +235,7 @@ class PlanarPredictor:
 
     def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...]) -> Crew:
         if (ramps, until) not in self._crews:
-            options: dict[str, Any] = {"tol": self._tol, "threads": self._threads}
+            options: dict[str, Any] = {"tol": self._tol, "threads": self._threads, "span": self._span}
             if self._quick:
                 tolerance = float(self.scene.bind(self._parameters).records.world[0]["tolerance"])
                 options |= {"budget": LONGEST, "jam": max(JAM, SHORT * self._tol / tolerance)}
@@ -243,9 +279,10 @@ class SpacePredictor:
         ]  # fmt: skip
         size = max(1, min(16, math.ceil(m / self._processes / 2)))
         parts = [samples[at : at + size] for at in range(0, m, size)]
-        found = [
-            each for part in spread(run_samples, self._terms, parts, m, self._processes) for each in part
-        ]
+        terms, found = self._terms._replace(ends=self.budget.ends), list[Sampled]()
+        for part in spread(run_samples, terms, parts, m, self._processes, self.budget.look):
+            found += part
+        self.budget.look()
         return self._ends(found)
 
     def taken_over(self, now: Places, scene: SpaceScene, levels: Reals, /) -> Places:
@@ -275,4 +312,4 @@ class SpacePredictor:
             np.array([each.time for each in found]), memory,
         )  # fmt: skip
         switches = np.array([each.switches for each in found], np.int64)
-        return Ends(outcome, ends, switches, np.array([each.drive_work for each in found]))
+        return Ends(outcome, ends, switches, np.array([each.drive_work for each in found]), _not_kept)

@@ -11,10 +11,12 @@ from rungwise.planning.verify import verify
 
 
 def made_robust(
-    plan: Plan, rate: float, samples: int, threads: int | None, tell: Callable[[str], None]
-) -> Plan:
+    plan: Plan, rate: float, samples: int, threads: int | None, tell: Callable[[str], None],
+    look: Callable[[int], None],
+) -> Plan:  # fmt: skip
     """The plan with the mode in which the lower bound of its rate of success (95 %) is at least `rate`:
     open loop if that suffices, else with guarded moves, else re-planning; without one, a reason says so.
+    `look` is called again and again, with the number of samples done.
 
     Each mode has samples of its own."""
     checks = list[Check]()
@@ -24,8 +26,9 @@ def made_robust(
             continue
         tell(f"{plan.stage}: {mode}, {samples} samples")
         found = verify(
-            candidate, samples=samples, mode=mode, rate=rate, seed=plan.seed + number, threads=threads
-        )
+            candidate, samples=samples, mode=mode, rate=rate, seed=plan.seed + number, threads=threads,
+            on_progress=look,
+        )  # fmt: skip
         checks.append(Check(mode, found.samples, found.successes, found.lower))
         if found.lower >= rate:
             return replace(candidate, checks=tuple(checks))

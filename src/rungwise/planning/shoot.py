@@ -8,15 +8,17 @@ differential evolution, Storn and Price 1997).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
-from rungwise.planning.moves import Moves
-from rungwise.planning.predict import GOES_ON, Places, Predictor
+from rungwise.planning.aim import Aim
+from rungwise.planning.moves import Moves, Segments
+from rungwise.planning.predict import GOES_ON, Ends, Places, Predictor
+from rungwise.planning.rest import run_to_rest
+from rungwise.planning.stops import best_stops, parts_of, stops_of
 
 UNFIT = 1e3
 """Score added for each move that could not be made."""
@@ -34,44 +36,61 @@ class Trials:
     work: Reals
 
 
-Lack = Callable[[Places], Reals]
-"""How far from their aim plans end (m,)."""
-
-
 def run_moves(
-    moves: Moves, predictor: Predictor, start: Places, vectors: Reals, lack: Lack,
-    before: Reals | None = None,
-) -> Trials:  # fmt: skip
+    moves: Moves, predictor: Predictor, start: Places, vectors: Reals, aim: Aim, before: Reals | None = None
+) -> Trials:
     """Run m plans of k moves, vectors (m, k, d), from one start or m starts, after inputs `before` (u,)."""
-    m = len(vectors)
+    m, vectors = len(vectors), vectors.copy()
     places = start.take(np.zeros(m, np.int64)) if len(start.q) == 1 else start
     levels = np.repeat((moves.task.before if before is None else before)[None], m, axis=0)
     reached, unfit, work = np.zeros(m, np.int64), np.zeros(m), np.zeros(m)
     going = np.arange(m)
     last = Places(*(a.copy() for a in places))
     now = places
-    for k in range(vectors.shape[1]):
+    count, parts = vectors.shape[1], parts_of(moves, predictor)
+    for k in range(count):
         if not len(going):
             break
         chosen = vectors[going, k]
         begun, fits = moves.begin(chosen, now)
-        segments = moves.segments_of(chosen, begun, levels[going])
+        cuts = parts if k == count - 1 else 1
+        segments = moves.segments_of(chosen, begun, levels[going], cuts)
         fits &= moves.task.allows(segments.levels).all(axis=1)
-        unfit[going[~fits]] += UNFIT * (vectors.shape[1] - k)
+        unfit[going[~fits]] += UNFIT * (count - k)
         going, begun, segments = going[fits], begun.take(np.flatnonzero(fits)), segments.take(fits)
         if not len(going):
             break
-        ends = predictor.run(begun, segments.levels, segments.durations, ramps=segments.ramps)
-        levels[going] = segments.levels[:, -1]
+        ends, levels[going], _ = run_to_rest(moves, predictor, begun, segments)
+        if cuts > 1:
+            ends, own = _cut_short(moves, aim, chosen[fits], segments, ends, cuts)
+            vectors[going, k] = own
         last = _put(last, going, ends.places)
         work[going] += ends.work
         goal, on = ends.outcome == Code.GOAL, np.isin(ends.outcome, GOES_ON)
+        unfit[going[~goal & ~on]] += UNFIT * (count - k)
+        if aim.partial:
+            goal |= on & (aim.lack(ends.places) == 0.0)
+            on &= ~goal
         reached[going[goal]] = k + 1
-        unfit[going[~goal & ~on]] += UNFIT * (vectors.shape[1] - k)
         now, going = ends.places.take(np.flatnonzero(on)), going[on]
-    score = lack(last) + unfit
+    score = aim.lack(last) + unfit
     score[reached > 0] = 0.0
     return Trials(vectors, np.where(np.isfinite(score), score, math.inf), reached, last, work)
+
+
+def _cut_short(
+    moves: Moves, aim: Aim, vectors: Reals, segments: Segments, ends: Ends, cuts: int
+) -> tuple[Ends, Reals]:
+    """The ends of moves, and their vectors (m, d), with pushes cut short where less is lacking on the way."""
+    on = np.isin(ends.outcome, GOES_ON)
+    lacks = np.where(on, aim.lack(ends.places), np.where(ends.outcome == Code.GOAL, 0.0, np.inf))
+    stops, _ = best_stops(aim, stops_of(moves, vectors, segments, ends, cuts), lacks)
+    vectors, outcome = vectors.copy(), ends.outcome.copy()
+    vectors[stops.rows], outcome[stops.rows] = stops.vectors, Code.MISSED
+    places = Places(*(field.copy() for field in ends.places))
+    for old, new in zip(places, stops.places, strict=True):
+        old[stops.rows] = new
+    return ends._replace(outcome=outcome, places=places), vectors
 
 
 def _put(places: Places, rows: Ints, new: Places) -> Places:
@@ -95,7 +114,7 @@ def shoot(
     predictor: Predictor,
     start: Places,
     count: int,
-    lack: Lack,
+    aim: Aim,
     rng: np.random.Generator,
     search: Search,
     seeds: Reals | None = None,
@@ -110,7 +129,7 @@ def shoot(
     elites: Trials | None = None
     for generation in range(search.generations):
         vectors = _draw(moves, count, rng, search, elites, seeds if generation == 0 else None, spread)
-        trials = run_moves(moves, predictor, start, vectors, lack, before)
+        trials = run_moves(moves, predictor, start, aim.turned(moves, vectors), aim, before)
         elites = _best(trials if elites is None else _joined(elites, trials), search.elites)
         if (elites.reached > 0).any() or not predictor.budget.left:
             break

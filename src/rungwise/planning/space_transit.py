@@ -159,6 +159,11 @@ class SpaceMoves(Moves):
         self.room = SpaceRoom(task, task.scene)
         self.tools = [Tool(task, self.room, carrier) for carrier in task.carriers]
 
+    @property
+    def pushable(self) -> list[list[str]]:
+        names = self.task.scene.template.bodies
+        return [[names[target] for target, _ in tool.targets] for tool in self.tools]
+
     def begin(self, vectors: Reals, places: Places) -> tuple[Places, NDArray[np.bool_]]:
         q, v = places.q.copy(), places.v.copy()
         fits = np.ones(len(vectors), bool)

@@ -30,6 +30,9 @@ from rungwise.simulation.state import State
 ROUNDING = 1e-9
 COASTS = 0.01
 """Part of their size by which objects may coast in a task that counts as slow."""
+STILL, WAITS = 1e-2, 10.0
+"""Part of the robots' speed below which objects count as at rest, and how many of the longest pushes robots
+wait for them at most."""
 DRAWS = 1000
 """Most draws for each instance wanted."""
 
@@ -42,8 +45,10 @@ class Task:
     conditions to keep out of as unsafe; parameters: of the instance; low, high, rate (u,): of the inputs;
     duration: least and greatest of a move without transit; moves: least and greatest number; weights (n,):
     of coordinates in distances, 0 for robots; numbers: of the task, by their paths; size: how far the
-    largest object reaches from its centre; is_slow: whether robots push so slowly that nothing coasts;
-    turns (r, 4): columns of quaternions; tolerance: of the scene, in its unit of length.
+    largest object reaches from its centre; slides: whether all objects lie on supports; is_slow: whether
+    robots push these so slowly that nothing coasts;
+    turns (r, 4): columns of quaternions; rates (n_v,): weights of velocities in speeds of objects;
+    tolerance: of the scene, in its unit of length.
     """
 
     scene: Scene | SpaceScene
@@ -58,9 +63,52 @@ class Task:
     weights: Reals
     numbers: dict[str, float]
     size: float
+    slides: bool
     is_slow: bool
     turns: Ints
+    rates: Reals
     tolerance: float
+
+    @property
+    def still(self) -> float:
+        """Speed below which objects count as at rest."""
+        return STILL * min(carrier.speed for carrier in self.carriers)
+
+    @property
+    def at_rest(self) -> str:
+        """The condition that objects are at rest."""
+        scene = self.scene
+        names = scene.template.coordinates if isinstance(scene, Scene) else scene.template.velocities
+        each = [
+            f"abs(speed({name})) * {rate!r} <= {self.still!r}"
+            for name, rate in zip(names, self.rates.tolist(), strict=True) if rate > 0.0
+        ]  # fmt: skip
+        return " and ".join(each)
+
+    @property
+    def patience(self) -> float:
+        """How long robots wait at most for objects to rest."""
+        return WAITS * max(carrier.push[1] / carrier.speed for carrier in self.carriers)
+
+    @property
+    def span(self) -> float | None:
+        """How long a run lasts of which moves are parts, where objects coast on after these: an error of
+        their speed counts by how far it leads. None where they do not."""
+        return self.patience if self.slides and self.carriers and not self.is_slow else None
+
+    def moving(self, v: Reals) -> NDArray[np.bool_]:
+        """Whether objects move at velocities (m, n_v)."""
+        speeds = np.abs(v) * self.rates
+        return np.asarray((speeds > self.still).any(axis=1))
+
+    def held(self, levels: Reals) -> Reals:
+        """Inputs (m, u) with which robots hold still, after inputs `levels` (m, u)."""
+        found = levels.copy()
+        for carrier in self.carriers:
+            if not carrier.by_place:
+                nowhere = np.zeros((len(levels), len(carrier.places)))
+                found[:, list(carrier.columns)] = carrier.levels(nowhere, nowhere)
+        return found
 
     @property
     def free(self) -> Ints:
@@ -121,14 +169,15 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
     carriers: tuple[Carrier, ...] = ()
     if isinstance(scene, SpaceScene):
         bound = scene.bind(values)
-        own, slow, longest = moved_in_space(bound), False, bound.duration
+        own, slides, slow, longest = moved_in_space(bound), False, False, bound.duration
         carriers = tuple(carrier_in_space(scene, name, bound, numbers) for name in fields.transit)
         tolerance = bound.tolerance
     else:
         plane = scene.bind(values)
         carriers = tuple(carrier_in_plane(scene, name, plane, numbers) for name in fields.transit)
         own, longest = moved_in_plane(scene, plane.records), float(plane.records.world[0]["duration"])
-        slow = _is_slow(scene, plane.records, carriers, own.size)
+        slides = _slides(scene, plane.records)
+        slow = slides and _is_slow(plane.records, carriers, own.size)
         tolerance = float(plane.records.world[0]["tolerance"])
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
@@ -139,18 +188,22 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
         scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
-        weights=np.array(weights) if fields.weights else own.weights, size=own.size, is_slow=slow,
-        turns=own.turns, tolerance=tolerance,
+        weights=np.array(weights) if fields.weights else own.weights, size=own.size, slides=slides,
+        is_slow=slow, turns=own.turns, rates=own.rates, tolerance=tolerance,
     )  # fmt: skip
 
 
-def _is_slow(scene: Scene, records: Records, carriers: tuple[Carrier, ...], size: float) -> bool:
-    """Whether robots push objects on supports at given speeds v so slowly that these coast by no more than a
-    part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
+def _slides(scene: Scene, records: Records) -> bool:
+    """Whether all objects lie on supports."""
     roles = roles_of(scene)
     objects = {k for k, name in enumerate(scene.template.bodies) if roles[name] == "object"}
-    by_place = any(carrier.by_place for carrier in carriers)
-    if by_place or not carriers or not objects <= set(records.supports["body"].tolist()):
+    return objects <= set(records.supports["body"].tolist())
+
+
+def _is_slow(records: Records, carriers: tuple[Carrier, ...], size: float) -> bool:
+    """Whether robots push objects on supports at given speeds v so slowly that these coast by no more than a
+    part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
+    if not carriers or any(carrier.by_place for carrier in carriers):
         return False
     fastest = max(carrier.speed for carrier in carriers)
     stops = records.supports["force"] / records.bodies["mass"][records.supports["body"]]

@@ -7,12 +7,13 @@ other bodies hold still.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.task import Task
-from rungwise.planning.ways import grown, shortened
+from rungwise.planning.ways import CHECKS, always, grown, shortened
 from rungwise.simulation.questions import Question
 
 NEAR = 0.25
@@ -31,11 +32,12 @@ class Transit:
         self._own = [k for k, pair in enumerate(contacts) if names & set(pair)]
         self._clearance = min((carrier.clearance for carrier in task.carriers), default=0.0)
 
-    def way(self, q: Reals, goal: Reals, seed: int) -> Reals | None:
-        """Places (k, n) from q (n,) to the goal (n,), both included; None where no way was found."""
+    def way(self, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool] = always) -> Reals | None:
+        """Places (k, n) from q (n,) to the goal (n,), both included, sought while there is time; None where
+        no way was found."""
         begun = self._away(q)
         if begun is not q:
-            rest = self.way(begun, goal, seed)
+            rest = self.way(begun, goal, seed, in_time)
             return None if rest is None else np.vstack([q, rest])
         ends = np.stack([q, goal])
         least = min(NEAR * self._clearance, 0.5 * float(self._gaps(ends).min(initial=math.inf)))
@@ -46,7 +48,7 @@ class Transit:
         low, high = self._room(q, goal)
         found = grown(
             q, goal[None], self._columns, low, high,
-            lambda a, b: self._is_free(a, b, least), seed,
+            lambda a, b: self._is_free(a, b, least), seed, lambda asked: asked <= CHECKS and in_time(),
         )  # fmt: skip
         return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
 

@@ -6,17 +6,20 @@ The others begin at the nodes next to states drawn at random (rapidly exploring 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
+from rungwise.planning.aim import Aim
 from rungwise.planning.moves import Moves
 from rungwise.planning.predict import GOES_ON, Places, Predictor
-from rungwise.planning.shoot import Lack
+from rungwise.planning.rest import run_to_rest
+from rungwise.planning.stops import best_stops, parts_of, stops_of
 
 POPULATION = 96
 """Moves that are run together."""
@@ -32,6 +35,10 @@ TINY = 1e-300
 """What is lacking at least where the goal was not reached."""
 ROOM = 0.5
 """How far random states lie beyond the tree, as a part of its greatest extent."""
+
+
+Note: TypeAlias = "Callable[[Reals, Reals, Reals], None]"
+"""Is told of moves (m, d) that led from places (m, n) to others, where objects rest."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +83,15 @@ class Tree:
 
 
 def grow(
-    moves: Moves, predictor: Predictor, start: Places, before: Reals, lack: Lack, deepest: int, rounds: int,
-    rng: np.random.Generator,
+    moves: Moves, predictor: Predictor, start: Places, before: Reals, aim: Aim, deepest: int, rounds: int,
+    rng: np.random.Generator, note: Note | None = None,
 ) -> tuple[Tree, Reals]:  # fmt: skip
     """A tree from one start, after inputs `before` (u,), with plans of at most `deepest` moves; and the plan
-    (k, d) that came to the goal first, (0, d) if none did."""
-    tree = _root(moves, start, before, lack)
+    (k, d) that came to its aim first, (0, d) if none did. `note` is told of all moves that were made."""
+    tree = _root(moves, start, before, aim)
     for _ in range(rounds):
         parents, vectors = _draw(moves, tree, deepest, rng)
+        vectors = aim.turned(moves, vectors)
         first = len(tree.parent)
         # The root may have no memory: moves that place nothing by hand go on from the memories of the others.
         groups = (
@@ -92,7 +100,7 @@ def grow(
             else [~tree.known[parents], tree.known[parents]]
         )
         for group in groups:
-            tree = _expanded(moves, predictor, tree, parents[group], vectors[group], lack)
+            tree = _expanded(moves, predictor, tree, parents[group], vectors[group], aim, note)
         reached = first + np.flatnonzero(tree.lack[first:] == 0.0)
         if len(reached):
             return tree, tree.way(int(reached[tree.depth[reached].argmin()]))
@@ -101,13 +109,13 @@ def grow(
     return tree, np.zeros((0, moves.size))
 
 
-def _root(moves: Moves, start: Places, before: Reals, lack: Lack) -> Tree:
+def _root(moves: Moves, start: Places, before: Reals, aim: Aim) -> Tree:
     zero, known = np.zeros(1, np.int64), len(start.memory) > 0
     return Tree(
         q=start.q, v=start.v, time=start.time, memory=start.memory if known else np.zeros((1, 0)),
         levels=before[None].copy(),
-        parent=zero - 1, vectors=np.zeros((1, moves.size)), depth=zero, lack=np.maximum(lack(start), TINY),
-        known=np.array([known]),
+        parent=zero - 1, vectors=np.zeros((1, moves.size)), depth=zero,
+        lack=np.maximum(aim.lack(start), TINY), known=np.array([known]),
     )  # fmt: skip
 
 
@@ -147,33 +155,51 @@ def _varied(moves: Moves, vector: Reals, rng: np.random.Generator) -> Reals:
 
 
 def _expanded(
-    moves: Moves, predictor: Predictor, tree: Tree, parents: Ints, vectors: Reals, lack: Lack
-) -> Tree:
-    """The tree with the ends of these moves; at the goal nothing is lacking."""
+    moves: Moves, predictor: Predictor, tree: Tree, parents: Ints, vectors: Reals, aim: Aim,
+    note: Note | None,
+) -> Tree:  # fmt: skip
+    """The tree with the ends of these moves; at their aim nothing is lacking."""
     if not len(parents):
         return tree
+    parts = parts_of(moves, predictor)
     begun, fits = moves.begin(vectors, tree.places(parents))
-    segments = moves.segments_of(vectors, begun, tree.levels[parents])
+    segments = moves.segments_of(vectors, begun, tree.levels[parents], parts)
     fits &= moves.task.allows(segments.levels).all(axis=1)
     rows = np.flatnonzero(fits)
     if not len(rows):
         return tree
-    segments = segments.take(fits)
-    ends = predictor.run(begun.take(rows), segments.levels, segments.durations, ramps=segments.ramps)
+    segments, vectors, parents = segments.take(fits), vectors[rows], parents[rows]
+    ends, levels, _ = run_to_rest(moves, predictor, begun.take(rows), segments)
     goal = ends.outcome == Code.GOAL
-    kept = np.flatnonzero(goal | np.isin(ends.outcome, GOES_ON))
-    places, rows = ends.places.take(kept), rows[kept]
-    lacking = np.where(goal[kept], 0.0, np.maximum(lack(places), TINY))
-    return _joined(
-        tree,
-        *places,
-        segments.levels[kept, -1],
-        parents[rows],
-        vectors[rows],
-        tree.depth[parents[rows]] + 1,
-        lacking,
-        np.ones(len(kept), bool),
-    )
+    on = goal | np.isin(ends.outcome, GOES_ON)
+    lacks = np.full(len(rows), np.inf)
+    lacks[on] = _lacking(aim, ends.places.take(np.flatnonzero(on)))
+    lacks[goal] = 0.0
+    kept = np.flatnonzero(on)
+    if note is not None:
+        rested_ = np.flatnonzero(on & ~goal)
+        note(vectors[rested_], tree.q[parents[rested_]], ends.places.q[rested_])
+    tree = _with(tree, ends.places.take(kept), levels[kept], parents[kept], vectors[kept], lacks[kept])
+    if parts == 1:
+        return tree
+    stops = stops_of(moves, vectors, segments, ends, parts)
+    if note is not None:
+        note(stops.vectors, tree.q[parents[stops.rows]], stops.places.q)
+    best, own = best_stops(aim, stops, lacks)
+    own = own if aim.partial else np.maximum(own, TINY)
+    return _with(tree, best.places, levels[best.rows], parents[best.rows], best.vectors, own)
+
+
+def _lacking(aim: Aim, places: Places) -> Reals:
+    """What plans that did not come to the goal lack (m,)."""
+    lacks = aim.lack(places)
+    return lacks if aim.partial else np.maximum(lacks, TINY)
+
+
+def _with(tree: Tree, places: Places, levels: Reals, parents: Ints, vectors: Reals, lacks: Reals) -> Tree:
+    """The tree with more nodes."""
+    known, depth = np.ones(len(parents), bool), tree.depth[parents] + 1
+    return _joined(tree, *places, levels, parents, vectors, depth, lacks, known)
 
 
 def _joined(tree: Tree, *more: NDArray[Any]) -> Tree:

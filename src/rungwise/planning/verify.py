@@ -57,7 +57,7 @@ class Sample:
 
 @dataclass(frozen=True)
 class Verification:
-    """What came of n samples of a plan on a rung.
+    """What came of n samples of a plan on a rung; of one, the plan as it is, where nothing is uncertain.
 
     successes: of `samples`; lower: the one-sided Clopper-Pearson bound of the rate of success at 95 %, upper:
     the bound from above; failures: outcomes and how often; causes: how many of the failures (the first ones,
@@ -100,9 +100,13 @@ class Verification:
         return run
 
     def __str__(self) -> str:
+        head = f"{self.plan.scene.name} on {self.model}, {self.mode}"
+        if not fields_of(self.plan.scene).uncertain:
+            ended = "reaches the goal" if self.successes else f"ends {next(iter(self.failures))}"
+            return f"{head}: the plan as it is {ended}; task.uncertain names nothing that varies"
         lines = [
-            f"{self.plan.scene.name} on {self.model}, {self.mode}: {self.successes} of {self.samples}"
-            f" succeed, at least {self.lower:.3f} with a confidence of {CONFIDENCE:.0%}"
+            f"{head}: {self.successes} of {self.samples} succeed, at least {self.lower:.3f} with a confidence"
+            f" of {CONFIDENCE:.0%}"
         ]
         lines += [f"  {outcome}: {count}" for outcome, count in self.failures.items()]
         if self.causes:
@@ -136,7 +140,8 @@ def verify(
     cluster: str | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Verification:
-    """Run the plan with starts, parameters and errors of inputs that are drawn by the task's `uncertain`.
+    """Run the plan with starts, parameters and errors of inputs that the task's `uncertain` draws; once, as
+    it is, where this names nothing.
 
     Args:
         model, tol: those of the plan's last stage if not given.
@@ -146,15 +151,15 @@ def verify(
         rate: samples that are planned anew end as soon as the bound of success can no longer reach it.
         cluster: address of a dask scheduler whose workers execute instead of threads.
 
-    Raises TaskError where there is no plan, nothing that varies, or no move to guard.
+    Raises TaskError where there is no plan, or no move to guard.
     """
     if plan.stage is None or not plan.found:
         raise TaskError(f"plan: there is none. {plan.reason}")
     if not plan.stage.model.moves:
         raise TaskError(f"plan: {PLACES_ONLY}")
-    if not fields_of(plan.scene).uncertain:
-        raise TaskError("task.uncertain: is empty; name what varies")
     chosen, number = moving_rung(plan.stage.model if model is None else model), count("samples", samples, 1)
+    if not fields_of(plan.scene).uncertain:
+        number = 1
     trials = Trials(
         *_in_mode(plan, chosen, plan.mode if mode is None else mode, plan.tol if tol is None else tol),
         seed, threads,
@@ -266,6 +271,9 @@ def _verification(
     trials: Trials, points: Reals, outcome: Ints, margin: Reals, causes: dict[str, int]
 ) -> Verification:
     n, k = len(outcome), int((outcome == Code.GOAL).sum())
+    bounds = bound_below(k, n), 1.0 - bound_below(n - k, n)
+    if not trials.names:
+        bounds = float(k), float(k)
     failed = np.flatnonzero(outcome != Code.GOAL)
     order = failed[np.argsort(np.nan_to_num(margin[failed], nan=-np.inf), kind="stable")]
     worst = tuple(
@@ -275,6 +283,6 @@ def _verification(
     names = Counter(Code(int(code)).name.lower() for code in outcome[failed])
     return Verification(
         plan=trials.plan, model=trials.model.name, tol=trials.tol, samples=n, successes=k,
-        lower=bound_below(k, n), upper=1.0 - bound_below(n - k, n), failures=dict(names), causes=causes,
+        lower=bounds[0], upper=bounds[1], failures=dict(names), causes=causes,
         worst=worst, seed=trials.seed, mode=trials.mode, _points=points,
     )  # fmt: skip

@@ -29,7 +29,7 @@ from rungwise.simulation.planar.samples import (
 )
 from rungwise.simulation.planar.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.reasons import CLOSER, JAM, LOOKS
-from rungwise.simulation.run import LONGEST
+from rungwise.simulation.run import LONGEST, TURN_S
 from rungwise.simulation.state import Memory, digest
 from rungwise.wording import choices, listed
 
@@ -110,7 +110,8 @@ class Crew:
     ) -> Samples:
         """Run every point (m, k), values of `over`; the other arrays are those of `Samples`, and no row of
         one that is not given. The bytes do not depend on threads or `chunk`. `on_progress` is called with the
-        number of runs done. Ctrl-C raises KeyboardInterrupt within one run."""
+        number of runs done, about ten times a second; what it raises ends the runs within one step, as Ctrl-C
+        does."""
         chunk = count("chunk", chunk, 1)
         m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
         inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
@@ -226,9 +227,8 @@ def names_of(scene: Scene | SpaceScene, over: Sequence[str], field: str = "over"
 
 
 def _sizes(waiting: set[Future[int]]) -> Iterator[int]:
-    """Numbers of runs, as chunks end."""
+    """Numbers of runs, as chunks end; 0 where none ends for a while."""
     left = set(waiting)
     while left:
-        done, left = wait(left, timeout=0.1, return_when=FIRST_COMPLETED)
-        for future in done:
-            yield future.result()
+        done, left = wait(left, timeout=TURN_S, return_when=FIRST_COMPLETED)
+        yield sum(future.result() for future in done)

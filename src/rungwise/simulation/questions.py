@@ -126,6 +126,11 @@ class Question:
         self._programs = Programs([term.code for term in self._terms])
         self._scales = np.array([self._place.scale(term.dimension) for term in self._terms])
 
+    @property
+    def parts(self) -> list[list[str]]:
+        """The texts of the comparisons in each part that "and" joins."""
+        return [[self._terms[k].text for k in _leaves(part)] for part in _joined(self._combined)]
+
     def ask(self, states: States) -> Answers:
         """Whether the condition holds at states. Raises StateError for wrong input."""
         return self._answers(self._place.values(states, self._terms))
@@ -307,6 +312,13 @@ def _joined(combined: Combination) -> list[Combination]:
     if isinstance(combined, int) or combined[0] != "and":
         return [combined]
     return [each for inner in combined[1] for each in _joined(inner)]
+
+
+def _leaves(combined: Combination) -> list[int]:
+    """The comparisons of a combination."""
+    if isinstance(combined, int):
+        return [combined]
+    return [leaf for inner in combined[1] for leaf in _leaves(inner)]
 
 
 def _lack(combined: Combination, margins: Reals) -> Reals:

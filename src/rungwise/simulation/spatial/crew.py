@@ -3,8 +3,11 @@ time."""
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, wait
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -18,7 +21,7 @@ from rungwise.simulation.core.march import March
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.spatial.run import TURN_S, SpaceSimulation
 from rungwise.simulation.state import State, digest
 
 FEW = 4
@@ -32,29 +35,50 @@ Made = TypeVar("Made")
 
 
 def spread(
-    function: Callable[[Job, Part], Made], job: Job, parts: Sequence[Part], runs: int, processes: int
-) -> Iterator[Made]:
-    """What the function makes of each part, in their order; `runs`: how many there are in all parts."""
+    function: Callable[[Job, Part], Made], job: Job, parts: Sequence[Part], runs: int, processes: int,
+    look: Callable[[], None] | None = None,
+) -> Iterator[Made]:  # fmt: skip
+    """What the function makes of each part, in their order; `runs`: how many there are in all parts. `look`
+    is called about ten times a second while other processes work, and after each part that this one makes;
+    what it raises ends the wait."""
     if processes == 1 or runs <= FEW:
-        return (function(job, part) for part in parts)
+        return (_seen(function(job, part), look) for part in parts)
     try:
         from loky import get_reusable_executor
     except ImportError:
         raise InputError("threads: more than one process needs loky: pip install 'rungwise[space]'") from None
     pool = get_reusable_executor(max_workers=processes)
-    found: Iterator[Made] = pool.map(function, [job] * len(parts), parts)
-    return found
+    return _gathered([pool.submit(function, job, part) for part in parts], look)
+
+
+def _seen(made: Made, look: Callable[[], None] | None) -> Made:
+    if look is not None:
+        look()
+    return made
+
+
+def _gathered(futures: list[Future[Made]], look: Callable[[], None] | None) -> Iterator[Made]:
+    """What comes of futures, in their order."""
+    try:
+        for future in futures:
+            while look is not None and not wait([future], timeout=TURN_S).done:
+                look()
+            yield _seen(future.result(), look)
+    finally:
+        for future in futures:
+            future.cancel()
 
 
 class Terms(NamedTuple):
-    """What all samples share: scene, rung, options of their runs, most steps of one, and whether the states
-    at the ends of segments are kept."""
+    """What all samples share: scene, rung, options of their runs, most steps of one, whether the states at
+    the ends of segments are kept, and when by the monotonic clock runs have not converged at the latest."""
 
     scene: SpaceScene
     model: Rung
     options: dict[str, Any]
     budget: int
     keeps: bool
+    ends: float = math.inf
 
 
 class Sample(NamedTuple):
@@ -164,7 +188,8 @@ def _ran(terms: Terms, sample: Sample) -> Sampled:
         simulation.take()
         if ends is not None:
             ends.note()
-        if simulation.outcome == Code.RUNNING and simulation.steps - begun >= terms.budget:
+        spent = simulation.steps - begun >= terms.budget or time.monotonic() > terms.ends
+        if simulation.outcome == Code.RUNNING and spent:
             simulation.outcome = Code.NOT_CONVERGED
     return _sampled(simulation, march, solved, worked, ends)
 
