@@ -98,7 +98,7 @@ def plan() -> rw.Plan:
 def test_an_arm_goes_around_a_box_and_pulls_it(plan: rw.Plan) -> None:
     """The box comes nearer: the arm, which begins beside it, has to push from behind."""
     assert plan.found, plan.reason
-    assert set(plan.labels) <= {"transit", "change", "push", "back"}
+    assert set(plan.labels) <= {"transit", "change", "push", "back", "wait"}
     assert plan.labels[0] == "transit"
     assert "push" in plan.labels
     run = plan.replay(frames=4000)

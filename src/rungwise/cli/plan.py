@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rungwise.cli import progress
 from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
@@ -44,7 +45,10 @@ def plan(
     limit: Annotated[
         float | None,
         typer.Option(
-            "--limit", parser=number, metavar="SECONDS", help="Nothing more is tried after this time."
+            "--limit",
+            parser=number,
+            metavar="SECONDS",
+            help="The search ends after this time, wherever it is.",
         ),
     ] = None,
     improve: Annotated[
@@ -80,14 +84,14 @@ def plan(
     for file in (out, table):
         if file is not None:
             writable_file(file)
-    with plain_errors():
+    with plain_errors(), progress.line(as_json or not sys.stderr.isatty()) as told:
         loaded = load_scene(scene)
         found = search(
             loaded, from_=from_, to=to, schedule=_stages(schedule), budget=budget, limit=limit,
             improve=improve, robust=robust, samples=samples, seed=seed, task_seed=task_seed,
             parameters=given_values(loaded, values),
             initial=None if initial is None else load_plan_file(initial),
-            on_progress=None if as_json or not sys.stderr.isatty() else _tell,
+            on_progress=told,
         )  # fmt: skip
     try:
         if out is not None:
@@ -119,7 +123,3 @@ def _accuracy(text: str) -> float:
         return float(text)
     except ValueError:
         refuse(f"schedule: an accuracy must be a number, not {text[:60]!r}")
-
-
-def _tell(line: str) -> None:
-    print(f"rungwise: {line}", file=sys.stderr)

@@ -53,6 +53,18 @@ def counting(name: str, quiet: bool) -> Iterator[Callable[[str, int, int], None]
 
 
 @contextmanager
+def line(quiet: bool) -> Iterator[Callable[[str], None] | None]:
+    """One line on what is done now, which the next one replaces."""
+    if quiet:
+        yield None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as shown:
+        yield lambda text: shown.update(text)
+
+
+@contextmanager
 def bar(name: str, total: int, quiet: bool) -> Iterator[Callable[[int], None] | None]:
     """A bar of runs done over a number of runs that is known."""
     if quiet:

@@ -37,9 +37,10 @@ from rungwise.simulation.options import count
 
 TENTH = 0.1
 """How much finer the replay is that confirms a plan."""
-SHARE, TURNS = 0.4, 3
-"""Part of the steps and of the time left that may be spent on stages of other rungs than the last in one
-turn, and in how many turns all is spent where nothing comes to the last one."""
+SHARE, SLOWLY, COARSELY, TURNS = 0.1, 0.4, 0.5, 3
+"""Parts of the steps and of the time left that may be spent in one turn: on a stage of another rung than the
+last; on all of these where robots push slowly, for then they predict what the last one does; on a coarse
+stage of the last rung; and in how many turns all is spent where nothing comes to the last stage."""
 MENDING = 0.2
 """Part of what is left that a plan which is not confirmed may take to be repaired."""
 UNCONFIRMED = "not confirmed by a replay at a tenth of its accuracy"
@@ -170,7 +171,7 @@ def _better(own: Plan, best: Plan, chosen: Sequence[Stage]) -> Plan:
     def far(plan: Plan) -> tuple[int, bool]:
         if _has_come(plan, chosen[-1]):
             return len(chosen), plan.found
-        return (-1 if plan.stage not in chosen else chosen.index(plan.stage)), plan.found
+        return (-1 if plan.stage not in chosen else chosen.index(plan.stage)), True
 
     return own if far(own) >= far(best) else replace(best, records=own.records)
 
@@ -189,7 +190,7 @@ def _one_turn(
     for stage in chosen if turn == 0 else moving:
         _announce(work, stage, found, tell)
         told = found.found
-        with work.budget.part(_share(stage, moving, turn)):
+        with work.budget.part(_share(work, stage, moving, turn)):
             found = _take_stage(work, found, stage)
         if found.found and found.segments:
             found, failed = _explained(work, found, failed), []
@@ -201,14 +202,15 @@ def _one_turn(
             break
 
 
-def _share(stage: Stage, moving: Sequence[Stage], turn: int) -> float:
+def _share(work: Work, stage: Stage, moving: Sequence[Stage], turn: int) -> float:
     """The part of the steps and of the time left that a stage may take in a turn."""
     if not stage.model.moves:
         return 1.0
     last = moving[-1]
     if stage.model != last.model:
-        return SHARE / sum(each.model != last.model for each in moving)
-    return 1.0 if len(moving) == 1 else 1.0 / max(1 + (stage != last), TURNS + 1 - turn)
+        others = sum(each.model != last.model for each in moving)
+        return max(SHARE, SLOWLY / others) if work.task.is_slow else SHARE
+    return COARSELY if stage != last or (turn < TURNS - 1 and len(moving) > 1) else 1.0
 
 
 def _announce(work: Work, stage: Stage, found: Plan, tell: Callable[[str], None]) -> None:

@@ -77,7 +77,7 @@ def place(work: Work, without: str = "") -> Placed:
     in_time = work.budget.is_in_time
     goals = placing.goals(np.random.default_rng(work.seed), in_time, count=GOALS)
     if not len(goals.places):
-        return Placed(none, NOTHING)
+        return Placed(none, NOTHING if in_time() else f"{NOTHING}; {work.budget.ended}")
     try:
         way = placing.way(goals.places, work.seed, in_time)
     except PlannerMissing:

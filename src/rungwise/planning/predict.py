@@ -35,6 +35,8 @@ GOES_ON = (Code.MISSED, Code.TIMEOUT)
 LONGEST, SHORT, LONGEST_IN_SPACE = 1000, 1e-1, 300
 """Most steps of one move, and the part of the accuracy by which something must be able to move: a search does
 not wait for what goes on more slowly. In space a step takes a hundred times as long."""
+UNBOUNDED = 1_250_000
+"""Steps of which stages take their parts where a search has no bounds."""
 FOLLOWED = (Segment({}, 0.0),)
 """Stands for the schedule of a run that was followed, whichever it was."""
 
@@ -104,11 +106,11 @@ class Budget:
 
     @contextmanager
     def part(self, share: float) -> Iterator[None]:
-        """Allow only this part of the steps and of the time that are left, until the end of the context."""
-        most, ends = self.most, self.ends
-        if most is not None:
-            spent = self.spent.total()
-            self.most = spent + int(share * (most - spent))
+        """Allow only this part of the steps and of the time that are left, until the end of the context; of
+        `UNBOUNDED` steps where neither is bounded, so that all stages have their turns."""
+        most, ends, spent = self.most, self.ends, self.spent.total()
+        if most is not None or ends == math.inf:
+            self.most = spent + int(share * (UNBOUNDED if most is None else most - spent))
         if ends < math.inf:
             self.ends = ends - (1.0 - share) * max(0.0, ends - clock.monotonic())
         try:

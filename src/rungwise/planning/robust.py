@@ -12,7 +12,7 @@ from rungwise.planning.verify import verify
 
 def made_robust(
     plan: Plan, rate: float, samples: int, threads: int | None, tell: Callable[[str], None],
-    look: Callable[[int], None],
+    look: Callable[[int], None] | None = None,
 ) -> Plan:  # fmt: skip
     """The plan with the mode in which the lower bound of its rate of success (95 %) is at least `rate`:
     open loop if that suffices, else with guarded moves, else re-planning; without one, a reason says so.
