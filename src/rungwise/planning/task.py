@@ -92,9 +92,10 @@ class Task:
 
     @property
     def span(self) -> float | None:
-        """How long a run lasts of which moves are parts, where objects coast on after these: an error of
-        their speed counts by how far it leads. None where they do not."""
-        return self.patience if self.slides and self.carriers and not self.is_slow else None
+        """How long a run lasts of which moves are parts, where objects coast on after pushes at given speeds:
+        an error of their speed counts by how far it leads. None where they do not."""
+        coasts = self.slides and self.carriers and not self.is_slow and not self.by_place
+        return self.patience if coasts else None
 
     def moving(self, v: Reals) -> NDArray[np.bool_]:
         """Whether objects move at velocities (m, n_v)."""
