@@ -84,7 +84,7 @@ class Outcome(StrEnum):
         Code.NOT_CONVERGED,
         1,
         "no solver brought the step's residual below tolerance, and no certificate says why",
-        "Use a smaller step; --save-hard DIR keeps the problem for `rungwise solve` and other solvers.",
+        "Try another rung, or a smaller step; --save-hard DIR keeps the problem for `rungwise solve`.",
     )
 
     def __new__(cls, code: Code, exit_code: int, meaning: str, advice: str) -> Outcome:

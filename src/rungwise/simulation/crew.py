@@ -18,10 +18,10 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import compiled
 from rungwise.simulation.options import ModelError, check_options, count, preferences
+from rungwise.simulation.planar.loop import STOPPED
 from rungwise.simulation.planar.samples import (
     OPTIONS,
     RESULT,
-    STOPPED,
     Place,
     Programs,
     Samples,

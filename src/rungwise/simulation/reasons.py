@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import TOLERANCE, ContactProblem, trim
+from rungwise.contact.step import ContactProblem, trim
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.simulation.core.support import without_law
+from rungwise.simulation.hindered import Hindrance
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.leaps import leap_ahead, leap_taken
 from rungwise.simulation.planar.workspace import Workspace
@@ -116,18 +117,14 @@ class Reasons:
 
     def _given_up(self) -> str:
         """Why a step that has neither a solution nor a proof ends the run."""
-        outcome = OUTCOMES[Code.NOT_CONVERGED]
-        residual = float(self.workspace.state.clock[0]["residual"])
-        why = f"residual {residual:.1e}"
-        if residual <= TOLERANCE:
-            why += (
-                ", but the motion opens rigid joints or overlaps bodies, however short: a singular position"
-            )
         leap = None
         if self.model.metric:
             span = max(float(self.control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
             leap = leap_ahead(self.scene, self.bound, self.workspace, self._far(), span)
-        return str(leap or f"{outcome.meaning} ({why}). {outcome.advice}")
+        return str(leap or f"{self._hindrance().why_ended()}. {self._hindrance().advice()}")
+
+    def _hindrance(self) -> Hindrance:
+        return Hindrance(self.scene, self.model, self.bound, self.control, self.workspace.state.clock)
 
     def _far(self) -> float:
         """Least jump of a target that is reported."""
@@ -135,7 +132,10 @@ class Reasons:
 
     def notes(self) -> tuple[str, ...]:
         """Remarks on the run so far (see `simulation.remarks`)."""
-        found = remarks(self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved())
+        found = remarks(
+            self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved(),
+            self._hindrance().why_short(),
+        )  # fmt: skip
         found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
         leap = leap_taken(self.scene, self.bound, self.workspace, self._far())
         found += self._held()

@@ -12,6 +12,8 @@ from rungwise.wording import listed
 
 SHORTENED = 2.0
 """Number of steps over the number asked for from which on a remark is made."""
+ENDED = "limits of travel, inputs or conditions ended them"
+"""Why steps are short where none was refused."""
 FINE, COARSE = 1e-9, 1e-2
 """The goal's tolerance in reaches of the smallest shape: gaps below the first count as rounding where bodies
 touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second, bodies
@@ -22,16 +24,16 @@ impacts is not sure. Chosen by trial."""
 
 
 def remarks(
-    rung: Rung, theta: float, control: RecordArray, clock: RecordArray, size: float
+    rung: Rung, theta: float, control: RecordArray, clock: RecordArray, size: float, short: str
 ) -> tuple[str, ...]:
     """All remarks on a run so far, beside its verdict; add a line here for a new kind.
 
     `control` (1,) holds the options as the run took them, `clock` (1,) how far it has come; `size` is the
-    reach of the smallest body that forces move.
+    reach of the smallest body that forces move, `short` a clause on what kept steps short.
     """
     found = (
         _theta(rung, theta),
-        _step(control, clock),
+        _step(control, clock, short),
         _tolerance(control, clock),
         _error(rung, control, size),
         _jumps(clock),
@@ -67,7 +69,7 @@ def _theta(rung: Rung, theta: float) -> str:
     return f"theta: {theta:g} has no effect on the {rung.name} rung: its steps are fully implicit"
 
 
-def _step(control: RecordArray, clock: RecordArray) -> str:
+def _step(control: RecordArray, clock: RecordArray, short: str) -> str:
     """A step of fixed length that was far too long for the scene."""
     step, duration, steps, time = (
         float(control[0]["step"]),
@@ -81,7 +83,9 @@ def _step(control: RecordArray, clock: RecordArray) -> str:
     if step > duration:
         lines.append(f"{step:g} is longer than the whole run ({duration:g})")
     if steps > SHORTENED * max(1.0, time / min(step, duration)):
-        lines.append(f"{steps} steps were taken, on average of {time / steps:.3g}: shorter where it must be")
+        lines.append(
+            f"{steps} steps were taken, on average of {time / steps:.3g}: {short or 'they had to be'}"
+        )
     return "step: " + "; ".join(lines) if lines else ""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping
 from functools import reduce
@@ -14,7 +15,7 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate
 from rungwise.contact.step import ContactProblem, trim
-from rungwise.kernel import linking_time
+from rungwise.kernel import Ints, linking_time
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -226,10 +227,14 @@ class Simulation:
         """Take steps for about `TURN_S`; returns whether the run goes on."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
-        self._take(0, self.workspace)  # loads the loop before the clock starts
+        signals = np.zeros(1, np.int64)
+        self._take(0, signals, self.workspace)  # loads the loop before the clock starts
+        alarm = threading.Timer(TURN_S, signals.fill, (1,))
         began, waited = time.perf_counter(), linking_time()
-        self.outcome = self._take(self._turn, self.workspace)
+        alarm.start()
+        self.outcome = self._take(self._turn, signals, self.workspace)
         took = time.perf_counter() - began - (linking_time() - waited)
+        alarm.cancel()
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.hard is not None:
@@ -251,7 +256,7 @@ class Simulation:
         if self.outcome == Code.NOT_CONVERGED and last is not None:
             self.reason += f" Here: rungwise solve {last}"
 
-    def _take(self, turns: int, workspace: Workspace) -> Code:
+    def _take(self, turns: int, signals: Ints, workspace: Workspace) -> Code:
         return Code(
             loop.advance(
                 self._bound.records,
@@ -262,6 +267,7 @@ class Simulation:
                 self._control,
                 workspace,
                 turns,
+                signals,
             )
         )
 

@@ -11,6 +11,7 @@ from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
 from rungwise.simulation.planar.balance import is_tiny, leaping, stands, strides
+from rungwise.simulation.planar.blame import blame
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
 from rungwise.simulation.planar.memory import bring_back, remember
@@ -77,7 +78,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     gap_before = clock.least_gap
     widen(records, workspace, 4.0 * h * fastest_pair(records, rung, terms, state, state.v, h))
     contacts = gather(records, workspace)
-    status, least, jumped, first = UNSOLVED, -math.inf, False, True
+    status, least, jumped, first, closed = UNSOLVED, -math.inf, False, True, True
     clock.tried, clock.bend, clock.lost = h, 0.0, 0
     for _ in range(MAX_LINEARISATIONS):
         clock.contacts = contacts
@@ -151,6 +152,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
                 break
         least, first = min(clock.least_gap, 0.0) if fits else clock.least_gap, False
         contacts = _linearise(records, rung, workspace, h)
+    if status != UNSUPPORTED:
+        blame(status in (ABSORBED, SUDDEN, PASSED, COARSE), not closed, contacts, workspace)
     bring_back(records, workspace, workspace.before)
     clock.least_gap = gap_before
     if status in (ABSORBED, SUDDEN, PASSED, COARSE):

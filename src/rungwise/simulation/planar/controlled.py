@@ -13,6 +13,7 @@ from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kerne
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.balance import snaps
+from rungwise.simulation.planar.blame import MEETING, vote
 from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed
@@ -69,7 +70,10 @@ def controlled_step(
         following = h if begins else following
         keep(workspace, workspace.kept)
     elif clock.bounces:
-        h, _ = until_contact(records, rung, workspace, h, 0.0, 0.0, SOON, math.inf)
+        length, _ = until_contact(records, rung, workspace, h, 0.0, 0.0, SOON, math.inf)
+        if length < h:
+            vote(MEETING, clock.meets, state)
+        h = length
     shortest = SOON * control[0].step
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
@@ -219,6 +223,7 @@ def until_contact(
         if terms.gap[k] > max(closed, terms.rounding[0]):
             if rate * h < -terms.gap[k] < soon * rate * h:
                 h = SHORT_OF * terms.gap[k] / -rate
+                state.clock[0].meets = workspace.scratch.slots[k]
         elif ease > 0.0 and rate < 0.0 and terms.deformation[2 * k] == 0.0:
             h, begins = min(h, ONSET / math.sqrt(ease)), True
         elif rung[0].inertia > 0.0 and not rung[0].compliant and -rate * h > max(closed, terms.rounding[0]):

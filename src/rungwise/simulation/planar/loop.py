@@ -15,9 +15,10 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
+from rungwise.simulation.planar.blame import crawls
 from rungwise.simulation.planar.controlled import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.frames import record
@@ -56,6 +57,8 @@ from rungwise.system.planar.place import place
 from rungwise.system.planar.seams import find_seams, piece_reach
 from rungwise.system.terms import APART, METRIC
 
+STOPPED = 0
+"""Place, among the signals, of the signal to stop."""
 MAX_HALVINGS = 60
 STALLS, NOWHERE = 10, 0.2
 """After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
@@ -151,8 +154,10 @@ def advance(
     control: RecordArray,
     workspace: Workspace,
     turns: int,
+    signals: Ints,
 ) -> int:
-    """Take at most `turns` steps; returns the outcome, RUNNING if the run has not ended.
+    """Take at most `turns` steps, until signalled to stop; returns the outcome, RUNNING if the run has not
+    ended.
 
     `inputs` holds the numbers that vary in time, `conditions` the programs of the scene's conditions.
     """
@@ -162,7 +167,7 @@ def advance(
         clock.outcome = first_verdict(inputs, conditions, buffer, control, workspace)
         record(records, rung, workspace, True)
     for _ in range(turns):
-        if clock.outcome != RUNNING:
+        if clock.outcome != RUNNING or signals[STOPPED] != 0:
             break
         clock.outcome = run_step(records, inputs, conditions, buffer, rung, control, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
@@ -244,6 +249,8 @@ def run_step(
                 return verdict
             if switch_inputs(inputs, buffer, h, workspace):
                 return TIMEOUT
+            if crawls(control, state):
+                return NOT_CONVERGED
             return spent(records, control, workspace, moving, inputs)
         if status == LEFT_UNSUPPORTED:
             if h <= control[0].step:

@@ -21,11 +21,15 @@ def keep(workspace: Workspace, kept: Snapshot) -> None:
 
 @kernel
 def restore(records: Records, workspace: Workspace) -> None:
-    """Restore the kept state, but for the counts of attempts and of problems solved."""
+    """Restore the kept state, but for the counts of attempts and of problems solved, and for votes on what
+    keeps steps short."""
     state, kept = workspace.state, workspace.kept
-    attempts, solves = state.clock[0].attempts, state.clock[0].solves
+    clock = state.clock[0]
+    attempts, solves = clock.attempts, clock.solves
+    blamed, votes, refusal = clock.blamed, clock.votes, clock.refusal
     state.clock[0] = kept.clock[0]
-    state.clock[0].attempts, state.clock[0].solves = attempts, solves
+    clock.attempts, clock.solves = attempts, solves
+    clock.blamed, clock.votes, clock.refusal = blamed, votes, refusal
     copy(kept.v, state.v)
     copy(kept.force, state.force)
     copy(kept.impulse, state.impulse)

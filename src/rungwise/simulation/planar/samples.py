@@ -12,7 +12,7 @@ from rungwise.scene.records import Records
 from rungwise.scene.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs
-from rungwise.simulation.planar.loop import begin, first_verdict, run_step
+from rungwise.simulation.planar.loop import STOPPED, begin, first_verdict, run_step
 from rungwise.simulation.planar.memory import clear, go_on
 from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
 from rungwise.simulation.planar.workspace import Conditions, Workspace
@@ -26,9 +26,6 @@ OPTIONS = record_type("", "step duration tol longest jam budget span")
 """nan: the scene's own step or duration. tol 0: fixed steps; longest: how often it goes into the span, which
 is the run's own duration where it is nan; jam: in parts of the goal's tolerance; budget: greatest number of
 steps of a run."""
-
-STOPPED = 0
-"""Place, among the signals, of the signal to stop."""
 
 
 class Programs(Block):

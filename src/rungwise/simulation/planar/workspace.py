@@ -32,11 +32,11 @@ ROUNDING = 1e-12
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " centred lost stalled snapped",
+    " centred lost stalled snapped marked blamed votes refusal meets",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
-    " leapt leaping",
+    " leapt leaping mark",
 )
 """Fields beside the fields of the core: `chooses`: whether some motion is preferred; `bounces`: whether some
 contact may bounce. `taken` is the last step's length, `next` the length to try next; `reach` is the longest
@@ -52,7 +52,9 @@ with the rows at its start and two of half its length would have made of it (see
 that a contact of the last step is no more at its end, and that rows are those of the start. `stalled` counts
 the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `planar.balance`)."""
+`snapped` says that such a motion ended the run (see `planar.balance`). At `mark`,
+with the attempt `marked`, the last nominal step began; `blamed` keeps most steps short, by `votes`, `refusal`
+the last one, and `meets` is the slot of the contact that ended one (see `planar.blame`)."""
 
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
 """ends: whether the run ends with its schedule; step: first step; longest: longest step (the same for fixed
