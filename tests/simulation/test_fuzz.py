@@ -75,8 +75,7 @@ def test_changed_numbers(name: str, data: st.DataObject) -> None:
     except (rw.SceneError, ModelError) as error:
         assert str(error).isprintable() and 0 < len(str(error)) < 1000
         return
-    simulation._turn = 5
-    simulation.advance()
+    simulation.advance(5)
     run = simulation.result()
     summary = json.loads(json_text(run.summary()))
     assert summary["outcome"] in {str(outcome) for outcome in rw.OUTCOMES.values()}

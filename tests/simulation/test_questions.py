@@ -56,8 +56,7 @@ def test_gaps_at_states_are_the_gaps_of_the_run(model: rw.Rung) -> None:
     for name in ("four_finger", "blocks", "two_link"):
         scene = rw.load(name)
         simulation = rw.Simulation(scene, model, stride=1, frames=100)
-        simulation._turn = 60
-        simulation.advance()
+        simulation.advance(60)
         run = simulation.result()
         gaps, states = run.trajectory.gap.values, run.states
         near = gaps < 1e-3

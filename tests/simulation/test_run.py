@@ -193,8 +193,7 @@ def test_demands_that_numbers_cannot_meet(model: rw.Rung, option: str, tiny: flo
     """
     for scene in ("two_finger", "slide_roll", "blocks"):
         simulation = Simulation(scene, model, **{option: tiny})  # type: ignore[arg-type]
-        simulation._turn = 30
-        simulation.advance()
+        simulation.advance(30)
         run = simulation.result()
         assert ("(residual " in run.reason) == (run.outcome.name == "not_converged")
         if scene == "two_finger" and option == "tol":
@@ -374,9 +373,7 @@ def test_small_turns_change_nothing(model: rw.Rung, options: dict[str, float]) -
     whole = rw.simulate("two_finger", model, parameters=parameters, frames=50, **options)
     simulation = Simulation("two_finger", model, parameters=parameters, frames=50, **options)
     turns = 0
-    simulation._turn = 2
-    while simulation.advance():
-        simulation._turn = 2
+    while simulation.advance(2):
         turns += 1
     parts = simulation.result()
     assert turns >= whole.steps // 2 - 1 > 2

@@ -38,8 +38,7 @@ def recalled(run: rw.Run) -> dict[str, Any]:
 def taken(scene: rw.Scene, model: rw.Rung, steps: int, **options: Any) -> rw.Run:
     """The first steps of a run, each of them a frame."""
     simulation = rw.Simulation(scene, model, stride=1, frames=STEPS + 2, **options)
-    simulation._turn = steps
-    simulation.advance()
+    simulation.advance(steps)
     return simulation.result()
 
 

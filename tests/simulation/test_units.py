@@ -40,8 +40,7 @@ def taken(
     there = rw.load(scaled(scene, units))
     allowed = None if tol is None else tol * units.length
     simulation = Simulation(there, model, tol=allowed, stride=1, frames=turns + 2, **options)
-    simulation._turn = turns
-    simulation.advance()
+    simulation.advance(turns)
     return simulation.result()
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from rungwise.contact.step import TOLERANCE
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.simulation.planar.blame import (
@@ -31,6 +32,7 @@ LONGER = {
 NONE = {
     OVERLAPPING: "each step, however short, would overlap bodies {at}: a singular position",
     TORN: "each step, however short, would open a rigid joint: a singular position",
+    MISSING: "each step, however short, would miss how contact changes {at}",
 }
 """Why no step can be taken, by cause."""
 LEADING_ON = {
@@ -57,16 +59,20 @@ class Hindrance:
         """What most steps were shorter for, or else the last, as a clause; empty where no step was."""
         return self._clause("blamed" if self.clock[0]["votes"] > 0 else "refusal", LONGER)
 
-    def why_ended(self) -> str:
-        """What a run lacks whose last step has neither a solution nor a proof, or whose steps led nowhere."""
+    def why_ended(self, code: Code) -> str:
+        """What a run lacks whose last step has neither a solution nor a proof, or whose steps led nowhere;
+        `code` is what the loop took it for."""
         clock, step = self.clock[0], float(self.control[0]["step"])
-        count, span = int(clock["attempts"] - clock["marked"]), float(clock["time"] - clock["mark"])
+        count, span = int(clock["crowd"]), float(clock["time"] - clock["mark"])
         if count > PATIENCE * max(span / step, LEAST):
             short = self.why_short()
             because = f": {short}" if short else ""
             return f"{count} attempts at steps led on by {span:.3g}, not by the one step of {step:g}{because}"
         why = self._clause("refusal", NONE) if clock["residual"] <= TOLERANCE else ""
-        why = why or f"no step, however short, has a solution {self._at('refusal')}".strip()
+        if code == Code.UNSUPPORTED:
+            why = "forces do not balance without inertia, and no certificate says why"
+        elif not why:
+            why = f"no step, however short, has a solution {self._at('refusal')}".strip()
         return f"{why} (residual {clock['residual']:.1e})"
 
     def advice(self) -> str:
@@ -75,7 +81,7 @@ class Hindrance:
         lines = ["A larger --tol may do." if controlled else "A smaller --step, or --tol, may do."]
         if self.model.name in LEADING_ON:
             leading = LEADING_ON[self.model.name]
-            lines = [f"Where a shorter step changes nothing, as where bodies are wedged, {leading}."]
+            lines.append(f"Where that changes nothing, as where bodies are wedged, {leading}.")
         bounces = contact is not None and self.bound.records.contacts[contact]["restitution"] > 0.0
         if bounces and self.model.name == "dynamic-rigid":
             lines.append("With restitution 0 nothing bounces there.")

@@ -76,7 +76,7 @@ class Reasons:
         elif code == Code.UNSUPPORTED:
             certificate = certify_unsupported(problem, self.resisting())
         if certificate is None:
-            return Ended(Code.NOT_CONVERGED, self._given_up(), None, problem)
+            return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem)
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
         return Ended(code, reason, certificate, problem)
 
@@ -115,13 +115,13 @@ class Reasons:
             " Use a dynamic rung, or damp the motion."
         )
 
-    def _given_up(self) -> str:
+    def _given_up(self, code: Code) -> str:
         """Why a step that has neither a solution nor a proof ends the run."""
         leap = None
         if self.model.metric:
             span = max(float(self.control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
             leap = leap_ahead(self.scene, self.bound, self.workspace, self._far(), span)
-        return str(leap or f"{self._hindrance().why_ended()}. {self._hindrance().advice()}")
+        return str(leap or f"{self._hindrance().why_ended(code)}. {self._hindrance().advice()}")
 
     def _hindrance(self) -> Hindrance:
         return Hindrance(self.scene, self.model, self.bound, self.control, self.workspace.state.clock)

@@ -223,18 +223,21 @@ class Simulation:
         """Simulated time over duration, 0..1."""
         return 1.0 if self.outcome != Code.RUNNING else self.time / float(self._control[0]["duration"])
 
-    def advance(self) -> bool:
-        """Take steps for about `TURN_S`; returns whether the run goes on."""
+    def advance(self, steps: int | None = None) -> bool:
+        """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
         signals = np.zeros(1, np.int64)
         self._take(0, signals, self.workspace)  # loads the loop before the clock starts
-        alarm = threading.Timer(TURN_S, signals.fill, (1,))
         began, waited = time.perf_counter(), linking_time()
-        alarm.start()
-        self.outcome = self._take(self._turn, signals, self.workspace)
+        if steps is None:
+            alarm = threading.Timer(TURN_S, signals.fill, (1,))
+            alarm.start()
+            self.outcome = self._take(self._turn, signals, self.workspace)
+            alarm.cancel()
+        else:
+            self.outcome = self._take(steps, signals, self.workspace)
         took = time.perf_counter() - began - (linking_time() - waited)
-        alarm.cancel()
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.hard is not None:
@@ -338,7 +341,7 @@ def simulate(
     """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
     scene in space a `SpaceRun`.
 
-    `on_progress` is called about ten times a second. Ctrl-C raises KeyboardInterrupt within the same time.
+    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt within the same time.
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,

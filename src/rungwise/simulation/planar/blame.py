@@ -29,9 +29,8 @@ def crawls(control: RecordArray, state: State) -> bool:
     attempts that the run would not end."""
     clock = state.clock[0]
     if clock.time - clock.mark >= control[0].step:
-        clock.mark, clock.marked = clock.time, clock.attempts
-    part = max((clock.time - clock.mark) / control[0].step, LEAST)
-    return bool(clock.attempts - clock.marked > PATIENCE * part)
+        clock.mark, clock.crowd = clock.time, 0
+    return bool(clock.crowd > PATIENCE * max((clock.time - clock.mark) / control[0].step, LEAST))
 
 
 @rare_kernel

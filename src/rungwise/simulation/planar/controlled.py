@@ -88,6 +88,7 @@ def controlled_step(
         if workspace.scratch.undefined[0] < 0:
             status = attempt(records, rung, workspace, length, shortest)
             clock.attempts += 1
+            clock.crowd += 1
         if status != TAKEN:
             bent, following = clock.bend > allowed > 0.0, 0.5 * h
             if bent:

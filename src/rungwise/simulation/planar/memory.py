@@ -25,10 +25,10 @@ def restore(records: Records, workspace: Workspace) -> None:
     keeps steps short."""
     state, kept = workspace.state, workspace.kept
     clock = state.clock[0]
-    attempts, solves = clock.attempts, clock.solves
+    attempts, solves, crowd = clock.attempts, clock.solves, clock.crowd
     blamed, votes, refusal = clock.blamed, clock.votes, clock.refusal
     state.clock[0] = kept.clock[0]
-    clock.attempts, clock.solves = attempts, solves
+    clock.attempts, clock.solves, clock.crowd = attempts, solves, crowd
     clock.blamed, clock.votes, clock.refusal = blamed, votes, refusal
     copy(kept.v, state.v)
     copy(kept.force, state.force)

@@ -32,7 +32,7 @@ ROUNDING = 1e-12
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"
-    " centred lost stalled snapped marked blamed votes refusal meets",
+    " centred lost stalled snapped crowd blamed votes refusal meets",
     core.TIMES
     + " taken next margin extent near least_gap worst_residual reach smallest thin gained leap leap_time"
     " leap_step jump_time shake stray stray_time stray_step opened switched switch bend"
@@ -52,8 +52,8 @@ with the rows at its start and two of half its length would have made of it (see
 that a contact of the last step is no more at its end, and that rows are those of the start. `stalled` counts
 the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `planar.balance`). At `mark`,
-with the attempt `marked`, the last nominal step began; `blamed` keeps most steps short, by `votes`, `refusal`
+`snapped` says that such a motion ended the run (see `planar.balance`). At `mark`
+the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
 the last one, and `meets` is the slot of the contact that ended one (see `planar.blame`)."""
 
 CONTROL = record_type("ends", "step longest duration tolerance error jam")
