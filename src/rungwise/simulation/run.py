@@ -341,7 +341,8 @@ def simulate(
     """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
     scene in space a `SpaceRun`.
 
-    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt within the same time.
+    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
+    within the same time.
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
