@@ -144,9 +144,11 @@ class Reasons:
     def _held(self) -> tuple[str, ...]:
         """A remark where bodies were held though another motion solved the step as well, with this motion."""
         *other, time = self.workspace.scratch.other.tolist()
+        if time < 0.0:
+            return ()
         pace = self.bound.records.coordinates["lever"] * np.array(other)
         fastest = float(np.abs(pace).max(initial=0.0))
-        if time < 0.0 or fastest == 0.0:
+        if fastest == 0.0:
             return ()
         names = self.scene.template.coordinates
         motion = [
