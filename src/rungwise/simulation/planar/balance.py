@@ -29,6 +29,8 @@ from rungwise.system.terms import Terms
 
 LEAST = 1e-2
 """Displacement in a step, over the smallest shape's reach, from which on it may be a leap."""
+STRIDE = 0.1
+"""Displacement in the same unit, from which on a step is shortened: it takes faces as flat."""
 DRIVEN = 2.0
 """Displacement over the farthest of a driven coordinate, from which on it may be a leap."""
 TINY = 1e-6
@@ -37,8 +39,11 @@ LEFT = 10.0 * LIMIT
 """Part of the load and of the resistance that inertia may make up where it does not bound the motion."""
 HEAVIER = 10.0
 """Factor on the inertia of a limit that changes a motion if nothing else bounds it."""
-SHORTER = 1.0 / 16.0
-"""Part of a step in which what vanishes with the step moves less than half as far."""
+SHORTER, SUDDEN = 1.0 / 16.0, 2.0**-12
+"""Parts of a step, and of a tiny one, in which what vanishes with the step moves less than half as far: a
+load that jumps somewhere in a tiny step hardly does so in this part."""
+SETTLING = 5e-3
+"""Time after a change of inputs, over twice the nominal step, in which what moves may still settle."""
 
 
 @kernel
@@ -110,30 +115,42 @@ def leaping(records: Records, rung: RecordArray, h: float, workspace: Workspace)
 def snaps(
     records: Records, inputs: Inputs, buffer: Reals, rung: RecordArray, workspace: Workspace, h: float
 ) -> bool:
-    """Whether bodies that moved far in the last step would do so again in a small part of it, or of the step
-    of length h: then the motion does not vanish with the step. Inputs that begin with this step explain it.
-    """
-    clock = workspace.state.clock[0]
-    if clock.leapt == 0.0 or clock.time <= clock.switched:
+    """Whether bodies move on in a small part of a step of length h by what does not vanish with it: by half
+    as far as in the last step, where they moved far, or if the step is tiny by what counts as far. Inputs
+    that begin with this step explain it, and what settles after them."""
+    clock, terms = workspace.state.clock[0], workspace.terms
+    tiny = is_tiny(h, terms) and clock.time - clock.switched > SETTLING * terms.pause[0]
+    without_momentum = rung[0].inertia == 0.0 and rung[0].loads and not clock.chooses
+    if not without_momentum or not (tiny or clock.leapt > 0.0) or clock.time <= clock.switched:
         return False
-    part, _ = set_speeds(records, inputs, buffer, rung, workspace, SHORTER * min(h, clock.taken))
+    far = _seen(h, workspace) if tiny else 0.5 * clock.leapt
+    part = (SUDDEN if tiny else SHORTER) * min(h, clock.taken)
+    part, _ = set_speeds(records, inputs, buffer, rung, workspace, part)
     if workspace.scratch.undefined[0] >= 0:
         return False
     begin_step(records, rung, workspace, part)
     clock.contacts = gather(records, workspace)
     supported = _solve(rung, part, workspace) == SUPPORTED
-    moved, _ = _displacement(records, part, workspace)
-    return supported and moved >= 0.5 * clock.leapt
+    moved, driven = _displacement(records, part, workspace)
+    return supported and moved >= max(far, DRIVEN * driven)
 
 
 @inner_kernel
 def _seen(h: float, workspace: Workspace) -> float:
     """Displacement from which on a step is looked at: a part of the smallest shape; under error control,
     where displacements that do not vanish make steps ever shorter, the error allowed in a tiny step."""
-    allowed = workspace.terms.low[0]
+    allowed, tiny = workspace.terms.low[0], is_tiny(h, workspace.terms)
     if math.isinf(allowed):
-        return float(LEAST * workspace.state.clock[0].smallest)
-    return float(allowed if is_tiny(h, workspace.terms) else math.inf)
+        return float((STRIDE if tiny else LEAST) * workspace.state.clock[0].smallest)
+    return float(allowed if tiny else math.inf)
+
+
+@inner_kernel
+def is_coarse(h: float, workspace: Workspace) -> bool:
+    """Whether a step of fixed length, in which bodies move far, is to be shortened: it is not tiny, and no
+    inputs begin with it."""
+    clock, terms = workspace.state.clock[0], workspace.terms
+    return bool(math.isinf(terms.low[0]) and not is_tiny(h, terms) and clock.time > clock.switched)
 
 
 @inner_kernel

@@ -12,7 +12,7 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import Records
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
-from rungwise.simulation.planar.balance import snaps
+from rungwise.simulation.planar.balance import is_tiny, snaps
 from rungwise.simulation.planar.blame import MEETING, vote
 from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
@@ -77,7 +77,7 @@ def controlled_step(
     shortest = SOON * control[0].step
     for part in range(parts):
         length = h if part == 0 else 0.5 * h
-        probed = clock.leapt > 0.0
+        probed = clock.leapt > 0.0 or is_tiny(length, workspace.terms)
         if probed and snaps(records, inputs, buffer, rung, workspace, length):
             if part > 0:
                 restore(records, workspace)
