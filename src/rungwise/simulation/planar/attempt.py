@@ -10,7 +10,7 @@ from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
-from rungwise.simulation.planar.balance import STRIDE, is_coarse, is_tiny, leaping, stands, strides
+from rungwise.simulation.planar.balance import is_coarse, is_tiny, leaping, stands, strides
 from rungwise.simulation.planar.blame import blame
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
@@ -102,7 +102,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             if strides(rung, h, contacts, workspace) and not stands(records, rung, h, shortest, workspace):
                 status = COARSE if h > shortest else UNSUPPORTED
                 break
-            if clock.leaping > STRIDE * clock.smallest and is_coarse(h, workspace):
+            if clock.leaping > 0.0 and is_coarse(records, rung, h, workspace):
                 status = COARSE
                 break
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):

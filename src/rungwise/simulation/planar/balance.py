@@ -42,7 +42,7 @@ HEAVIER = 10.0
 SHORTER, SUDDEN = 1.0 / 16.0, 2.0**-12
 """Parts of a step, and of a tiny one, in which what vanishes with the step moves less than half as far: a
 load that jumps somewhere in a tiny step hardly does so in this part."""
-SETTLING = 5e-3
+SETTLING = 2.0
 """Time after a change of inputs, over twice the nominal step, in which what moves may still settle."""
 
 
@@ -119,7 +119,7 @@ def snaps(
     as far as in the last step, where they moved far, or if the step is tiny by what counts as far. Inputs
     that begin with this step explain it, and what settles after them."""
     clock, terms = workspace.state.clock[0], workspace.terms
-    tiny = is_tiny(h, terms) and clock.time - clock.switched > SETTLING * terms.pause[0]
+    tiny = is_tiny(h, terms) and not _settles(workspace)
     without_momentum = rung[0].inertia == 0.0 and rung[0].loads and not clock.chooses
     if not without_momentum or not (tiny or clock.leapt > 0.0) or clock.time <= clock.switched:
         return False
@@ -132,7 +132,7 @@ def snaps(
     clock.contacts = gather(records, workspace)
     supported = _solve(rung, part, workspace) == SUPPORTED
     moved, driven = _displacement(records, part, workspace)
-    return supported and moved >= max(far, DRIVEN * driven)
+    return supported and moved >= max(far, DRIVEN * driven) and _is_thrown(workspace)
 
 
 @inner_kernel
@@ -145,12 +145,46 @@ def _seen(h: float, workspace: Workspace) -> float:
     return float(allowed if tiny else math.inf)
 
 
-@inner_kernel
-def is_coarse(h: float, workspace: Workspace) -> bool:
-    """Whether a step of fixed length, in which bodies move far, is to be shortened: it is not tiny, and no
-    inputs begin with it."""
+@kernel
+def is_coarse(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
+    """Whether a step of fixed length is to be shortened, because bodies move far in it by what may not vanish
+    with it: it is not tiny, and nothing settles after a change of inputs. The solution is left as it was."""
     clock, terms = workspace.state.clock[0], workspace.terms
-    return bool(math.isinf(terms.low[0]) and not is_tiny(h, terms) and clock.time > clock.switched)
+    far = math.isinf(terms.low[0]) and clock.leaping > STRIDE * clock.smallest
+    return (
+        far
+        and not is_tiny(h, terms)
+        and not _settles(workspace)
+        and not _vanishes(records, rung, h, workspace)
+    )
+
+
+@rare_kernel
+def _vanishes(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
+    """Whether a far shorter step under the same loads moves bodies less than half as far."""
+    supported = _solve(rung, SHORTER * h, workspace) == SUPPORTED
+    moved, _ = _displacement(records, SHORTER * h, workspace)
+    _solve(rung, h, workspace)
+    return supported and moved < 0.5 * workspace.state.clock[0].leaping
+
+
+@inner_kernel
+def _settles(workspace: Workspace) -> bool:
+    """Whether inputs changed so short a time ago that bodies may still be on their way to balance."""
+    clock = workspace.state.clock[0]
+    return bool(clock.time - clock.switched <= SETTLING * workspace.terms.pause[0])
+
+
+@kernel
+def _is_thrown(workspace: Workspace) -> bool:
+    """Whether loads, springs among them, drive the motion just solved, or contacts that yielded before."""
+    state, terms, power = workspace.state, workspace.terms, 0.0
+    for i in range(state.q.shape[0]):
+        power += terms.load[i] * workspace.scratch.v_new[i]
+    thrown = power > 0.0
+    for k in range(state.clock[0].contacts):
+        thrown |= terms.deformation[2 * k] > 0.0
+    return thrown
 
 
 @inner_kernel
