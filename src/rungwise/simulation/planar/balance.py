@@ -161,11 +161,11 @@ def is_coarse(records: Records, rung: RecordArray, h: float, workspace: Workspac
 
 @rare_kernel
 def _vanishes(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
-    """Whether a far shorter step under the same loads moves bodies less than half as far."""
-    supported = _solve(rung, SHORTER * h, workspace) == SUPPORTED
-    moved, _ = _displacement(records, SHORTER * h, workspace)
+    """Whether a tiny step under the same loads moves bodies hardly at all."""
+    supported = _solve(rung, SUDDEN * h, workspace) == SUPPORTED
+    moved, _ = _displacement(records, SUDDEN * h, workspace)
     _solve(rung, h, workspace)
-    return supported and moved < 0.5 * workspace.state.clock[0].leaping
+    return supported and moved < 0.5 * STRIDE * workspace.state.clock[0].smallest
 
 
 @inner_kernel
@@ -175,12 +175,15 @@ def _settles(workspace: Workspace) -> bool:
     return bool(clock.time - clock.switched <= SETTLING * workspace.terms.pause[0])
 
 
-@kernel
+@rare_kernel
 def _is_thrown(workspace: Workspace) -> bool:
-    """Whether loads, springs among them, drive the motion just solved, or contacts that yielded before."""
-    state, terms, power = workspace.state, workspace.terms, 0.0
+    """Whether loads or springs drive the motion just solved, or contacts that yielded before."""
+    state, terms, scratch, power = workspace.state, workspace.terms, workspace.scratch, 0.0
     for i in range(state.q.shape[0]):
-        power += terms.load[i] * workspace.scratch.v_new[i]
+        power += terms.load[i] * scratch.v_new[i]
+    for r in range(state.clock[0].limited):
+        if 0.0 < terms.gains[r, 0] < math.inf:
+            power += scratch.limited_force[r] * carried(terms.limited, r, scratch.v_new)
     thrown = power > 0.0
     for k in range(state.clock[0].contacts):
         thrown |= terms.deformation[2 * k] > 0.0
