@@ -39,7 +39,7 @@ def test_a_limit_holds_in_the_replay_that_confirms(monkeypatch: pytest.MonkeyPat
     """A plan that was found is returned, with a reason that it is not confirmed."""
     rw.plan(push(0), task_seed=0)
     monkeypatch.setattr(climb, "TENTH", 1e-10)
-    plan, late, told = timed(push(0), 6.0, task_seed=0)
+    plan, late, told = timed(push(0), 20.0, task_seed=0)
     assert not plan.found and climb.UNCONFIRMED in plan.reason and "the time is over" in plan.reason
     assert plan.segments and late < LATE
     assert np.median(np.diff(told)) < 0.4
