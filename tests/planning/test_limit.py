@@ -38,8 +38,9 @@ def test_a_limit_holds_in_a_search_without_budget() -> None:
 def test_a_limit_holds_in_the_replay_that_confirms(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan that was found is returned, with a reason that it is not confirmed."""
     rw.plan(push(0), task_seed=0)
-    monkeypatch.setattr(climb, "TENTH", 1e-10)
-    plan, late, told = timed(push(0), 20.0, task_seed=0)
+    _, taken, _ = timed(push(0), 60.0, task_seed=0)
+    monkeypatch.setattr(climb, "TENTH", 1e-7)  # replays for about four times as long as plans are sought
+    plan, late, told = timed(push(0), 2.5 * (taken + 60.0), task_seed=0)
     assert not plan.found and climb.UNCONFIRMED in plan.reason and "the time is over" in plan.reason
     assert plan.segments and late < LATE
     assert np.median(np.diff(told)) < 0.4
