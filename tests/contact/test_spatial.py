@@ -31,12 +31,15 @@ class Answer(NamedTuple):
     mode: NDArray[np.int64]
 
 
-def solve(p: ContactProblem, force: Array | None = None, tau: Array | None = None) -> Answer:
-    """The answer, whose residual is the judge's; without a solution it is zero."""
+def solve(
+    p: ContactProblem, force: Array | None = None, tau: Array | None = None, v: Array | None = None
+) -> Answer:
+    """The answer, whose residual is the judge's; without a solution it is zero. From these forces and
+    velocities."""
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
     force = np.zeros(len(p.w)) if force is None else force.copy()
     tau = np.zeros(limited) if tau is None else tau.copy()
-    mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan)
+    mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan) if v is None else v.copy()
     status, found, stage = solve_spatial(p, n, contacts, limited, mode, v, force, tau)
     if status == SOLVED:
         assert found == residual_in_space(p, n, contacts, limited, v, force, tau) <= TOLERANCE
@@ -159,6 +162,27 @@ def test_a_ball_slides_and_then_rolls() -> None:
     rolling = solve(ball(3, 0.3, np.array([1.0, 0, 0, 0, 1.0, 0])))
     np.testing.assert_allclose(rolling.force, [G, 0.0, 0.0], rtol=1e-8, atol=1e-7)
     np.testing.assert_allclose(rolling.v, [1.0, 0, 0, 0, 1.0, 0], atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_what_rolls_however_slowly_rolls_on_by_the_forces_of_the_last_step(seed: int) -> None:
+    """Beside a ball that flies, whose motion is known to rounding; no iteration is spent."""
+    rng = np.random.default_rng(seed)
+    speed = 10.0 ** rng.uniform(-11.0, 1.0)
+    v = speed * np.array([1.0, 0, 0, 0, 1.0, 0])
+    old = np.array([G, 0.0, 0.0]) * (1.0 + rng.uniform(-1e-11, 1e-11))
+    rolling = solve(ball(3, 0.3, v), old, v=v)
+    assert rolling.status == SOLVED and rolling.stage == GUESS
+    np.testing.assert_array_equal(rolling.v, v)
+    one, both = ball(3, 0.3, v), allocate_problem(12, 1, 0, 3)
+    flies = rng.normal(size=6)
+    both.H[:6, :6] = both.H[6:, 6:] = one.H
+    both.c[:] = np.concatenate([one.c, one.H @ (flies * (1.0 + 1e-10))])
+    both.W[:, :6], both.w[:], both.mu[:] = one.W, one.w, one.mu
+    together = solve(both, old, v=np.concatenate([v, flies]))
+    assert together.status == SOLVED
+    np.testing.assert_allclose(together.v[6:], flies * (1.0 + 1e-10), rtol=1e-14)
+    np.testing.assert_array_equal(together.v[:6], v)
 
 
 def test_friction_and_torsion_share_one_cone() -> None:

@@ -62,16 +62,21 @@ def solve_spatial(
     force: Reals,
     tau: Reals,
 ) -> tuple[int, float, int]:
-    """Solve, starting from `force` and `tau`, into these, v and the modes, where a contact that slips is
-    FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and velocities
-    are zero, and the residual is the least that was found."""
+    """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that slips
+    is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
+    velocities are zero, and the residual is the least that was found."""
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
+    going = v[:n].copy()
     v[:n] = 0.0
-    error = residual_in_space(p, n, contacts, limited, v, force, tau)
-    if error <= _MARGIN * TOLERANCE:  # what rested goes on resting: nothing need be sorted
-        _tell_modes(p, n, contacts, limited, v, force, tau, mode)
-        return SOLVED, error, GUESS
+    # What rested goes on resting, and what moved steadily moves on so: nothing need be sorted.
+    for turn in range(2 if _all_touch(p, n, contacts * d, limited) else 1):
+        if turn == 1:
+            v[:n] = going
+        error = residual_in_space(p, n, contacts, limited, v, force, tau)
+        if error <= _MARGIN * TOLERANCE:
+            _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+            return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
         np.empty(n, np.int64), np.empty(n),
@@ -102,6 +107,9 @@ def solve_spatial(
         np.empty((count, d, 2 * d)), np.zeros(rows),
     )  # fmt: skip
     _take_start(groups, contacts, d, force, tau, point.x)
+    for i in range(n):
+        v[i] = going[bodies.place[i]] / bodies.unit[i]
+    going[:] = v[:n]
     worst = GUESS
     for polishes in (False, True):
         low, first = 0, 0
@@ -113,7 +121,9 @@ def solve_spatial(
             else:
                 worst = max(
                     worst,
-                    _solve_island(bodies, groups, span, p.quantum[0], demand, answers, points, duals, steps),
+                    _solve_island(
+                        bodies, groups, span, p.quantum[0], demand, going, answers, points, duals, steps
+                    ),
                 )
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
@@ -133,6 +143,23 @@ def solve_spatial(
     return status, error, worst
 
 
+@inner_kernel
+def _all_touch(p: ContactProblem, n: int, rows: int, limited: int) -> bool:
+    """Whether each coordinate has a part in a contact or limited row: motion of what touches nothing is known
+    to rounding."""
+    for i in range(n):
+        touches = False
+        for r in range(rows):
+            if p.W[r, i] != 0.0:
+                touches = True
+                break
+        for r in range(limited):
+            touches |= p.S[r, i] != 0.0
+        if not touches:
+            return False
+    return True
+
+
 @allocating_kernel
 def _point(vector: Reals, n: int, rows: int) -> Point:
     at = 2 * n
@@ -149,19 +176,22 @@ def _solve_island(
     span: Span,
     quantum: float,
     demand: float,
+    going: Reals,
     answers: Answers,
     points: tuple[Point, Point, Point, Point],
     duals: Duals,
     steps: Steps,
 ) -> int:
-    """Solve from the forces at the point; returns the stage that it took."""
+    """Solve from the forces at the point, and rest or velocities `going` (n,); returns the stage that it
+    took."""
     tol = _MARGIN * TOLERANCE
     point, trial, _, best = points
-    # At rest, velocities that are differences of forces would be rounding.
-    for i in range(span.low, span.high):
-        point.v[i] = 0.0
-    if span.first < span.last and residual_at(bodies, groups, span, quantum, point, steps) <= tol:
-        return GUESS
+    # At rest, or in steady motion, velocities that are differences of forces would be rounding.
+    for turn in range(2 if span.first < span.last else 0):
+        for i in range(span.low, span.high):
+            point.v[i] = going[i] if turn == 1 else 0.0
+        if residual_at(bodies, groups, span, quantum, point, steps) <= tol:
+            return GUESS
     accelerate(bodies, groups, span, point)
     if span.first == span.last:
         return GUESS

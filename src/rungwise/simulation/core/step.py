@@ -60,7 +60,7 @@ def solve_spatial(
     force: Reals,
     tau: Reals,
 ) -> tuple[int, float, int]:
-    """Solve the step's problem where contacts have three directions."""
+    """Solve the step's problem where contacts have three directions; v holds velocities to start from."""
     raise NotImplementedError
 
 
@@ -208,6 +208,8 @@ def _solve_in_turn(
         )  # fmt: skip
         if clock.leans:
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
+        for i in range(n):
+            scratch.x[i] = state.v[state.free[i]] if rung[0].inertia == 1.0 else 0.0
         status = solve_assembled(contacts, limited, n, terms, state, scratch, problem, convex)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
@@ -266,7 +268,7 @@ def solve_assembled(
     convex: bool,
 ) -> int:
     """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
-    the forces that let bodies rest; velocities go to scratch.x."""
+    the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are."""
     d = state.force.shape[1]
     state.clock[0].solves += 1
     for k in range(contacts):

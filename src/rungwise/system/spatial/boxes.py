@@ -35,7 +35,7 @@ class Boxes:
         self.may_meet = bool(self.is_box.sum() > 1)
         self._alone = np.zeros(1, np.int64)
         self._found, self._spare = np.zeros((CORNERS, 4)), np.zeros((CORNERS, 3))
-        self._cut, self._normal = np.zeros((CORNERS, 3)), np.zeros(3)
+        self._cut, self._frame = np.zeros((CORNERS, 3)), np.zeros(9)
 
     def mend(self, data: mujoco.MjData) -> None:
         """Put contacts of faces in place of single ones of edges."""
@@ -53,23 +53,37 @@ class Boxes:
         a, b = contact.geom
         count = face_contacts(
             data.geom_xpos[a], data.geom_xmat[a], sizes[a], data.geom_xpos[b], data.geom_xmat[b], sizes[b],
-            float(contact.dist), self._found, self._cut, self._spare, self._normal,
+            float(contact.dist), self._found, self._cut, self._spare, self._frame[:3],
         )  # fmt: skip
         near = [row for row in self._found[:count].tolist() if row[3] <= contact.includemargin]
         if not near:
             return
-        contact.frame = _frame(self._normal)
+        fill_tangents(self._frame)
+        contact.frame = self._frame
         for k, (*place, gap) in enumerate(near):
             contact.pos, contact.dist = place, gap
             if k + 1 < len(near):
                 mujoco.mj_addContact(self.model, data, contact)
 
 
-def _frame(normal: Reals) -> Reals:
-    """A normal and two tangents (9,)."""
-    along = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    along /= np.linalg.norm(along)
-    return np.concatenate([normal, along, np.cross(normal, along)])
+@kernel
+def fill_tangents(frame: Reals) -> None:
+    """Two tangents, right-handed, after the normal at the beginning of a frame (9,)."""
+    least, x, y, z = 0, frame[0], frame[1], frame[2]
+    for i in range(1, 3):
+        if abs(frame[i]) < abs(frame[least]):
+            least = i
+    frame[3], frame[4], frame[5] = 0.0, z, -y
+    if least == 1:
+        frame[3], frame[4], frame[5] = -z, 0.0, x
+    elif least == 2:
+        frame[3], frame[4], frame[5] = y, -x, 0.0
+    length = math.sqrt(frame[3] * frame[3] + frame[4] * frame[4] + frame[5] * frame[5])
+    for i in range(3, 6):
+        frame[i] /= length
+    frame[6] = y * frame[5] - z * frame[4]
+    frame[7] = z * frame[3] - x * frame[5]
+    frame[8] = x * frame[4] - y * frame[3]
 
 
 @kernel
