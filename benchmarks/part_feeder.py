@@ -90,7 +90,7 @@ def searched(scene: rw.Scene, box: Box, rungs: tuple[rw.Rung, ...], given: Any) 
 
     start, earlier = searched_earlier(rungs, tuner_of, DESIGNS, given.budget, rng)
     tuner = tuner_of(rw.DYNAMIC_COMPLIANT)
-    best = tuner.searched(start, DESIGNS, given.budget, rng, SPREAD if start is None else NEAR)
+    best = tuner.searched(start, DESIGNS, given.budget, rng, SPREAD if start is None else NEAR)[0]
     seconds, values = time.perf_counter() - began, dict(zip(names, best.tolist(), strict=True))
     return {
         "solved": tuner.solved[0] if tuner.solved else None,

@@ -87,10 +87,10 @@ class Cluster:
                     outcomes[number][part], margins[number][part] = answer
                     left[number] -= part.stop - part.start
                     done += part.stop - part.start
-                    on_progress(done)
                     if not left[number]:
                         done -= len(batches[number])
                         yield number, outcomes[number], margins[number]
+                on_progress(done)
         finally:
             with suppress(self._error), self._asking():
                 self._client.cancel(list(waiting))

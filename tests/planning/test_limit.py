@@ -69,3 +69,94 @@ def test_parts_of_a_budget_are_given_back() -> None:
         budget.look()
     assert (budget.most, budget.ends) == (1000, ends)
     budget.look()
+
+
+@pytest.fixture(scope="module")
+def varied() -> rw.Plan:
+    """A plan of a task that calls something uncertain."""
+    found = rw.plan("push", task_seed=4, to="quasistatic-rigid")
+    assert found.found
+    return found
+
+
+def over_after(monkeypatch: pytest.MonkeyPatch, looks: int) -> None:
+    """The time of every budget is over after so many looks at it."""
+    left = itertools.count(looks, -1)
+    monkeypatch.setattr(Budget, "is_in_time", lambda _: next(left) > 0)
+
+
+@pytest.mark.parametrize("mode", ["open loop", "re-planning"])
+def test_a_verification_keeps_the_samples_that_were_run(varied: rw.Plan, mode: str) -> None:
+    """What is told on the way may end it, too: the clock of its limit is set by hand."""
+    whole = rw.verify(varied, samples=20, mode=mode)
+    assert not whole.unfinished
+
+    def late(monkeypatch: pytest.MonkeyPatch, samples: int) -> rw.Verification:
+        in_time = [True]
+        monkeypatch.setattr(Budget, "is_in_time", lambda _: in_time[0])
+
+        def told(done: int) -> None:
+            in_time[0] = done < samples
+
+        return rw.verify(varied, samples=20, mode=mode, limit=1e9, on_progress=told)
+
+    with pytest.MonkeyPatch.context() as patch:
+        cut = late(patch, 10)
+    assert 0 < cut.samples <= 10 and f"{cut.samples} of 20 samples" in cut.unfinished
+    assert cut.unfinished in str(cut) and cut.summary()["unfinished"] == cut.unfinished
+    first = {each.number for each in whole.worst if each.number < cut.samples}
+    assert first <= {each.number for each in cut.worst}
+    assert cut.successes <= whole.successes and cut.lower < whole.upper
+
+
+def test_a_limit_of_nothing_leaves_a_verification_open(varied: rw.Plan) -> None:
+    none = rw.verify(varied, samples=20, limit=0.0)
+    assert (none.samples, none.successes, none.lower, none.upper) == (0, 0, 0.0, 1.0)
+    assert "0 of 20 samples" in str(none)
+    long = rw.verify(varied, samples=20, limit=1e9)
+    assert long.failures == rw.verify(varied, samples=20).failures
+
+
+def test_causes_that_were_not_sought_are_named(varied: rw.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = rw.verify(varied, samples=20)
+    assert whole.causes
+    in_time = [True]
+    monkeypatch.setattr(Budget, "is_in_time", lambda _: in_time[0])
+
+    def told(done: int) -> None:
+        in_time[0] = done < 20
+
+    cut = rw.verify(varied, samples=20, on_progress=told)
+    assert cut.successes == whole.successes and not cut.causes and "causes" in cut.unfinished
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"robust": True, "samples": 10, "draws": 4}, {"from_": "kinematic"}],
+    ids=lambda o: list(o),
+)
+def test_a_design_keeps_what_it_found(options: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whenever the time is over, what is known of the design is told, and what is not is named."""
+    wanted: dict[str, Any] = {
+        "model": "quasistatic-rigid",
+        "box": {"v2": (0.2, 2.2)},
+        "budget": 400,
+        **options,
+    }
+    known = list[tuple[bool, bool, bool]]()
+    for looks in (0, 4, 8, 16, 32, 64):
+        with monkeypatch.context() as patch:
+            over_after(patch, looks)
+            found = rw.design("two_finger", ("v2",), **wanted)
+        assert found.unfinished or found.drift, looks
+        assert found.found or (found.reason and found.unfinished), looks
+        assert found.unfinished in str(found), looks
+        known.append((found.found, found.found and found.samples > 0, bool(found.drift)))
+    assert not known[0][2], known
+    whole = rw.design("two_finger", ("v2",), limit=1e9, **wanted)
+    assert whole.found and not whole.unfinished and whole.drift
+
+
+def test_a_set_ends_with_the_cells_that_are_known() -> None:
+    with pytest.raises(rw.SetError, match="limit"):
+        rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), limit=0.0)

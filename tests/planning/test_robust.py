@@ -16,6 +16,7 @@ from scipy.stats import beta
 import rungwise as rw
 from rungwise.planning import execute
 from rungwise.planning.guard import guarded
+from rungwise.planning.predict import Budget
 from rungwise.planning.robust import made_robust
 from rungwise.planning.verify import bound_below
 from rungwise.scene.scene import LIBRARY
@@ -129,7 +130,7 @@ def test_a_rate_out_of_reach_is_no_plan(plan: rw.Plan, monkeypatch: pytest.Monke
     blocked = replace(
         plan, scene=push({"post1_x": {"uniform": [0.0, 0.2]}, "post1_y": {"uniform": [-0.1, 0.1]}})
     )
-    found = made_robust(blocked, 0.95, 60, None, silent)
+    found = made_robust(blocked, 0.95, 60, None, silent, Budget())
     assert not found.found and found.reason.startswith("robust: executed in no mode")
     assert found.checks[-1].samples < 60
     assert found.segments == plan.segments

@@ -169,3 +169,12 @@ def test_jaws_open_again_and_leave_the_part() -> None:
     )
     assert run.final["left"]["s"] == pytest.approx(0.0, abs=1e-4)
     assert run.final["part"]["angle"] == pytest.approx(math.pi / 2.0, abs=1e-6)
+
+
+def test_parts_of_many_corners_are_oriented() -> None:
+    """Outlines near a circle have squeezes of narrow intervals, some hundred one after the other."""
+    rng = np.random.default_rng(6)
+    angle = (np.arange(401) + rng.uniform(-0.2, 0.2, 401)) * 2.0 * math.pi / 401
+    plan = rw.squeeze_plan(np.column_stack([np.cos(angle), np.sin(angle)]))
+    assert len(plan.angles) > 100
+    assert np.max(plan.off(plan.predicted(rng.uniform(-math.pi, math.pi, 1000)))) < 1e-6

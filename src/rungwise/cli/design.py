@@ -41,6 +41,10 @@ def design(
         typer.Option("--tol", parser=number, metavar="NUMBER", help="Accuracy of the set's boundary."),
     ] = 0.01,
     budget: Annotated[int, typer.Option("--budget", min=1, help="Greatest number of runs.")] = 200_000,
+    limit: Annotated[
+        float | None,
+        typer.Option("--limit", parser=number, metavar="SECONDS", help="Ends with the best design so far."),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the search and of the draws.")] = 0,
     values: SetOption = None,
     out: Annotated[
@@ -68,8 +72,8 @@ def design(
             with progress.bar("design", budget, as_json or not sys.stderr.isatty()) as told:
                 found = choose(
                     loaded, names, model=model, from_=from_, box=box, parameters=parameters, robust=robust,
-                    samples=samples, draws=draws, tol=tol, budget=budget, seed=seed, threads=threads,
-                    on_progress=told,
+                    samples=samples, draws=draws, tol=tol, budget=budget, limit=limit, seed=seed,
+                    threads=threads, on_progress=told,
                 )  # fmt: skip
             if found.found and out is not None:
                 text = found.designed().yaml()

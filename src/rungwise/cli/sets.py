@@ -52,6 +52,15 @@ def sets(
     ] = None,
     probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            "--limit",
+            parser=number,
+            metavar="SECONDS",
+            help="Each set ends after this time, with the cells that are known.",
+        ),
+    ] = None,
     threads: Annotated[
         int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
     ] = None,
@@ -117,8 +126,8 @@ def sets(
                             loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
                             near=below, accuracy=accuracy, probes=probes,
                             budget=BUDGET if budget is None else budget,
-                            threads=threads, cluster=cluster, out=None if out is None else out / folder,
-                            resume=resume, on_progress=on_progress,
+                            limit=limit, threads=threads, cluster=cluster,
+                            out=None if out is None else out / folder, resume=resume, on_progress=on_progress,
                         )
                     )  # fmt: skip
             summary = report.summary(found, certify, box)

@@ -35,6 +35,10 @@ def verify(
             help="The answer is positive (exit code 0) where the lower bound of success is at least this.",
         ),
     ] = 0.9,
+    limit: Annotated[
+        float | None,
+        typer.Option("--limit", parser=number, metavar="SECONDS", help="Ends with the samples run so far."),
+    ] = None,
     threads: Annotated[int | None, typer.Option("--threads", min=1, help="Threads to use.")] = None,
     cluster: Annotated[
         str | None,
@@ -48,8 +52,8 @@ def verify(
     try:
         with plain_errors(), progress.bar("verify", samples, as_json or not sys.stderr.isatty()) as told:
             found = run(
-                load_plan_file(plan), model, samples, mode=mode, seed=seed, tol=tol, threads=threads,
-                cluster=cluster, on_progress=told,
+                load_plan_file(plan), model, samples, mode=mode, limit=limit, seed=seed, tol=tol,
+                threads=threads, cluster=cluster, on_progress=told,
             )  # fmt: skip
     except KeyboardInterrupt:
         print("rungwise: stopped; no sample is kept", file=sys.stderr)

@@ -357,10 +357,7 @@ def _is_confirmed(work: Work, plan: Plan) -> bool:
 
 def _robust(work: Work, plan: Plan, rate: float, samples: int, tell: Callable[[str], None]) -> Plan:
     """The plan in the mode in which it succeeds at a rate."""
-    try:
-        return made_robust(plan, rate, samples, work.threads, tell, work.budget.look)
-    except TimeOver:
-        return replace(plan, reason=f"robust: {work.budget.ended}; the plan holds on {plan.stage}")
+    return made_robust(plan, rate, samples, work.threads, tell, work.budget)
 
 
 def _drifts(work: Work, before: Plan, course: Course) -> bool:

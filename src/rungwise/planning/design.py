@@ -15,6 +15,7 @@ from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut
 from rungwise.planning.carriers import TaskError
 from rungwise.planning.earlier import Earlier, earlier_rungs, nothing, searched_earlier
+from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of
 from rungwise.planning.tune import GRID, Tuner, centre
 from rungwise.planning.verify import bound_below
@@ -23,6 +24,7 @@ from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.sets.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
+from rungwise.sets.store import SetError
 from rungwise.simulation.crew import names_of
 from rungwise.simulation.options import moving_rung
 
@@ -37,6 +39,8 @@ NEAR = 0.1
 ENDS = {"feasible": "goal"} | {label: label for label in ("doomed", "unsafe", "jammed", "invalid")}
 """How runs ended, by the label of a set; the other labels leave it open. Where nothing is feasible and labels
 leave it open, a search goes on: by the margin, and its runs tell how they ended."""
+SEARCHED = "the time was over before the search ended"
+UNTRIED, UNSCANNED = "the time was over before fresh runs", "the time was over before drifts were known"
 KEPT = 0.98
 """A design may drift as long as its rate stays at this part of its best one."""
 
@@ -49,7 +53,7 @@ class Design:
     or "by a search"; margin: distance from the set's boundary in sides of the box, nan after a search;
     drift: by name the interval in which success is kept while the others stay; successes of `samples` fresh
     runs; runs: how many were made; outcomes: how they ended; earlier: what earlier rungs made of it, if they
-    were asked.
+    were asked; unfinished: what a limit in seconds left undone, in words.
     """
 
     scene: Scene | SpaceScene
@@ -66,6 +70,7 @@ class Design:
     runs: int
     outcomes: dict[str, int]
     earlier: tuple[Earlier, ...] = ()
+    unfinished: str = ""
 
     @property
     def found(self) -> bool:
@@ -94,7 +99,10 @@ class Design:
     @property
     def reason(self) -> str:
         """What blocks, where no design succeeds."""
-        return "" if self.found else nothing(self.runs, self.outcomes)
+        if self.found:
+            return ""
+        told = nothing(self.runs, self.outcomes) if self.outcomes else "no design was tried"
+        return f"{told}; {self.unfinished}" if self.unfinished else told
 
     def summary(self) -> dict[str, Any]:
         """All of it as plain values."""
@@ -105,7 +113,7 @@ class Design:
             "drift": {name: list(interval) for name, interval in self.drift.items()},
             "decides": self.decides, "samples": self.samples, "successes": self.successes,
             "lower": self.lower if self.found else 0.0, "runs": self.runs, "outcomes": self.outcomes,
-            "reason": self.reason,
+            "reason": self.reason, "unfinished": self.unfinished,
             "earlier": [
                 {"model": e.model.name, "rate": e.rate, "runs": e.runs, "outcomes": e.outcomes}
                 for e in self.earlier
@@ -125,14 +133,20 @@ class Design:
             f"  {'parameter':14s} {'best':>11s} {'may drift':>25s} {'within':>25s}",
         ]
         for name, value in self.values.items():
-            drift, box = (f"{low:.6g} to {high:.6g}" for low, high in (self.drift[name], self.box[name]))
+            drift = "?" if name not in self.drift else "{:.6g} to {:.6g}".format(*self.drift[name])
+            box = "{:.6g} to {:.6g}".format(*self.box[name])
             lines.append(f"  {name:14s} {value:11.6g} {drift:>25s} {box:>25s}")
-        decides = f"; {self.decides} decides" if self.decides else "; none decides within its interval"
+        if self.unfinished:
+            lines.append(f"  {self.unfinished}")
+        none = "; none decides within its interval" if self.drift else ""
+        decides = f"; {self.decides} decides" if self.decides else none
         lines.append(f"  found {self.how}, in {self.runs} runs{decides}")
         return "\n".join([*lines, *(f"  {each}" for each in self.earlier)])
 
     @property
     def _confirmed(self) -> str:
+        if self.samples == 0:
+            return "succeeds, in the search alone"
         if self.samples == 1:
             return "reaches the goal" if self.ok else "misses the goal, beside ones that reach it"
         return (
@@ -171,6 +185,7 @@ def design(
     tol: float = 0.01,
     accuracy: float | None = None,
     budget: int = BUDGET,
+    limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     on_progress: Callable[[int], None] | None = None,
@@ -193,12 +208,13 @@ def design(
         draws: samples of what is uncertain with which the search tries each design.
         tol: of the set, as for `feasible_set`.
         accuracy: error allowed per step of a run.
-        budget: greatest number of runs.
+        budget: greatest number of runs; limit: seconds after which the call returns with the best design so
+            far; see `unfinished`.
         seed: of the search and of the draws.
 
     Raises SceneError, SetError, ModelError or TaskError for wrong input.
     """
-    loaded, rung = load(scene), moving_rung(model)
+    loaded, rung, time = load(scene), moving_rung(model), Budget(None, limit)
     if loaded.file.goal is None:
         raise TaskError("goal: the scene has none; a design needs one")
     values = loaded.parameters(parameters)
@@ -218,46 +234,59 @@ def design(
     quantiles, rungs = _quantiles(rng, per_design, count), earlier_rungs(from_, rung)
 
     def tuner_of(rung: Rung) -> Tuner:
-        return Tuner(loaded, rung, names, intervals, values, quantiles, allowed, threads, on_progress)
+        return Tuner(loaded, rung, names, intervals, values, quantiles, allowed, threads, on_progress, time)
 
     start, earlier = searched_earlier(rungs, tuner_of, DESIGNS, budget, rng)
     tuner = tuner_of(rung)
-    best, how, margin = _found(tuner, tol, budget, robust, rng, start)
-    rate = 0.0 if best is None else float(tuner.tried(best[None])[0][0])
-    empty = Design(
+    best, how, margin, rate = _found(tuner, tol, budget, robust, rng, start)
+    rate = _rate(tuner, best, rate)
+    searched = Design(
         scene=loaded, model=rung, over=names, parameters=values, values={}, how=how, margin=np.nan,
         box={name: (float(a), float(b)) for name, (a, b) in zip(names, intervals, strict=True)},
         drift={}, samples=samples, successes=0, runs=tuner.count, outcomes=dict(tuner.outcomes),
-        earlier=earlier,
+        earlier=earlier, unfinished="" if time.is_in_time() else SEARCHED,
     )  # fmt: skip
     if best is None or rate == 0.0:
-        return empty
-    fresh = tuner.tried(best[None], _quantiles(rng, samples, count))[0][0]
-    drift = tuner.drift(best, KEPT * rate)
-    return replace(
-        empty,
-        values=dict(zip(names, best.tolist(), strict=True)),
-        margin=margin,
-        drift={name: (float(a), float(b)) for name, (a, b) in zip(names, drift, strict=True)},
-        successes=round(fresh * samples),
-        runs=tuner.count,
-        outcomes=dict(tuner.outcomes),
-    )
+        return searched
+    named = replace(searched, values=dict(zip(names, best.tolist(), strict=True)), margin=margin)
+    fresh = _quantiles(rng, samples, count)
+    return _confirmed(tuner, named, best, KEPT * rate, fresh)
+
+
+def _confirmed(tuner: Tuner, named: Design, best: Reals, rate: float, fresh: Reals) -> Design:
+    """The design with what fresh samples (n, k) make of it, and how far it may drift at this rate."""
+    left = UNTRIED
+    try:
+        succeeded = round(tuner.tried(best[None], fresh)[0][0] * len(fresh))
+        named, left = replace(named, successes=succeeded), UNSCANNED
+        drift = tuner.drift(best, rate).tolist()
+        named, left = replace(named, drift=dict(zip(named.over, map(tuple, drift), strict=True))), ""
+    except TimeOver:
+        named = replace(named, samples=0 if left == UNTRIED else named.samples)
+    unfinished = "; ".join(each for each in (named.unfinished, left) if each)
+    return replace(named, unfinished=unfinished, runs=tuner.count, outcomes=dict(tuner.outcomes))
 
 
 def _found(
     tuner: Tuner, tol: float, budget: int, robust: bool, rng: np.random.Generator, start: Reals | None
-) -> tuple[Reals | None, str, float]:
-    """The best design, how it was found, and its distance from the set's boundary."""
+) -> tuple[Reals | None, str, float, float]:
+    """The best design, how it was found, its distance from the set's boundary, and its rate of success there:
+    0 where it was not tried."""
     if start is not None:
-        return tuner.searched(start, DESIGNS, budget, rng, NEAR), "by a search", np.nan
-    best, margin = None, np.nan
+        near, rate = tuner.searched(start, DESIGNS, budget, rng, NEAR)
+        return near, "by a search", np.nan, rate
+    best, margin = start, np.nan
     if len(tuner.names) in GRID:
         box = {name: (float(a), float(b)) for name, (a, b) in zip(tuner.names, tuner.box, strict=True)}
-        found = feasible_set(
-            tuner.scene, tuner.model, tuner.names, tol=tol, box=box, parameters=tuner.parameters,
-            accuracy=tuner.tol, budget=budget // 2, threads=tuner.threads,
-        )  # fmt: skip
+        try:
+            found = feasible_set(
+                tuner.scene, tuner.model, tuner.names, tol=tol, box=box, parameters=tuner.parameters,
+                accuracy=tuner.tol, budget=budget // 2, limit=tuner.time.seconds, threads=tuner.threads,
+            )  # fmt: skip
+        except SetError:
+            if tuner.time.is_in_time():
+                raise
+            return None, "in the middle of the set", np.nan, 0.0
         tuner.count += found.evaluations
         labels = found.volumes(10_000)
         for label in labels.keys() & ENDS.keys():
@@ -266,8 +295,17 @@ def _found(
         if middle is not None:
             best, margin = middle
         if not robust and (middle is not None or labels.keys() <= ENDS.keys()):
-            return best, "in the middle of the set", margin
-    return tuner.searched(best, DESIGNS, budget, rng), "by a search", np.nan
+            return best, "in the middle of the set", margin, float(best is not None)
+    widest, rate = tuner.searched(best, DESIGNS, budget, rng)
+    return widest, "by a search", np.nan, rate
+
+
+def _rate(tuner: Tuner, best: Reals | None, known: float) -> float:
+    """The rate of success of a design; the one that is known where no time is left."""
+    try:
+        return 0.0 if best is None else float(tuner.tried(best[None])[0][0])
+    except TimeOver:
+        return known
 
 
 def _quantiles(rng: np.random.Generator, samples: int, count: int) -> Reals:

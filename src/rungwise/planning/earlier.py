@@ -11,6 +11,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import OUTCOMES
 from rungwise.planning.carriers import TaskError
+from rungwise.planning.predict import TimeOver
 from rungwise.planning.tune import Tuner
 from rungwise.simulation.options import moving_rung
 
@@ -57,7 +58,8 @@ def searched_earlier(
     budget: int,
     rng: np.random.Generator,
 ) -> tuple[Reals | None, tuple[Earlier, ...]]:
-    """The best design of the last of the rungs on which one succeeds, and what became of each rung."""
+    """The best design of the last of the rungs on which one succeeds, and what became of each rung, as far
+    as there was time."""
     best, told = None, list[Earlier]()
     for rung in rungs:
         tuner = tuner_of(rung)
@@ -65,11 +67,14 @@ def searched_earlier(
         designs = low + side * rng.random((size, len(low)))
         if best is not None:
             designs[0] = best
-        rates, margins = tuner.tried(designs)
-        rate = float(rates.max())
-        if rate > 0.0:
-            start = designs[np.lexsort((-margins, -rates))[0]]
-            best = tuner.searched(start, size, budget, rng)
-            rate = float(tuner.tried(best[None])[0][0])
+        try:
+            rates, margins = tuner.tried(designs)
+            rate = float(rates.max())
+            if rate > 0.0:
+                best, rate = designs[np.lexsort((-margins, -rates))[0]], rate
+                best = tuner.searched(best, size, budget, rng)[0]
+                rate = float(tuner.tried(best[None])[0][0])
+        except TimeOver:
+            break
         told.append(Earlier(rung, rate, tuner.count, dict(tuner.outcomes)))
     return best, tuple(told)

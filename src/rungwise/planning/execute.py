@@ -38,30 +38,36 @@ ROUNDS = 12
 class Replanner:
     """Executes a plan in worlds with other parameters, re-planning at the ends of moves."""
 
-    def __init__(self, plan: Plan, stage: Stage, tol: float, threads: int | None = None) -> None:
+    def __init__(
+        self, plan: Plan, stage: Stage, tol: float, threads: int | None = None, time: Budget | None = None
+    ) -> None:
         self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
         self._task = task_of(plan.scene, plan.parameters)
-        self._work = begin(self._task, Budget(), 0, threads)
+        self._time = Budget() if time is None else time
+        self._work = begin(self._task, self._time.within(None), 0, threads)
         self._nominal = self._work.predictor(Stage(stage.model, COARSE))
         self._steps = STEPS_IN_SPACE if isinstance(plan.scene, SpaceScene) else STEPS
 
     def execute(
         self, parameters: dict[str, float], errors: dict[str, float], seed: int
     ) -> tuple[Code, tuple[Segment, ...]]:
-        """How it ends in the world with these parameters and errors of inputs, and what was executed."""
+        """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
+        TimeOver."""
         work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
         world = predictor_of(
-            self._plan.scene, self._stage, self._tol, parameters, Budget(), self._threads, quick=False,
-            span=self._task.span,
+            self._plan.scene, self._stage, self._tol, parameters, self._time.within(None), self._threads,
+            quick=False, span=self._task.span,
         )  # fmt: skip
         start = State.of(self._plan.scene, parameters=parameters)
         now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
         outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._plan.moves, self._task.before
         for look in range(LOOKS * self._task.moves[1]):
-            budget = self._nominal.budget = Budget(self._steps)
+            self._time.look()
+            budget = self._nominal.budget = self._time.within(self._steps)
             here = replace(work, start=self._read(now, levels), budget=budget, seed=seed + look)
             course, rest = self._next(here, rest, levels)
             if course is None:
+                self._time.look()  # none may have been found because the time is over
                 break
             segments = self._disturbed(course.segments, errors)
             outcome, now = _run(world, now, segments)

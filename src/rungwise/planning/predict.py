@@ -94,6 +94,10 @@ class Budget:
         """Called again and again while runs go on. Raises TimeOver."""
         if not self.is_in_time():
             raise TimeOver
+        self.announce()
+
+    def announce(self, _done: object = None) -> None:
+        """Tell how far it is, about ten times a second."""
         if clock.monotonic() - self._told >= TURN_S:
             self.tell()
             self._told = clock.monotonic()
@@ -117,6 +121,17 @@ class Budget:
             yield
         finally:
             self.most, self.ends = most, ends
+
+    def within(self, steps: int | None) -> Budget:
+        """Another budget, of so many steps, that ends when this one does."""
+        other = Budget(steps)
+        other.ends = self.ends
+        return other
+
+    @property
+    def seconds(self) -> float | None:
+        """The time that is left; None without a limit."""
+        return None if self.ends == math.inf else max(0.0, self.ends - clock.monotonic())
 
     def extend(self, steps: int) -> None:
         """Allow so many steps from now on."""

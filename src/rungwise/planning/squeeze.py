@@ -224,17 +224,18 @@ def _backward(function: SqueezeFunction) -> list[Step]:
     n = len(function.maxima)
     whole = round(n * function.period / math.pi)
     maxima, minima = (_unrolled(points, 2 * n + 1) for points in (function.maxima, function.minima))
-    steps = [
-        Step(float(maxima[i]), float(maxima[i + k] - maxima[i]), float(minima[i]), float(minima[i + k - 1]))
-        for k in range(1, whole + 1)
-        for i in range(whole)
-    ]
+    first = np.arange(whole)
     chain: list[Step] = []
     room = _SAME
     while not chain or room < function.period - _SAME:
-        fits = [step for step in steps if step.high - step.low < room - (_SAME if chain else 0.0)]
+        # From each maximum the widest interval whose image, from the first minimum to the last, fits.
+        fits = minima[:whole] + room - (_SAME if chain else 0.0)
+        last = np.minimum(np.searchsorted(minima, fits), first + whole)
+        width, image = maxima[last] - maxima[:whole], minima[last - 1] - minima[:whole]
         # Of those equally wide, the one whose image leaves most room.
-        chain.append(max(fits, key=lambda step: (round(step.width, 9), step.low - step.high)))
+        k = int(np.lexsort((image, -np.round(width, 9)))[0])
+        low, high = float(minima[k]), float(minima[last[k] - 1])
+        chain.append(Step(float(maxima[k]), float(width[k]), low, high))
         if len(chain) > 1 and chain[-1].width <= room + _SAME:
             raise InputError("squeeze_plan.vertices: the part is too nearly symmetric to be oriented")
         room = chain[-1].width

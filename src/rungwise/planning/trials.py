@@ -16,7 +16,7 @@ from rungwise.outcome import Code
 from rungwise.planning.carriers import TaskError
 from rungwise.planning.execute import Replanner
 from rungwise.planning.plan import RE_PLANNING, Plan, plan_of
-from rungwise.planning.predict import Stage
+from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.task import drawn, fields_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import moving_rung
@@ -33,9 +33,11 @@ class Trials:
     an input is an error that is added to it throughout."""
 
     def __init__(
-        self, plan: Plan, model: Rung, tol: float, mode: str, seed: int, threads: int | None = None
-    ) -> None:
+        self, plan: Plan, model: Rung, tol: float, mode: str, seed: int, threads: int | None = None,
+        time: Budget | None = None,
+    ) -> None:  # fmt: skip
         self.plan, self.model, self.tol, self.mode, self.seed = plan, model, tol, mode, seed
+        self._time = time
         self.names = list(fields_of(plan.scene).uncertain)
         self._threads = threads
         self._inputs = [name for name in plan.scene.template.inputs if name in self.names]
@@ -83,7 +85,9 @@ class Trials:
     @property
     def _replanner(self) -> Replanner:
         assert self.plan.stage is not None
-        return Replanner(self.plan, Stage(self.model, self.plan.stage.tol), self.tol, self._threads)
+        return Replanner(
+            self.plan, Stage(self.model, self.plan.stage.tol), self.tol, self._threads, self._time
+        )
 
     def _as_it_is(self, points: Reals, on_progress: Callable[[int], None] | None) -> tuple[Ints, Reals]:
         levels, durations = self._levels(points)

@@ -17,6 +17,7 @@ from scipy.stats import norm
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
+from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of, numbers_at
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
@@ -43,7 +44,7 @@ WORST = 0.1
 class Tuner:
     """Designs over `names` in a box (d, 2), tried on a rung at quantiles (n, k) of what is uncertain.
 
-    `count` counts runs, `outcomes` how they ended.
+    `count` counts runs, `outcomes` how they ended; runs raise TimeOver when that of `time` is over.
     """
 
     scene: Scene | SpaceScene
@@ -55,6 +56,7 @@ class Tuner:
     tol: float
     threads: int | None = None
     on_progress: Callable[[int], None] | None = None
+    time: Budget = field(default_factory=Budget)
     count: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)
 
@@ -70,7 +72,7 @@ class Tuner:
         """Rates of success (m,) of designs (m, d), and margins (m,): the least of a tenth of the samples."""
         quantiles = self.quantiles if quantiles is None else quantiles
         points = np.concatenate([self._worlds(design, quantiles) for design in designs])
-        found = self._batch.run(points)
+        found = self._batch.run(points, on_progress=self.time.look)
         self.count += len(points)
         self.outcomes.update(OUTCOMES[Code(code)].name for code in found.outcome.tolist())
         if self.on_progress is not None:
@@ -99,8 +101,9 @@ class Tuner:
         budget: int,
         rng: np.random.Generator,
         spread: float = SPREAD,
-    ) -> Reals:
-        """The best design that the cross-entropy method finds, from about a start or from the whole box."""
+    ) -> tuple[Reals, float]:
+        """The best design that the cross-entropy method finds in the time that there is, from about a start
+        or from the whole box, and its rate of success; that is 0 where nothing was tried."""
         low, side = self.box[:, 0], np.ptp(self.box, axis=1)
         d, n = len(self.names), len(self.quantiles)
         mean = np.full(d, 0.5) if start is None else (start - low) / side
@@ -112,18 +115,21 @@ class Tuner:
             wide = number == 0 and start is None
             designs = rng.random((size, d)) if wide else mean + deviation * rng.standard_normal((size, d))
             designs = np.clip(np.vstack([best, designs]), 0.0, 1.0)
-            rates, margins = self.tried(low + side * designs)
+            try:
+                rates, margins = self.tried(low + side * designs)
+            except TimeOver:
+                break
             order = np.lexsort((-margins, -rates))
             elite = designs[order[: max(2, int(ELITE * size))]]
             mean, deviation = elite.mean(axis=0), elite.std(axis=0)
             first = order[0]
             if (rates[first], margins[first]) >= score:
                 best, score = designs[first], (float(rates[first]), float(margins[first]))
-        return np.asarray(low + side * best)
+        return np.asarray(low + side * best), max(0.0, score[0])
 
     def drift(self, design: Reals, rate: float) -> Reals:
         """The interval (d, 2) about the design along each axis in which its rate stays at least `rate`, found
-        on a grid across the box and located by bisection."""
+        on a grid across the box and located by bisection. Raises TimeOver."""
         ends = [(axis, side) for axis in range(len(design)) for side in (0, 1)]
         kept, lost = np.array([design[axis] for axis, _ in ends]), np.array([self.box[end] for end in ends])
         grids = [np.linspace(a, b, SCAN)[1:] for a, b in zip(kept, lost, strict=True)]

@@ -6,8 +6,9 @@ import json
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import combinations
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from rungwise.plain import cut
 from rungwise.planning.carriers import TaskError
 from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
+from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of
 from rungwise.planning.trials import Trials, trials_at
 from rungwise.scene.space import SpaceScene
@@ -38,8 +40,9 @@ WORST = 10
 EXPLAINED = 50
 """Samples that failed of which the causes are sought."""
 PARTS = 10
-"""Parts in which samples are planned anew, if they may end before the last."""
+"""Parts in which samples are run, if they may end before the last."""
 ALWAYS, TWO, MORE = "the plan fails without errors, too", "only two together", "only more together"
+T = TypeVar("T")
 _Told: TypeAlias = "Callable[[int], None] | None"
 _Runner: TypeAlias = "Callable[..., tuple[Ints, Reals]]"
 
@@ -62,7 +65,8 @@ class Verification:
     successes: of `samples`; lower: the one-sided Clopper-Pearson bound of the rate of success at 95 %, upper:
     the bound from above; failures: outcomes and how often; causes: how many of the failures (the first ones,
     `explained`) would succeed with a value as planned, by its name; worst: samples that failed, by margin;
-    mode: how the plan was executed.
+    mode: how the plan was executed; unfinished: what a limit in seconds left undone, in words. Samples that
+    ran when it was over count for nothing.
     """
 
     plan: Plan = field(repr=False)
@@ -77,6 +81,7 @@ class Verification:
     worst: tuple[Sample, ...]
     seed: int
     mode: str = OPEN_LOOP
+    unfinished: str = ""
     _points: Reals = field(default_factory=lambda: np.zeros((0, 1)), repr=False)
 
     @property
@@ -101,6 +106,8 @@ class Verification:
 
     def __str__(self) -> str:
         head = f"{self.plan.scene.name} on {self.model}, {self.mode}"
+        if not self.samples:
+            return f"{head}: {self.unfinished}"
         if not fields_of(self.plan.scene).uncertain:
             ended = "reaches the goal" if self.successes else f"ends {next(iter(self.failures))}"
             return f"{head}: the plan as it is {ended}; task.uncertain names nothing that varies"
@@ -115,12 +122,14 @@ class Verification:
         lines += [
             f"  sample {each.number}: {each.outcome}, margin {each.margin:.3g}" for each in self.worst[:3]
         ]
+        lines += [f"  {self.unfinished}"] if self.unfinished else []
         return "\n".join(lines)
 
     def summary(self) -> dict[str, Any]:
         """Plain values, as `rungwise verify --json` prints them."""
         kept = (
             "model", "tol", "samples", "successes", "lower", "upper", "failures", "causes", "seed", "mode",
+            "unfinished",
         )  # fmt: skip
         values = {name: getattr(self, name) for name in kept}
         return {"scene": self.plan.scene.name} | values | {"worst": [asdict(each) for each in self.worst]}
@@ -134,6 +143,7 @@ def verify(
     *,
     mode: str | None = None,
     rate: float | None = None,
+    limit: float | None = None,
     seed: int = 0,
     tol: float | None = None,
     threads: int | None = None,
@@ -149,6 +159,7 @@ def verify(
             after each move the actual state is read, and the rest planned anew with the plan's own
             parameters. The plan's own mode if not given.
         rate: samples that are planned anew end as soon as the bound of success can no longer reach it.
+        limit: seconds after which the call returns with the samples that were run; see `unfinished`.
         cluster: address of a dask scheduler whose workers execute instead of threads.
 
     Raises TaskError where there is no plan, or no move to guard.
@@ -160,17 +171,21 @@ def verify(
     chosen, number = moving_rung(plan.stage.model if model is None else model), count("samples", samples, 1)
     if not fields_of(plan.scene).uncertain:
         number = 1
+    time = Budget(None, limit)
     trials = Trials(
         *_in_mode(plan, chosen, plan.mode if mode is None else mode, plan.tol if tol is None else tol),
-        seed, threads,
+        seed, threads, time,
     )  # fmt: skip
     run, close = _runner(trials, cluster)
     try:
-        points = trials.draw(number)
-        outcome, margin = _run(run, trials.mode, points, rate, on_progress)
-        points = points[: len(outcome)]
-        failed = points[outcome != Code.GOAL][:EXPLAINED]
-        return _verification(trials, points, outcome, margin, _causes(run, trials, failed))
+        points, causes = trials.draw(number), dict[str, int]()
+        ends = _run(run, trials.mode, points, rate, time, on_progress)
+        if ends.unfinished:
+            return _verification(trials, points, ends, causes)
+        failed = points[: len(ends.outcome)][ends.outcome != Code.GOAL][:EXPLAINED]
+        if _in_time(time, partial(_causes, run, trials, failed, causes, time)) is None:
+            ends = ends._replace(unfinished="the time was over before all causes of failures were sought")
+        return _verification(trials, points, ends, causes)
     finally:
         close()
 
@@ -211,53 +226,89 @@ def _runner(trials: Trials, address: str | None) -> tuple[_Runner, Callable[[], 
     return run, cluster.close
 
 
+class _Ends(NamedTuple):
+    """Outcomes and margins (m,) of the first samples, and what a limit left undone."""
+
+    outcome: Ints
+    margin: Reals
+    unfinished: str = ""
+
+
 def _run(
-    run: _Runner, mode: str, points: Reals, rate: float | None, on_progress: _Told
-) -> tuple[Ints, Reals]:
-    """Outcomes and margins of the samples; of the first ones where the rate is out of reach after them."""
-    parts = PARTS if mode == RE_PLANNING and rate is not None else 1
-    outcomes, margins, done = np.zeros(0, np.int64), np.zeros(0), 0
+    run: _Runner, mode: str, points: Reals, rate: float | None, time: Budget, on_progress: _Told
+) -> _Ends:
+    """How the samples end; the first ones where the rate is out of reach after them, or the time is over."""
+    least = rate if mode == RE_PLANNING else None
+    parts = PARTS if least is not None or time.seconds is not None else 1
+    ends = _Ends(np.zeros(0, np.int64), np.zeros(0))
     for part in np.array_split(points, min(parts, len(points))):
-        outcome, margin = run(part, _shifted(on_progress, done))
-        outcomes, margins, done = np.append(outcomes, outcome), np.append(margins, margin), done + len(part)
-        failures = int((outcomes != Code.GOAL).sum())
-        if rate is not None and bound_below(len(points) - failures, len(points)) < rate:
+        found = _in_time(time, partial(run, part, _told(time, on_progress, len(ends.outcome))))
+        if found is None:
+            left = f"{len(ends.outcome)} of {len(points)} samples were run before the time was over"
+            return ends._replace(unfinished=left)
+        ends = _Ends(np.append(ends.outcome, found[0]), np.append(ends.margin, found[1]))
+        failures = int((ends.outcome != Code.GOAL).sum())
+        if least is not None and bound_below(len(points) - failures, len(points)) < least:
             break
-    return outcomes, margins
+    return ends
+
+
+def _in_time(time: Budget, work: Callable[[], T]) -> T | None:
+    """What the work gives; None where the time is over before it is done."""
+    try:
+        time.look()
+        return work()
+    except TimeOver:
+        if time.is_in_time():
+            raise  # not by this limit
+        return None
 
 
 def _silent(_done: int) -> None:
     """Tell nobody."""
 
 
-def _shifted(on_progress: _Told, done: int) -> _Told:
-    return None if on_progress is None else lambda more: on_progress(done + more)
+def _told(time: Budget, on_progress: _Told, done: int) -> Callable[[int], None]:
+    """Looks whether time is left, and tells how many samples are done."""
+
+    def told(more: int) -> None:
+        time.look()
+        if on_progress is not None:
+            on_progress(done + more)
+
+    return told
 
 
-def _causes(run: _Runner, trials: Trials, failed: Reals) -> dict[str, int]:
+def _causes(
+    run: _Runner, trials: Trials, failed: Reals, found: dict[str, int], time: Budget
+) -> dict[str, int]:
     """How many of these samples (m, 1 + k) would succeed with a value as planned, by its name; and how many
-    only with two, or with more. A sample is counted for every value that would do."""
+    only with two, or with more: `found`, filled on the way. A sample is counted for every value that would
+    do. Raises TimeOver."""
     if not len(failed):
-        return {}
+        return found
     as_planned = np.concatenate([failed[:1, 0], trials.nominal])[None]
-    if run(as_planned)[0][0] != Code.GOAL:
-        return {ALWAYS: len(failed)}
+    if run(as_planned, time.look)[0][0] != Code.GOAL:
+        found[ALWAYS] = len(failed)
+        return found
     names, mended = trials.names, np.zeros(len(failed), bool)
-    found = dict[str, int]()
     for k, name in enumerate(names):
-        alone = _as_planned(run, trials, failed, (k,))
+        alone = _as_planned(run, trials, failed, (k,), time)
         found[name], mended = int(alone.sum()), mended | alone
     left, pairs = failed[~mended], np.zeros(int((~mended).sum()), bool)
     for two in combinations(range(len(names)), 2):
-        pairs[~pairs] = _as_planned(run, trials, left[~pairs], two)
-    return found | {TWO: int(pairs.sum()), MORE: int((~pairs).sum())}
+        pairs[~pairs] = _as_planned(run, trials, left[~pairs], two, time)
+    found |= {TWO: int(pairs.sum()), MORE: int((~pairs).sum())}
+    return found
 
 
-def _as_planned(run: _Runner, trials: Trials, points: Reals, columns: tuple[int, ...]) -> NDArray[np.bool_]:
+def _as_planned(
+    run: _Runner, trials: Trials, points: Reals, columns: tuple[int, ...], time: Budget
+) -> NDArray[np.bool_]:
     """Which samples (m, 1 + k) succeed with the values of these columns as planned."""
     mended = points.copy()
     mended[:, [1 + k for k in columns]] = trials.nominal[list(columns)]
-    return run(mended)[0] == Code.GOAL if len(points) else np.zeros(0, bool)
+    return run(mended, time.look)[0] == Code.GOAL if len(points) else np.zeros(0, bool)
 
 
 def bound_below(successes: int, samples: int) -> float:
@@ -267,12 +318,11 @@ def bound_below(successes: int, samples: int) -> float:
     return float(beta.ppf(1.0 - CONFIDENCE, successes, samples - successes + 1)) if successes else 0.0
 
 
-def _verification(
-    trials: Trials, points: Reals, outcome: Ints, margin: Reals, causes: dict[str, int]
-) -> Verification:
+def _verification(trials: Trials, points: Reals, ends: _Ends, causes: dict[str, int]) -> Verification:
+    outcome, margin = ends.outcome, ends.margin
     n, k = len(outcome), int((outcome == Code.GOAL).sum())
     bounds = bound_below(k, n), 1.0 - bound_below(n - k, n)
-    if not trials.names:
+    if n and not trials.names:
         bounds = float(k), float(k)
     failed = np.flatnonzero(outcome != Code.GOAL)
     order = failed[np.argsort(np.nan_to_num(margin[failed], nan=-np.inf), kind="stable")]
@@ -284,5 +334,6 @@ def _verification(
     return Verification(
         plan=trials.plan, model=trials.model.name, tol=trials.tol, samples=n, successes=k,
         lower=bounds[0], upper=bounds[1], failures=dict(names), causes=causes,
-        worst=worst, seed=trials.seed, mode=trials.mode, _points=points,
+        worst=worst, seed=trials.seed, mode=trials.mode, unfinished=ends.unfinished,
+        _points=points,
     )  # fmt: skip

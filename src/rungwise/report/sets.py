@@ -63,7 +63,7 @@ def text(summary: dict[str, Any]) -> str:
     for name, each in zip(names, summary["sets"], strict=True):
         parts = ", ".join(f"{label} {part:.4f}" for label, part in each["volumes"].items())
         lines.append(f"  {name:{width}s} {parts}")
-        note = "" if each["complete"] else "; the budget ended the refinement"
+        note = "" if each["complete"] else "; the budget or the limit ended the refinement"
         lines.append(
             f"  {'':{width}s} {each['evaluations']} runs, {each['hits']} of {each['probes']} probes"
             f" contradicted their cell{note}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -42,7 +44,8 @@ class InProcess:
 
 
 class Asker:
-    """Answers in batches; `count` is the number of runs so far, `task` their purpose."""
+    """Answers in batches; `count` is the number of runs so far, `task` their purpose. Raises BudgetSpent
+    where that is spent, or the time `ends` by the monotonic clock; batches that are done then are kept."""
 
     def __init__(
         self,
@@ -52,15 +55,16 @@ class Asker:
         budget: int,
         log: Log | None,
         on_progress: Callable[[str, int, int], None] | None,
+        ends: float = math.inf,
     ) -> None:
         self._runner, self._log, self._budget, self._report = runner, log, budget, on_progress
         self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
-        self._batches = 0
+        self._batches, self._ends = 0, ends
         self.count = 0
         self.task = ""
 
     def __call__(self, places: Reals) -> tuple[Ints, Reals]:
-        if self.count + len(places) > self._budget:
+        if self.count + len(places) > self._budget or self.time_is_over:
             raise BudgetSpent
         points = self._low + places * self._unit
         batches = [points[at : at + KEPT] for at in range(0, len(points), KEPT)]
@@ -90,6 +94,12 @@ class Asker:
         found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}
         return {k: answer for k, answer in found.items() if answer is not None}
 
+    @property
+    def time_is_over(self) -> bool:
+        return time.monotonic() > self._ends
+
     def _tell(self, done: int, target: int) -> None:
+        if self.time_is_over:
+            raise BudgetSpent
         if self._report is not None:
             self._report(self.task, self.count + done, target)

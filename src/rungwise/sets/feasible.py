@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -217,6 +218,7 @@ def feasible_set(
     accuracy: float | None = None,
     probes: int | None = None,
     budget: int = BUDGET,
+    limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     cluster: str | None = None,
@@ -242,7 +244,8 @@ def feasible_set(
             followed from there. Elsewhere its labels stand, until a probe finds another label.
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
-        budget: greatest number of runs.
+        budget: greatest number of runs; limit: seconds after which the call returns with the cells that are
+            known, and the set is not `complete`.
         threads: as many as there are cores if not given. The set does not depend on it.
         cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
         out: folder where every finished batch is kept, and in the end the set.
@@ -251,6 +254,7 @@ def feasible_set(
 
     Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
     """
+    ends = math.inf if limit is None else time.monotonic() + limit
     loaded = load(scene)
     rung = moving_rung(model)
     if not 1 <= len(over) <= MAX_AXES:
@@ -285,7 +289,7 @@ def feasible_set(
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
     with runner(batch, cluster, loaded, request) as runs:
-        asker = Asker(runs, intervals, tree.finest, budget, log, on_progress)
+        asker = Asker(runs, intervals, tree.finest, budget, log, on_progress, ends)
         made, hits = _grow(tree, asker, near, probes, np.random.default_rng(seed))
         crossings = _cross(tree, asker)
     result = FeasibleSet(
@@ -337,7 +341,8 @@ def _grow(
         else:
             tree.grow_around(near.tree, asker)
     except BudgetSpent:
-        raise SetError("budget: is too small for the first cells; give more runs") from None
+        bound, more = ("limit", "time") if asker.time_is_over else ("budget", "runs")
+        raise SetError(f"{bound}: is too small for the first cells; give more {more}") from None
     made = hits = 0
     for _ in range(PROBE_ROUNDS if probes else 0):
         asker.task = "probes"

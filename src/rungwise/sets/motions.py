@@ -79,7 +79,8 @@ class Motions:
             open_ = (found.outcome != Code.INVALID) & ((found.outcome == Code.GOAL) == self._wanted)
             at = np.flatnonzero(open_)
             if len(at):
-                _merge(found, at, batch.run(points[at]), self._wanted)
+                told = None if on_progress is None else lambda _: on_progress(len(points))
+                _merge(found, at, batch.run(points[at], on_progress=told), self._wanted)
         return found
 
 

@@ -88,7 +88,8 @@ class SpaceBatch:
         size = chunk or max(1, min(16, len(points) // (4 * self.threads)))
         parts = [points[at : at + size] for at in range(0, len(points), size)]
         found: list[Ran] = []
-        for part in spread(run_points, self._job, parts, len(points), self.threads):
+        look = None if on_progress is None else lambda: on_progress(len(found))
+        for part in spread(run_points, self._job, parts, len(points), self.threads, look):
             found += part
             if on_progress is not None:
                 on_progress(len(found))

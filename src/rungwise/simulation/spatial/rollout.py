@@ -56,7 +56,8 @@ def rollout_in_space(
     ]
     found = [nothing(scene, "")] * m
     done = m - len(numbers)
-    for part in spread(run_samples, terms, parts, len(numbers), processes):
+    look = None if on_progress is None else lambda: on_progress(done)
+    for part in spread(run_samples, terms, parts, len(numbers), processes, look):
         for sampled in part:
             found[numbers[done - m + len(numbers)]] = sampled
             done += 1
