@@ -14,6 +14,7 @@ from rungwise.simulation.planar.balance import is_coarse, is_tiny, leaping, stan
 from rungwise.simulation.planar.blame import blame
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
 from rungwise.simulation.planar.jumps import jumps
+from rungwise.simulation.planar.linearise import linearise, restart, take_back
 from rungwise.simulation.planar.memory import bring_back, remember
 from rungwise.simulation.planar.middle import (
     BENT,
@@ -22,16 +23,14 @@ from rungwise.simulation.planar.middle import (
     bend,
     compare_rows,
     note_early,
-    take_means,
     yield_fully,
 )
-from rungwise.simulation.planar.nearby import begin_step, fastest_pair, gather, join, look, widen
+from rungwise.simulation.planar.nearby import begin_step, fastest_pair, gather, look, widen
 from rungwise.simulation.planar.passing import SLIP, passes
 from rungwise.simulation.planar.strays import note_strays
 from rungwise.simulation.planar.verdicts import sense
 from rungwise.simulation.planar.workspace import Scratch, State, Workspace
 from rungwise.system.planar import joints
-from rungwise.system.planar import terms as planar
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import place
 from rungwise.system.terms import Terms
@@ -91,7 +90,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             widen(records, workspace, 2.0 * reach)
             contacts = gather(records, workspace)
             if not first:
-                _restart(records, rung, workspace, h)
+                restart(records, rung, workspace, h)
                 least, first = -math.inf, True
             continue
         if status == UNSUPPORTED:
@@ -149,12 +148,17 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             _finish(records, rung, h, contacts, workspace)
             return TAKEN
         if not fits and not rung[0].metric:
-            worse = (not closed and not bent) or clock.least_gap < 0.5 * least
-            if worse or clock.bounced or _is_thrown(records, state, scratch.v_new):
+            worse = (not closed and not bent) or clock.least_gap < 0.5 * least or clock.bounced
+            thrown = not worse and _is_thrown(records, state, scratch.v_new)
+            bends = thrown and first and rung[0].inertia > 0.0 and not rung[0].compliant
+            if bends and take_back(h, contacts, workspace):
+                least, first = clock.least_gap, False
+                continue
+            if worse or thrown:
                 status = UNSOLVED
                 break
         least, first = min(clock.least_gap, 0.0) if fits else clock.least_gap, False
-        contacts = _linearise(records, rung, workspace, h)
+        contacts = linearise(records, rung, workspace, h)
     if status != UNSUPPORTED:
         blame(status in (ABSORBED, SUDDEN, PASSED, COARSE), not closed, contacts, workspace)
     bring_back(records, workspace, workspace.before)
@@ -197,41 +201,6 @@ def _outruns(contacts: int, workspace: Workspace) -> bool:
             if goes and yielded > 0.0 and state.manifolds.points[slot, GAP] + yielded > allowed:
                 return True
     return False
-
-
-@rare_kernel
-def _restart(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
-    """Fill in rows of joints and loads at the start again."""
-    copy(workspace.early.load, workspace.terms.load)
-    if workspace.state.clock[0].centred:
-        copy(workspace.early.passive, workspace.state.passive)
-    if records.joints.shape[0] > 0:
-        join(records, rung, workspace, h)
-
-
-@rare_kernel
-def _linearise(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> int:
-    """Linearise the step about its trial end, with the rows there or, if it is centred, with their means with
-    those at the start; returns how many contacts there are. Nothing bounced at the start, so nothing does."""
-    state, terms = workspace.state, workspace.terms
-    clock = state.clock[0]
-    centred = clock.centred and not clock.lost
-    if centred and rung[0].loads:
-        planar.loads(
-            records, state.placed.pose, state.q, state.v, state.start, clock.time, h, rung[0].theta,
-            state.passive, terms,
-        )  # fmt: skip
-    else:
-        copy(workspace.early.load, terms.load)
-    contacts = gather(records, workspace)
-    if records.joints.shape[0] > 0:
-        join(records, rung, workspace, h)
-    if centred:
-        take_means(contacts, workspace)
-    for k in range(contacts):
-        terms.restitution[k] = 0.0
-    _shift(h, contacts, clock.drives, clock.limited, terms, workspace.scratch)
-    return contacts
 
 
 @kernel
@@ -331,18 +300,6 @@ def _absorbs(terms: Terms, contacts: int, h: float, state: State, scratch: Scrat
             if met and approach(2 * k, terms, state.v, state.speed, state.free, clock.free, clock.eps) < 0.0:
                 return True
     return False
-
-
-@rare_kernel
-def _shift(h: float, contacts: int, drives: int, limited: int, terms: Terms, scratch: Scratch) -> None:
-    """Linearise about the trial state: gaps and errors of joints less the contribution of the trial
-    velocity."""
-    for r in range(drives, limited):
-        for j in range(scratch.v_new.shape[0]):
-            terms.error[r, 0] += h * terms.limited[r, j] * scratch.v_new[j]
-    for k in range(contacts):
-        for j in range(scratch.v_new.shape[0]):
-            terms.gap[k] -= h * terms.rows[2 * k, j] * scratch.v_new[j]
 
 
 @kernel
