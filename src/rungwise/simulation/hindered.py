@@ -10,23 +10,27 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
-from rungwise.simulation.planar.blame import (
+from rungwise.simulation.core.crawl import (
+    BENT,
     CAUSES,
-    LEAST,
+    FAR,
+    INSOLUBLE,
     MEETING,
     MISSING,
     OVERLAPPING,
-    PATIENCE,
     TORN,
-    UNSOLVED,
+    lead_nowhere,
+    why_nowhere,
 )
 
 LONGER = {
-    UNSOLVED: "longer ones have no solution {at}",
+    INSOLUBLE: "longer ones have no solution {at}",
     OVERLAPPING: "longer ones would overlap bodies {at}",
     TORN: "longer ones would open a rigid joint",
     MISSING: "longer ones would miss how contact changes {at}",
     MEETING: "bodies bounce {at}, and a step ends where they meet",
+    FAR: "things move too far in longer ones for contacts to be followed",
+    BENT: "the error of longer ones is above the one allowed",
 }
 """What makes steps shorter, by cause."""
 NONE = {
@@ -64,10 +68,8 @@ class Hindrance:
         `code` is what the loop took it for."""
         clock, step = self.clock[0], float(self.control[0]["step"])
         count, span = int(clock["crowd"]), float(clock["time"] - clock["mark"])
-        if count > PATIENCE * max(span / step, LEAST):
-            short = self.why_short()
-            because = f": {short}" if short else ""
-            return f"{count} attempts at steps led on by {span:.3g}, not by the one step of {step:g}{because}"
+        if lead_nowhere(count, span, step):
+            return why_nowhere(count, span, step, self.why_short())
         why = self._clause("refusal", NONE) if clock["residual"] <= TOLERANCE else ""
         if code == Code.UNSUPPORTED:
             why = "forces do not balance without inertia, and no certificate says why"

@@ -62,8 +62,8 @@ def solve_spatial(
     force: Reals,
     tau: Reals,
 ) -> tuple[int, float, int]:
-    """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that slips
-    is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
+    """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that
+    slips is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
     velocities are zero, and the residual is the least that was found."""
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited

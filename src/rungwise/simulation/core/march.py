@@ -16,13 +16,14 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import TOLERANCE, ContactProblem, allocate_problem, trim
+from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.kernel import Reals, kernel, steady
 from rungwise.models.ladder import Rung
-from rungwise.outcome import OUTCOMES, Code
+from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, forget
 from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
-from rungwise.simulation.core.resort import IN_SPACE, ask
+from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
+from rungwise.simulation.core.resort import IN_SPACE, ask, lacking
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
@@ -72,8 +73,8 @@ class March:
     `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
     Python reads it fastest. `leaps` are those of steps without momentum, `leapt` the last step's or 0,
     `snaps` whether the run ended because a leap goes on; `outran` is the first step that was shortened
-    because things moved too far in it; `lack` says what the last attempt of a run that is
-    NOT_CONVERGED lacks.
+    because things moved too far in it; `crawl` says what keeps steps short, and `lack` what the last attempt
+    of a run that is NOT_CONVERGED lacks.
     """
 
     system: System
@@ -97,7 +98,8 @@ class March:
     contacts: int = field(init=False, default=0)
     _speeds: bytes = field(init=False, default=b"")
     _trial: Reals = field(init=False)
-    _overlaps: bool = field(init=False, default=False)
+    _cause: int = field(init=False, default=INSOLUBLE)
+    crawl: Crawl = field(init=False)
     _deep: float = field(init=False, default=0.0)
     leapt: float = field(init=False, default=0.0)
     snaps: bool = field(init=False, default=False)
@@ -114,6 +116,7 @@ class March:
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step
         self.terms.low[0] = math.inf
+        self.crawl = Crawl(self.step, self.time)
         self._record = self.rung.record(self.theta)
         self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
         self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
@@ -155,18 +158,30 @@ class March:
                 if error <= tol or moved <= tol:
                     self._accept(h)
                     return wish
+                self.crawl.vote(BENT, -1)
                 h = wish
                 continue
             moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
             stuck = min(STUCK * self.system.size.length, self.system.size.thin)
             if status == UNSUPPORTED or moved < (
-                STUCK * stuck if self._overlaps and self.rung.inertia > 0.0 else stuck
+                STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
             ):
                 if self._explain(status, asked):
                     return h
                 asked = True
                 continue
+            self.crawl.vote(self._cause, self._culprit())
             h *= 0.5
+
+    def _culprit(self) -> int:
+        """The slot of the contact at fault in an attempt that was refused, or -1: of the deepest overlap, or
+        of the greatest force before it."""
+        slots = self.scratch.slots[: self.contacts]
+        if self._cause == FAR or not len(slots):
+            return -1
+        force = self.state.force[slots, 0]
+        presses = self._cause != OVERLAPPING and force.max() > 0.0
+        return int(slots[np.argmax(force) if presses else np.argmin(self.terms.gap[: len(slots)])])
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
@@ -177,13 +192,15 @@ class March:
     def _attempt(self, h: float) -> tuple[int, Reals]:
         """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
         self.attempts += 1
-        self._overlaps, self._leaping, size = False, 0.0, self.system.size
+        self.crawl.attempts += 1
+        self._cause, self._leaping, size = INSOLUBLE, 0.0, self.system.size
         self._drive()
         self.clock["tried"] = h
         before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
         self._trial, v, reach, begins = self.q, self.state.v, self._reach(h), True
         for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
             if reach > size.farthest or not self._fill(self._trial, v, h, reach):
+                self._cause = FAR
                 return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
             status = self._again(h)
             if status != SUPPORTED:
@@ -204,7 +221,7 @@ class March:
                 return SUPPORTED, v
             if begins:
                 self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
-        self._overlaps = True
+        self._cause = OVERLAPPING
         return UNSOLVED, v
 
     def _leads_far(self, way: float) -> bool:
@@ -236,6 +253,7 @@ class March:
             moved = SHORTER * h * self.system.fastest(self.q, scratch.v_new)
             if shorter == SUPPORTED and moved < 0.5 * way:
                 self.outran = self.outran or Leap(self.time, h, 0.5 * way, v)
+                self._cause = FAR
                 return UNSOLVED, v
             self._leaping = 0.5 * way
         if far or lone:
@@ -342,6 +360,8 @@ class March:
         self.q, self.time = self._trial, self.time + h
         if self.rung.compliant and sunk > SINKING * self.system.size.length:
             self.outcome = Code.MODEL_INVALID
+        elif self.crawl.ends(self.time):
+            self.outcome = Code.NOT_CONVERGED
 
     def _explain(self, status: int, asked: bool) -> bool:
         """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
@@ -363,22 +383,9 @@ class March:
             self.outcome = Code.JAMMED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
-            self.lack = self._lacking(status)
+            overlaps = self._cause == OVERLAPPING
+            self.lack = lacking(status == UNSUPPORTED, overlaps, float(clock["residual"]))
         return True
-
-    def _lacking(self, status: int) -> str:
-        """What the last attempt lacks, which has no proof."""
-        residual = float(self.clock["residual"])
-        if status == UNSUPPORTED:
-            return "forces do not balance without inertia, and no certificate says why. Use a dynamic rung."
-        if self._overlaps:
-            return (
-                "bodies overlap after each step, however short: their contacts change more than they move."
-                " Use a compliant rung, or simpler geoms."
-            )
-        if residual <= TOLERANCE:
-            return "only forces far beyond all that loads call for solve the step. Use a compliant rung."
-        return f"{OUTCOMES[self.outcome].meaning} (residual {residual:.1e}). Use a smaller step."
 
 
 @kernel

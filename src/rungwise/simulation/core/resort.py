@@ -1,12 +1,13 @@
 """The last resort of a step that the compiled chain does not solve, however short: `rw.solve` and its
-proofs."""
+proofs, or else words."""
 
 from __future__ import annotations
 
 from rungwise.contact.judge import Certificate, check_in_space
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
-from rungwise.contact.step import OPEN, STICK, ContactProblem
+from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem
+from rungwise.outcome import OUTCOMES, Code
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import Terms
 
@@ -32,3 +33,17 @@ def ask(
         return False, None
     found = Certificate("frictional", answer.certificate.vectors, answer.certificate.modes)
     return False, found if check_in_space(problem, found) else None
+
+
+def lacking(unsupported: bool, overlaps: bool, residual: float) -> str:
+    """What an attempt lacks, however short, that has no proof: support, room, or a solution."""
+    if unsupported:
+        return "forces do not balance without inertia, and no certificate says why. Use a dynamic rung."
+    if overlaps:
+        return (
+            "bodies overlap after each step, however short: their contacts change more than they move."
+            " Use a compliant rung, or simpler geoms."
+        )
+    if residual <= TOLERANCE:
+        return "only forces far beyond all that loads call for solve the step. Use a compliant rung."
+    return f"{OUTCOMES[Code.NOT_CONVERGED].meaning} (residual {residual:.1e}). Use a smaller step."

@@ -1,8 +1,4 @@
-"""Which contact keeps steps short, and why: a vote of all steps that are refused or end early; and runs whose
-steps lead nowhere.
-
-The vote is that of Boyer and Moore (MJRTY, 1991): what more than half of the steps name is what is left.
-"""
+"""Which contact keeps steps short, and why: steps that are refused or end early vote (see `core.crawl`)."""
 
 from __future__ import annotations
 
@@ -10,17 +6,17 @@ import math
 
 from rungwise.contact.step import TOLERANCE
 from rungwise.kernel import RecordArray, inner_kernel, rare_kernel
+from rungwise.simulation.core.crawl import (
+    CAUSES,
+    INSOLUBLE,
+    MISSING,
+    OVERLAPPING,
+    TORN,
+    lead_nowhere,
+    voted,
+)
 from rungwise.simulation.planar.workspace import State, Workspace
 from rungwise.system.planar.manifold import ABSENT, GAP
-
-UNSOLVED, OVERLAPPING, TORN, MISSING, MEETING = 1, 2, 3, 4, 5
-"""Causes: the step's problem has no solution; bodies would overlap; a rigid joint would open; contacts would
-be missed on the way; bodies meet that may bounce."""
-CAUSES = 8
-"""A vote is CAUSES slot + cause; where no slot is to blame, it is the cause alone, less CAUSES."""
-PATIENCE, LEAST = 100_000, 0.1
-"""Attempts at steps that may lead no farther than one nominal step, and the least part of it for which they
-are counted. Shipped scenes need up to 4000, where the error allowed is a millionth of their shapes."""
 
 
 @inner_kernel
@@ -30,7 +26,7 @@ def crawls(control: RecordArray, state: State) -> bool:
     clock = state.clock[0]
     if clock.time - clock.mark >= control[0].step:
         clock.mark, clock.crowd = clock.time, 0
-    return bool(clock.crowd > PATIENCE * max((clock.time - clock.mark) / control[0].step, LEAST))
+    return lead_nowhere(clock.crowd, clock.time - clock.mark, control[0].step)
 
 
 @rare_kernel
@@ -38,12 +34,7 @@ def vote(cause: int, slot: int, state: State) -> None:
     """One step was shorter for this cause at this slot, or at none (-1)."""
     clock, ballot = state.clock[0], CAUSES * slot + cause
     clock.refusal = ballot
-    if clock.votes == 0:
-        clock.blamed, clock.votes = ballot, 1
-    elif clock.blamed == ballot:
-        clock.votes += 1
-    else:
-        clock.votes -= 1
+    clock.blamed, clock.votes = voted(ballot, clock.blamed, clock.votes)
 
 
 @rare_kernel
@@ -54,7 +45,7 @@ def blame(unfit: bool, torn: bool, contacts: int, workspace: Workspace) -> None:
     if unfit:
         vote(MISSING, _pressed(contacts, workspace), state)
     elif state.clock[0].residual > TOLERANCE:
-        vote(UNSOLVED, _violated(contacts, workspace), state)
+        vote(INSOLUBLE, _violated(contacts, workspace), state)
     elif torn:
         vote(TORN, -1, state)
     else:

@@ -11,9 +11,10 @@ import math
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.records import Records
+from rungwise.simulation.core.crawl import MEETING
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.balance import is_tiny, snaps
-from rungwise.simulation.planar.blame import MEETING, vote
+from rungwise.simulation.planar.blame import vote
 from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed

@@ -25,11 +25,11 @@ from rungwise.simulation.spatial.begin import Fault, begin_at, faults_before, mi
 from rungwise.simulation.spatial.frames import Recorder
 from rungwise.simulation.spatial.memory import hand_on, memory_parts, recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
+from rungwise.simulation.spatial.reasons import crawled, fastest, snapped
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
 from rungwise.simulation.spatial.values import Values
 from rungwise.simulation.state import State, StateError, digest
-from rungwise.wording import listed
 
 TURN_S = 0.1
 """Longest time of steps before the caller sees progress."""
@@ -311,48 +311,32 @@ class SpaceSimulation:
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
         elif self.outcome == Code.NOT_CONVERGED:
-            self.reason = march.lack
+            self.reason = march.lack or crawled(march, self.space, self.scene.labels)
         elif march.snaps:
-            self.reason = self._snapped(march)
+            self.reason = snapped(march, self.space, self.scene.labels.bodies)
         else:
             self.reason = (
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
             )
 
-    def _snapped(self, march: March) -> str:
-        """Which body left its balance, when and how far, and what touched it."""
-        model, names = self.space.model, self.scene.labels.bodies
-        name = self._fastest(march.scratch.v_new)
-        pushed = self.space.kept.geoms[np.flatnonzero(march.state.force[: self.space.most, 0] > 0.0)]
-        pairs = {tuple(model.geom_bodyid[pair].tolist()) for pair in pushed}
-        near = sorted("|".join(names[x] for x in pair) for pair in pairs if name in {names[x] for x in pair})
-        at = f" at {listed(near)}" if near else ""
-        return (
-            f"at t = {march.time:.6g} {name} snaps out of its balance{at}: after {march.leapt:.3g} in one"
-            " step it moves on however short the next is, and momentum, which this rung leaves out, decides"
-            " where it rests. Use a dynamic rung, or damp the motion."
-        )
-
-    def _fastest(self, v: Reals) -> str:
-        """The body that moves fastest."""
-        return self.scene.labels.bodies[int(np.argmax(self.space.reaches @ np.abs(v)))]
-
     def _notes(self) -> tuple[str, ...]:
         """Remarks on the model, on the geometry of contacts, and on steps that went far."""
         remarks = self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
-        march = self.march
+        march, names = self.march, self.scene.labels.bodies
         if march is not None and march.leaps:
             first, count = march.leaps[0], len(march.leaps)
+            name = fastest(self.space, names, first.v)
             more = f", {count} times in all" if count > 1 else ""
             remarks += (
-                f"balance: at t = {first.time:.6g} {self._fastest(first.v)} leapt by {first.far:.3g} in a"
+                f"balance: at t = {first.time:.6g} {name} leapt by {first.far:.3g} in a"
                 f" step of {first.h:.3g}{more}, to where drives and loads then balance: without momentum or"
                 " damping it is there at once; a dynamic rung follows it",
             )
         if march is not None and march.outran is not None:
             first = march.outran
+            name = fastest(self.space, names, first.v)
             remarks += (
-                f"step: at t = {first.time:.6g} {self._fastest(first.v)} would move by {first.far:.3g} in one"
+                f"step: at t = {first.time:.6g} {name} would move by {first.far:.3g} in one"
                 f" of {first.h:.3g}, against damping alone: such steps are shortened to the size of the"
                 " smallest body, and what comes to rest may swing by as much; tol or a dynamic rung follows",
             )

@@ -1,0 +1,67 @@
+"""Runs whose steps lead nowhere, and what keeps steps short: the same in the plane and in space.
+
+Steps that are refused, or end early, vote for the cause and the slot of the contact at fault. The vote is
+that of Boyer and Moore (MJRTY, 1991): what more than half of the steps name is what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rungwise.kernel import inner_kernel
+
+INSOLUBLE, OVERLAPPING, TORN, MISSING, MEETING, FAR, BENT = 1, 2, 3, 4, 5, 6, 7
+"""Causes: the step's problem has no solution; bodies would overlap; a rigid joint would open; contacts would
+be missed on the way; bodies meet that may bounce; things move farther than contacts can be followed; the
+error is above what is allowed."""
+CAUSES = 8
+"""A vote is CAUSES slot + cause; where no slot is to blame, it is the cause alone, less CAUSES."""
+PATIENCE, LEAST = 100_000, 0.1
+"""Attempts at steps that may lead no farther than one nominal step, and the least part of it for which they
+are counted. Shipped scenes need up to 4000, where the error allowed is a millionth of their shapes."""
+
+
+@inner_kernel
+def lead_nowhere(attempts: int, span: float, step: float) -> bool:
+    """Whether so many attempts, which led on by `span`, are more than nominal steps of length `step` need."""
+    return bool(attempts > PATIENCE * max(span / step, LEAST))
+
+
+@inner_kernel
+def voted(ballot: int, blamed: int, votes: int) -> tuple[int, int]:
+    """What is blamed after one more vote, and by how many votes."""
+    if votes == 0:
+        return ballot, 1
+    return blamed, votes + 1 if blamed == ballot else votes - 1
+
+
+@dataclass
+class Crawl:
+    """The rule for a run of nominal steps of length `step`: at `mark` the last of them began, `attempts` ago;
+    most steps are short for the vote `blamed`, which has `votes`."""
+
+    step: float
+    mark: float = 0.0
+    attempts: int = 0
+    blamed: int = 0
+    votes: int = 0
+
+    def vote(self, cause: int, slot: int) -> None:
+        """One step was shorter for this cause at this slot, or at none (-1)."""
+        self.blamed, self.votes = voted(CAUSES * slot + cause, self.blamed, self.votes)
+
+    def ends(self, time: float) -> bool:
+        """Whether steps, just now one more up to `time`, lead nowhere."""
+        if time - self.mark >= self.step:
+            self.mark, self.attempts = time, 0
+        return self.leads_nowhere(time)
+
+    def leads_nowhere(self, time: float) -> bool:
+        """Whether the steps up to `time` are such that the run would not end."""
+        return lead_nowhere(self.attempts, time - self.mark, self.step)
+
+
+def why_nowhere(attempts: int, span: float, step: float, short: str) -> str:
+    """The rule in words; `short` says what keeps steps short, or is empty."""
+    because = f": {short}" if short else ""
+    return f"{attempts} attempts at steps led on by {span:.3g}, not by the one step of {step:g}{because}"

@@ -1,0 +1,60 @@
+"""Why runs in space end, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene.space.labels import Labels
+from rungwise.simulation.core.crawl import CAUSES, why_nowhere
+from rungwise.simulation.core.march import March
+from rungwise.simulation.hindered import LEADING_ON, LONGER
+from rungwise.system.spatial.space import Space
+from rungwise.wording import listed
+
+
+def fastest(space: Space, names: Sequence[str], v: Reals) -> str:
+    """The body that moves fastest at v (n_v,)."""
+    return names[int(np.argmax(space.reaches @ np.abs(v)))]
+
+
+def snapped(march: March, space: Space, names: Sequence[str]) -> str:
+    """Which body left its balance, when and how far, and what touched it."""
+    model, name = space.model, fastest(space, names, march.scratch.v_new)
+    pushed = space.kept.geoms[np.flatnonzero(march.state.force[: space.most, 0] > 0.0)]
+    pairs = {tuple(model.geom_bodyid[pair].tolist()) for pair in pushed}
+    near = sorted("|".join(names[x] for x in pair) for pair in pairs if name in {names[x] for x in pair})
+    at = f" at {listed(near)}" if near else ""
+    return (
+        f"at t = {march.time:.6g} {name} snaps out of its balance{at}: after {march.leapt:.3g} in one"
+        " step it moves on however short the next is, and momentum, which this rung leaves out, decides"
+        " where it rests. Use a dynamic rung, or damp the motion."
+    )
+
+
+def crawled(march: March, space: Space, labels: Labels) -> str:
+    """What kept the steps short of a run whose steps led nowhere, the body that was fastest, and what may
+    lead on."""
+    crawl = march.crawl
+    cause, slot = crawl.blamed % CAUSES, crawl.blamed // CAUSES
+    short = (
+        " ".join(LONGER[cause].format(at=_at(slot, space, labels.geoms)).split()) if cause in LONGER else ""
+    )
+    lines = [
+        why_nowhere(crawl.attempts, march.time - crawl.mark, crawl.step, short),
+        f"The fastest body is {fastest(space, labels.bodies, march.v)}.",
+        "A smaller step, or tol, may do.",
+    ]
+    if march.rung.name in LEADING_ON:
+        lines.append(f"Where that changes nothing, {LEADING_ON[march.rung.name]}.")
+    return f"{lines[0]}. {' '.join(lines[1:])}"
+
+
+def _at(slot: int, space: Space, geoms: Sequence[str]) -> str:
+    """Between which geoms a slot's contact is, or that it is a limit."""
+    if not 0 <= slot < space.most:
+        return "at a limit" if slot >= 0 else ""
+    a, b = space.kept.geoms[slot].tolist()
+    return f"between {geoms[a]} and {geoms[b]}" if a >= 0 else ""

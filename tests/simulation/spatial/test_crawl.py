@@ -1,0 +1,47 @@
+"""Runs in space whose steps lead nowhere end, and say what keeps their steps short."""
+
+from __future__ import annotations
+
+import pytest
+
+import rungwise as rw
+from rungwise.models.ladder import Rung
+from rungwise.simulation.spatial.run import SpaceSimulation
+
+from .conftest import Make
+from .measure import DYNAMIC, FLOOR, NO_GRAVITY, free, named, world
+
+BALL = (
+    '<body name="ball"><joint name="x" type="slide" axis="1 0 0"/><geom name="b" size=".1" mass="1"/></body>'
+)
+
+
+def _end(simulation: SpaceSimulation) -> tuple[str, int]:
+    """The reason of a run that is `not_converged`, and how many attempts it took."""
+    while simulation.advance():
+        pass
+    found, march = simulation.result(), simulation.march
+    assert march is not None and found.outcome == "not_converged"
+    return found.reason, march.attempts
+
+
+def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
+    make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law = [{"friction": 0.0}]
+    ball = free("ball", "0 0 .1", 'name="b" size=".1"')
+    scene = make(world(FLOOR, ball), contacts=law, start={"velocities": {"ball.x": 1e6}})
+    simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
+    monkeypatch.setattr(simulation.march, "_fits", lambda _v, h, _way, _before: h < 1e-7)
+    reason, attempts = _end(simulation)
+    assert 10_000 <= attempts < 20_000
+    assert "overlap bodies between floor and b." in reason and "dynamic-compliant" in reason
+
+
+@pytest.mark.parametrize("rung", DYNAMIC, ids=named)
+def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make: Make, rung: Rung) -> None:
+    motor = '<actuator><motor name="m" joint="x"/></actuator>'
+    scene = make(world(BALL, before=NO_GRAVITY, after=motor), controls={"m": "1e9 * sin(1e6 * t)"})
+    reason, attempts = _end(SpaceSimulation(scene, rung, step=1.0, duration=1e3, tol=1e-6))
+    assert 10_000 < attempts < 110_000
+    assert "the error of longer ones" in reason and "ball" in reason
