@@ -10,10 +10,11 @@ from rungwise.models.assemble import approach
 from rungwise.scene.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
-from rungwise.simulation.planar.balance import is_coarse, is_tiny, leaping, stands, strides
 from rungwise.simulation.planar.blame import blame
 from rungwise.simulation.planar.choice import SUDDEN, choose_motion
+from rungwise.simulation.planar.far_contacts import stands, strides
 from rungwise.simulation.planar.jumps import jumps
+from rungwise.simulation.planar.leaps import is_tiny, leaping
 from rungwise.simulation.planar.linearise import linearise, restart, take_back
 from rungwise.simulation.planar.memory import bring_back, remember
 from rungwise.simulation.planar.middle import (
@@ -27,6 +28,7 @@ from rungwise.simulation.planar.middle import (
 )
 from rungwise.simulation.planar.nearby import begin_step, fastest_pair, gather, look, widen
 from rungwise.simulation.planar.passing import SLIP, passes
+from rungwise.simulation.planar.snaps import is_coarse
 from rungwise.simulation.planar.strays import note_strays
 from rungwise.simulation.planar.verdicts import sense
 from rungwise.simulation.planar.workspace import Scratch, State, Workspace

@@ -13,15 +13,16 @@ from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kerne
 from rungwise.scene.records import Records
 from rungwise.simulation.core.crawl import MEETING
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
-from rungwise.simulation.planar.balance import is_tiny, snaps
 from rungwise.simulation.planar.blame import vote
 from rungwise.simulation.planar.disagree import AHEAD, closes, disagreement, mode_at_start
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.extrapolate import extrapolate, flies, is_alike, is_pressed
 from rungwise.simulation.planar.inputs import Inputs
+from rungwise.simulation.planar.leaps import is_tiny
 from rungwise.simulation.planar.memory import keep, restore
 from rungwise.simulation.planar.middle import meets
 from rungwise.simulation.planar.nearby import fastest_pair, gather, swing, widen
+from rungwise.simulation.planar.snaps import snaps
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import VERTICES
 from rungwise.system.planar.place import turns

@@ -52,7 +52,7 @@ with the rows at its start and two of half its length would have made of it (see
 that a contact of the last step is no more at its end, and that rows are those of the start. `stalled` counts
 the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
-`snapped` says that such a motion ended the run (see `planar.balance`). At `mark`
+`snapped` says that such a motion ended the run (see `planar.snaps`). At `mark`
 the last nominal step began, `crowd` attempts ago; `blamed` keeps most steps short, by `votes`, `refusal`
 the last one, and `meets` is the slot of the contact that ended one (see `planar.blame`)."""
 
