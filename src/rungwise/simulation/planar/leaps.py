@@ -7,7 +7,7 @@ nominal steps. Last comes the test that fails where one is far lower (-) or high
     LEAST     size                  looks at slow motion           leaves leaps untold         + test_leaps
     STRIDE    size                  shortens what settles          leaves single leaps untold  - test_fingers
     DRIVEN    farthest driven way   looks at what levers speed up  lets drives hide leaps
-    TINY      pause                 finds late what moves on       takes loads for jumps
+    TINY      pause                 finds late what moves on       takes loads for jumps       + test_leaps
     LEFT      load and resistance   takes rounding for inertia     lets inertia hide a fall
     HEAVIER   inertia of the limit  takes rounding for a bound     takes resistance for none   - test_leaps
     SHORTER   step                  ignores loads that change      takes slow motion as thrown + test_snap
