@@ -346,5 +346,40 @@ def is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scra
         for r in range(clock.limited):
             if math.isfinite(terms.limit[r]):
                 resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
-        balanced &= force == 0.0 or abs(left) <= unbalanced * (load + resisted)
+        if force > 0.0 and abs(left) > unbalanced * (load + resisted):
+            load += _passed_on(step, unbalanced, a, terms, state, scratch)
+            balanced &= abs(left) <= unbalanced * (load + resisted)
     return balanced
+
+
+@rare_kernel
+def _passed_on(step: float, unbalanced: float, a: int, terms: Terms, state: State, scratch: Scratch) -> float:
+    """What the loads of other coordinates, and their own dampers, springs and drives, would ask of coordinate
+    a by inertia alone, and what the least motion that counts asks of its own: beside this, inertia that is
+    left of motion against the others is negligible where its own spring, damper or servo holds it."""
+    clock = state.clock[0]
+    held = _held(step, a, terms, state, scratch)
+    if clock.eps / step * terms.inertia[a, a] > unbalanced * held:
+        return 0.0
+    asked: float = held * STIR * terms.rounding[0] / (step * math.sqrt(terms.heft[a, METRIC]))
+    for b in state.free[: clock.free]:
+        if b != a:
+            own = step * terms.stiffness[b, b] + terms.damping[b, b]
+            force = abs(terms.load[b]) + abs(own * scratch.v_new[b])
+            for r in range(clock.limited):
+                if math.isfinite(terms.limit[r]):
+                    force += abs(terms.limited[r, b] * scratch.limited_force[r])
+            asked += abs(terms.inertia[a, b]) / terms.inertia[b, b] * force
+    return asked
+
+
+@rare_kernel
+def _held(step: float, a: int, terms: Terms, state: State, scratch: Scratch) -> float:
+    """Force per speed of coordinate a, by its own springs, dampers, and servos that are within their
+    limits."""
+    held: float = step * terms.stiffness[a, a] + terms.damping[a, a]
+    for r in range(state.clock[0].limited):
+        gain = step * terms.gains[r, 0] + terms.gains[r, 1]
+        if math.isfinite(gain) and abs(scratch.limited_force[r]) < terms.limit[r]:
+            held += terms.limited[r, a] ** 2 * gain
+    return held
