@@ -73,3 +73,62 @@ def _apart(rng: np.random.Generator, reaches: Reals, width: float) -> Reals:
         places = rng.uniform(-width, width, (2, 2))
         if math.dist(*places) > float(reaches.sum()) + 0.03:
             return np.asarray(places)
+
+
+def lifted_block(seed: int) -> rw.Scene:
+    """Two fingers on springs of limited force over a block on a floor, which gravity holds there."""
+    rng = np.random.default_rng(seed)
+    size, mass, friction = rng.uniform(0.015, 0.03), rng.uniform(0.005, 0.02), float(rng.uniform(0.4, 0.9))
+    height = rng.uniform(0.6, 1.2) * size
+    inputs = ("x1", "y1", "x2", "y2")
+    places = dict(zip(inputs, (-1.2 * size, 0.5 * size, 1.2 * size, 0.5 * size), strict=True))
+    contact = {"stiffness": 1e5, "damping": 1e2}
+    return rw.load(
+        {
+            "name": "lifted_block",
+            "gravity": [0, -9.81],
+            "parameters": {name: {"default": place} for name, place in places.items()},
+            "inputs": list(inputs),
+            "bodies": {
+                **{f"finger{k}": _finger(k) for k in (1, 2)},
+                "part": {
+                    "role": "object", "mass": float(mass), "motion": {"kind": "free"},
+                    "shape": {"kind": "box", "width": float(size), "height": float(height)},
+                    "pose": {"y": float(height) / 2},
+                },
+                "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+            },
+            "contacts": [
+                {"between": ["finger*", "part"], "friction": friction, **contact},
+                {"between": ["part", "floor"], "friction": float(rng.uniform(0.2, 0.6)), **contact},
+                {"between": ["finger*", "floor"], "friction": 0, **contact},
+                {"between": ["finger1", "finger2"], "friction": 0, **contact},
+            ],
+            "goal": f"part.x >= {3.0 * size}",
+            "tolerance": 1e-8,
+            "duration": 60,
+            "step": 0.01,
+            "task": {
+                "inputs": {
+                    name: {"range": [-0.05, 0.05] if name[0] == "x" else [0.0021, 0.06]} for name in inputs
+                },
+                "moves": [1, 4],
+                "transit": {
+                    f"finger{k}": {"speed": 0.05, "clearance": 1e-3, "push": [1e-3, 0.03]} for k in (1, 2)
+                },
+            },
+        }
+    )  # fmt: skip
+
+
+def _finger(number: int) -> dict[str, Any]:
+    def spring(target: str) -> dict[str, Any]:
+        drive = {"kind": "servo", "stiffness": 100, "damping": 2.8, "target": target, "limit": 2}
+        return {"drive": drive}
+
+    x, y = f"x{number}", f"y{number}"
+    return {
+        "role": "robot", "mass": 0.02, "force": [0, 0.1962], "shape": {"kind": "disc", "radius": 0.002},
+        "pose": {"x": x, "y": y}, "motion": {"kind": "free"},
+        "coordinates": {"x": spring(x), "y": spring(y), "angle": {"drive": {"kind": "speed", "speed": 0}}},
+    }  # fmt: skip

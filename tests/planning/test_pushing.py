@@ -8,10 +8,11 @@ import pytest
 import rungwise as rw
 from rungwise.planning import lift, schedule, stops, tree, work
 from rungwise.planning.predict import Budget, Stage
+from rungwise.planning.rest import rested
 from rungwise.planning.shoot import run_moves
 from rungwise.planning.task import task_of
 from rungwise.planning.transit import Transit
-from tests.planning.members import push, two_boxes
+from tests.planning.members import lifted_block, push, two_boxes
 
 QUASISTATIC = Stage(rw.QUASISTATIC_RIGID, 1e-3)
 
@@ -82,6 +83,47 @@ def test_a_push_that_is_cut_ends_where_the_longer_one_was() -> None:
     shorter = predictor.run(places.take(found.rows[rows]), again.levels, again.durations)
     off = own.task.off(shorter.places.q, found.places.q[rows])
     assert np.abs(off).max() < 0.01 * own.size
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_robots_hold_is_let_go_before_they_are_placed_elsewhere(seed: int) -> None:
+    """A block that two fingers hold in the air, at rest, comes down before the next move begins."""
+    scene = lifted_block(seed)
+    own = begun(scene)
+    predictor = own.predictor(Stage(rw.DYNAMIC_COMPLIANT, 1e-3))
+    shape = scene.file.bodies["part"].shape
+    apart, high = 0.5 * float(shape.width) + 0.002 + 1e-6, 0.04
+    q = own.start.q.copy()
+    for name, value in {
+        "finger1.x": -apart, "finger2.x": apart, "finger1.y": high, "finger2.y": high, "part.y": high,
+    }.items():  # fmt: skip
+        q[0, scene.template.coordinates.index(name)] = value
+    places = own.start._replace(q=q)
+    inward = 0.005 - apart
+    levels = np.array([[[inward, high, -inward, high]]])
+    held = predictor.run(places, levels, np.array([[0.5]]))
+    y = scene.template.coordinates.index("part.y")
+    assert held.places.q[0, y] > 0.9 * high and not own.task.moving(held.places.v)[0]
+    found = rested(own.moves, predictor, held, levels[:, 0])
+    assert found.ends.places.q[0, y] < 0.6 * high and not own.task.moving(found.ends.places.v)[0]
+    assert found.left.durations[0] > 0.0 and found.waits[0] > 0.0
+
+
+def test_ways_keep_to_the_places_that_inputs_reach() -> None:
+    """Robots that are led by targets go nowhere beyond the bounds of these."""
+    own, long = begun(lifted_block(5)), 0
+    for seed in range(12):
+        aim = own.start.q[0].copy()
+        for carrier in own.task.carriers:
+            low, high = own.moves.transit.bounds(carrier)
+            aim[list(carrier.places)] = own.rng.uniform(low, high)
+        way = own.transit.way(own.start.q[0], aim, seed)
+        for carrier in own.task.carriers if way is not None else ():
+            low, high = own.moves.transit.bounds(carrier)
+            at = way[:, list(carrier.places)]
+            assert ((at >= low - 1e-12) & (at <= high + 1e-12)).all()
+        long += way is not None and len(way) > 2
+    assert long >= 1
 
 
 def test_objects_of_the_goal_are_told_apart() -> None:

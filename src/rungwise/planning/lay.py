@@ -75,9 +75,11 @@ def lay(
             )  # fmt: skip
         run = predictor.run(
             now, np.array([[row[0] for row in rows]]), np.array([[row[1] for row in rows]]),
-            ramps=tuple(row[2] for row in rows),
+            ramps=tuple(row[2] for row in rows), patient=True,
         )  # fmt: skip
-        run, after, waits = rested(moves.task, predictor, run, own.levels[:, -1])
+        run, after, waits, left = rested(moves, predictor, run, own.levels[:, -1])
+        if left.durations[0] > 0.0:
+            rows.append((left.levels[0], float(left.durations[0]), moves.task.by_place))
         if waits[0] > 0.0:
             rows.append((after[0], (1.0 + LATER) * float(waits[0]), False))
         outcome, work = Code(int(run.outcome[0])), work + float(run.work[0])
@@ -88,7 +90,7 @@ def lay(
             Segment(dict(zip(names, row.tolist(), strict=True)), float(took), None, ramp)
             for row, took, ramp in kept
         ]
-        labels += (["transit"] * len(legs) + _labels(moves) + [WAIT])[: len(kept)]
+        labels += (["transit"] * len(legs) + _labels(moves) + [WAIT, WAIT])[: len(kept)]
         counts.append(len(kept))
         places.append(run.places)
         levels = after

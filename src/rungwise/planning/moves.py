@@ -21,6 +21,7 @@ from rungwise.planning.boundary import Boundary, boundary
 from rungwise.planning.carriers import Carrier, TaskError
 from rungwise.planning.predict import Places
 from rungwise.planning.task import Task
+from rungwise.planning.transit import Transit
 from rungwise.scene.records import Records
 from rungwise.simulation.questions import Question
 
@@ -72,6 +73,11 @@ class Moves:
         self.periodic = np.zeros(self.size, bool)
         self.periodic[: self.per * len(task.carriers) : self.per] = True
         self._ramped = bool(np.isfinite(task.rate[self._free]).any())
+
+    @cached_property
+    def transit(self) -> Transit:
+        """Ways of the robots between moves."""
+        return Transit(self.task, self.question)
 
     @cached_property
     def _targets(self) -> list[list[_Target]]:

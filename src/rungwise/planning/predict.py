@@ -35,6 +35,8 @@ GOES_ON = (Code.MISSED, Code.TIMEOUT)
 LONGEST, SHORT, LONGEST_IN_SPACE = 1000, 1e-1, 300
 """Most steps of one move, and the part of the accuracy by which something must be able to move: a search does
 not wait for what goes on more slowly. In space a step takes a hundred times as long."""
+PATIENCE = 10
+"""How many times as many steps patient runs may take, such as those of plans that are laid out."""
 UNBOUNDED = 1_250_000
 """Steps of which stages take their parts where a search has no bounds."""
 FOLLOWED = (Segment({}, 0.0),)
@@ -170,9 +172,10 @@ class Predictor(Protocol):
 
     def run(
         self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
-        until: tuple[str | None, ...] | None = None,
+        until: tuple[str | None, ...] | None = None, patient: bool = False,
     ) -> Ends:  # fmt: skip
-        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
+        take more steps than quick ones."""
 
     def taken_over(self, now: Places, scene: Any, levels: Reals, /) -> Places:
         """One place to which a run of `scene` at other parameters has come, on this stage's rung, as these
@@ -200,15 +203,16 @@ class PlanarPredictor:
         self.scene, self.stage, self.budget = scene, stage, budget
         self._tol, self._parameters, self._threads = tol, parameters, threads
         self._quick, self._span = quick, span
-        self._crews: dict[tuple[tuple[bool, ...], tuple[str | None, ...]], Crew] = {}
+        self._crews: dict[tuple[tuple[bool, ...], tuple[str | None, ...], bool], Crew] = {}
 
     def run(
         self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
-        until: tuple[str | None, ...] | None = None,
+        until: tuple[str | None, ...] | None = None, patient: bool = False,
     ) -> Ends:  # fmt: skip
-        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
+        take more steps than quick ones."""
         m, s = durations.shape
-        crew = self._crew(ramps or (False,) * s, until or (None,) * s)
+        crew = self._crew(ramps or (False,) * s, until or (None,) * s, patient)
         goes_on = len(places.memory) > 0
         before = in_memory(crew.workspace.state, "drive_work", places.memory) if goes_on else np.zeros(m)
         samples = crew.run(
@@ -250,16 +254,17 @@ class PlanarPredictor:
             return placed
         return placed._replace(time=now.time, memory=begun.workspace.state.memory[None].copy())
 
-    def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...]) -> Crew:
-        if (ramps, until) not in self._crews:
+    def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...], patient: bool) -> Crew:
+        if (ramps, until, patient) not in self._crews:
             options: dict[str, Any] = {"tol": self._tol, "threads": self._threads, "span": self._span}
             if self._quick:
                 tolerance = float(self.scene.bind(self._parameters).records.world[0]["tolerance"])
-                options |= {"budget": LONGEST, "jam": max(JAM, SHORT * self._tol / tolerance)}
-            self._crews[ramps, until] = Crew(
+                longest = PATIENCE * LONGEST if patient else LONGEST
+                options |= {"budget": longest, "jam": max(JAM, SHORT * self._tol / tolerance)}
+            self._crews[ramps, until, patient] = Crew(
                 self.scene, self.stage.model, (), self._parameters, until=until, ramps=ramps, **options
             )
-        return self._crews[ramps, until]
+        return self._crews[ramps, until, patient]
 
 
 class SpacePredictor:
@@ -270,16 +275,17 @@ class SpacePredictor:
         threads: int | None = None, *, quick: bool = True,
     ) -> None:  # fmt: skip
         self.scene, self.stage, self.budget = scene, stage, budget
-        self._parameters, self._digest = parameters, digest(scene)
+        self._parameters, self._digest, self._quick = parameters, digest(scene), quick
         self._processes = min(threads_of(threads), os.cpu_count() or 1)
         options = {"tol": tol, "step": None, "theta": 1.0}
         self._terms = Terms(scene, stage.model, options, LONGEST_IN_SPACE if quick else BUDGET, False)
 
     def run(
         self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
-        until: tuple[str | None, ...] | None = None,
+        until: tuple[str | None, ...] | None = None, patient: bool = False,
     ) -> Ends:  # fmt: skip
-        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places."""
+        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
+        take more steps than quick ones."""
         m, s = durations.shape
         names, ramps, until = self.scene.template.inputs, ramps or (False,) * s, until or (None,) * s
         samples = [
@@ -296,7 +302,8 @@ class SpacePredictor:
         ]  # fmt: skip
         size = max(1, min(16, math.ceil(m / self._processes / 2)))
         parts = [samples[at : at + size] for at in range(0, m, size)]
-        terms, found = self._terms._replace(ends=self.budget.ends), list[Sampled]()
+        most = self._terms.budget * (PATIENCE if patient and self._quick else 1)
+        terms, found = self._terms._replace(ends=self.budget.ends, budget=most), list[Sampled]()
         for part in spread(run_samples, terms, parts, m, self._processes, self.budget.look):
             found += part
         self.budget.look()

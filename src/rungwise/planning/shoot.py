@@ -60,7 +60,7 @@ def run_moves(
         going, begun, segments = going[fits], begun.take(np.flatnonzero(fits)), segments.take(fits)
         if not len(going):
             break
-        ends, levels[going], _ = run_to_rest(moves, predictor, begun, segments)
+        ends, levels[going], *_ = run_to_rest(moves, predictor, begun, segments)
         if cuts > 1:
             ends, own = _cut_short(moves, aim, chosen[fits], segments, ends, cuts)
             vectors[going, k] = own

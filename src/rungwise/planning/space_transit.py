@@ -8,6 +8,7 @@ body is brought beside the object on that line by damped least squares on its jo
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,6 +179,10 @@ class SpaceMoves(Moves):
             v[:, tool.dofs] = 0.0
         return Places(q, v, places.time, places.memory), fits
 
+    @cached_property
+    def transit(self) -> SpaceTransit:
+        return SpaceTransit(self.task, self.question)
+
     def _led(self, tool: Tool, q: Reals, target: int, point: Reals, away: Reals) -> Reals | None:
         """The first place beside the object at which nothing of the robot overlaps."""
         for number in range(TRIES):
@@ -256,7 +261,7 @@ class SpaceTransit(Transit):
         low, high = ends.min(axis=0) - about, ends.max(axis=0) + about
         return np.maximum(low, self._limits[0]), np.minimum(high, self._limits[1])
 
-    def _away(self, q: Reals) -> Reals:
+    def away(self, q: Reals) -> Reals:
         held = float(self._gaps(q[None]).min(initial=math.inf))
         if held >= NEAR * self._clearance:
             return q

@@ -10,8 +10,10 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.planning.carriers import Carrier
 from rungwise.planning.task import Task
 from rungwise.planning.ways import CHECKS, always, grown, shortened
 from rungwise.simulation.questions import Question
@@ -35,7 +37,7 @@ class Transit:
     def way(self, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool] = always) -> Reals | None:
         """Places (k, n) from q (n,) to the goal (n,), both included, sought while there is time; None where
         no way was found."""
-        begun = self._away(q)
+        begun = self.away(q)
         if begun is not q:
             rest = self.way(begun, goal, seed, in_time)
             return None if rest is None else np.vstack([q, rest])
@@ -52,18 +54,23 @@ class Transit:
         )  # fmt: skip
         return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
 
-    def _away(self, q: Reals) -> Reals:
-        """The place q, or where something touches a carrier there, a place at a distance straight away."""
-        if float(self._gaps(q[None]).min(initial=math.inf)) >= NEAR * self._clearance:
+    def touches(self, rows: Reals) -> NDArray[np.bool_]:
+        """Whether something is as near to a carrier at places (m, n) as carriers do not come on their way."""
+        return np.asarray(self._gaps(rows).min(axis=1, initial=math.inf) < NEAR * self._clearance)
+
+    def away(self, q: Reals) -> Reals:
+        """The place q (n,); where something touches a carrier there, one at a distance straight away."""
+        if not self.touches(q[None])[0]:
             return q
-        place = q.copy()
+        place, contacts = q.copy(), self._task.scene.template.contacts
         turns = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
         steps = self._clearance * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
         for carrier in self._task.carriers:
             columns = list(carrier.places)
+            own = [k for k, contact in enumerate(self._own) if carrier.body in contacts[contact]]
             trials = np.repeat(place[None], len(steps), axis=0)
-            trials[:, columns] += steps
-            place = trials[self._gaps(trials).min(axis=1).argmax()]
+            trials[:, columns] = np.clip(trials[:, columns] + steps, *self.bounds(carrier))
+            place = trials[self._gaps(trials)[:, own].min(axis=1, initial=math.inf).argmax()]
         apart = float(self._gaps(place[None]).min()) > max(0.0, float(self._gaps(q[None]).min()))
         return place if apart else q
 
@@ -102,5 +109,18 @@ class Transit:
         poses = self._question.geometry(np.stack([q, goal])).poses[..., :2].reshape(-1, 2)
         low, high = poses.min(axis=0), poses.max(axis=0)
         room = 0.5 * float(np.linalg.norm(high - low)) + 10.0 * self._clearance
-        pairs = len(self._columns) // 2
-        return np.tile(low - room, pairs), np.tile(high + room, pairs)
+        bounds = np.array([self.bounds(carrier) for carrier in self._task.carriers])
+        ends = np.stack([q, goal])[:, self._columns]
+        least = np.maximum(low - room, bounds[:, 0]).ravel()
+        most = np.minimum(high + room, bounds[:, 1]).ravel()
+        return np.minimum(least, ends.min(axis=0)), np.maximum(most, ends.max(axis=0))
+
+    def bounds(self, carrier: Carrier) -> tuple[Reals, Reals]:
+        """Least and greatest places (2,) to which inputs within their bounds lead a carrier."""
+        if not carrier.by_place:
+            return np.full(2, -math.inf), np.full(2, math.inf)
+        columns = list(carrier.columns)
+        ends = np.stack([self._task.low[columns], self._task.high[columns]])
+        middle, half = carrier.matrix @ ends.mean(axis=0) + carrier.zero, np.ptp(ends, axis=0) / 2.0
+        reach = np.abs(carrier.matrix) @ half
+        return middle - reach, middle + reach

@@ -169,7 +169,7 @@ def _expanded(
     if not len(rows):
         return tree
     segments, vectors, parents = segments.take(fits), vectors[rows], parents[rows]
-    ends, levels, _ = run_to_rest(moves, predictor, begun.take(rows), segments)
+    ends, levels, *_ = run_to_rest(moves, predictor, begun.take(rows), segments)
     goal = ends.outcome == Code.GOAL
     on = goal | np.isin(ends.outcome, GOES_ON)
     lacks = np.full(len(rows), np.inf)

@@ -137,28 +137,26 @@ def _named(text: str) -> set[str]:
 
 def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
     """Where planning starts. Raises TaskError where bodies overlap at the start."""
-    moves, transit = _ways_of(task)
+    moves = _moves_of(task)
     start = State.of(task.scene, parameters=task.parameters)
     overlap = moves.question.overlap(start)
     if overlap:
         raise TaskError(f"start: {overlap}; change the parameters of the start")
     return Work(
-        task=task, moves=moves, transit=transit,
+        task=task, moves=moves, transit=moves.transit,
         question=Question(task.search, "goal", task.parameters), budget=budget,
         start=Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1))),
         size=task.size, threads=threads, rng=np.random.default_rng(seed), seed=seed,
     )  # fmt: skip
 
 
-def _ways_of(task: Task) -> tuple[Moves, Transit]:
-    """Moves of a task, and its robots' ways between them."""
+def _moves_of(task: Task) -> Moves:
+    """Moves of a task."""
     if isinstance(task.scene, SpaceScene) and task.carriers:
-        from rungwise.planning.space_transit import SpaceMoves, SpaceTransit
+        from rungwise.planning.space_transit import SpaceMoves
 
-        moves = SpaceMoves(task)
-        return moves, SpaceTransit(task, moves.question)
-    plain = Moves(task)
-    return plain, Transit(task, plain.question)
+        return SpaceMoves(task)
+    return Moves(task)
 
 
 def known(work: Work) -> str:
