@@ -23,7 +23,7 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, forget
 from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
-from rungwise.simulation.core.resort import IN_SPACE, ask, lacking
+from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
@@ -368,6 +368,9 @@ class March:
         unless it was asked before, solves the step: its forces are the forces to start from."""
         clock, terms, state = self.clock, self.terms, self.state
         problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
+        if not np.isfinite(problem.c).all():
+            self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
+            return True
         if status == UNSUPPORTED:
             grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
             resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]

@@ -14,6 +14,11 @@ from rungwise.system.terms import Terms
 IN_SPACE = 3
 """Directions of contacts that `rw.solve` and the checker of certificates know; a step may have more, for
 torsion and rolling."""
+RAN_AWAY = (
+    "speeds have grown beyond all numbers: inertial forces of joined bodies, taken where a step begins,"
+    " add energy where the bodies turn far in it. Use a smaller step, or tol."
+)
+"""What a run lacks whose speeds have grown without bound."""
 
 
 def ask(

@@ -211,7 +211,8 @@ class Space:
         self._mujoco.mj_energyPos(self.model, self.data)
         product = np.zeros(self.model.nv)
         self._mujoco.mj_mulM(self.model, self.data, product, v)
-        return float(self.data.energy[0] + 0.5 * v @ product)
+        with np.errstate(over="ignore"):  # of what has run away it is inf
+            return float(self.data.energy[0] + 0.5 * v @ product)
 
     def accept(self) -> None:
         self.kept, self._found = self._found, self.kept
