@@ -50,19 +50,15 @@ from .sets.feasible import FeasibleSet, feasible_set, load_set
 from .sets.labels import Label
 from .sets.solution_sets import SolutionSets, solution_sets
 from .sets.store import SetError
-from .simulation.batch import Batch, Results
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.inputs import Schedule, ScheduleError, Segment
 from .simulation.options import ModelError
-from .simulation.questions import Answers, Geometry, ask, geometry
 from .simulation.result import Run
-from .simulation.rollout import Rollouts, rollout
 from .simulation.rows import States
-from .simulation.run import Simulation, simulate
+from .simulation.run import Simulation
 from .simulation.spatial.replay import Replay, ReplayError, replay
 from .simulation.spatial.result import SpaceRun
-from .simulation.spatial.rollout import SpaceRollouts
 from .simulation.spatial.run import SpaceSimulation
 from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
@@ -71,6 +67,12 @@ from .viewing.inline import PictureError, plot, to_html
 from .viewing.parting import draw_parting
 from .viewing.view import view
 from .viewing.write import ViewError
+from .world.batch import Batch, Results
+from .world.planar.rollouts import Rollouts
+from .world.questions import Answers, Geometry, ask, geometry
+from .world.rollout import rollout
+from .world.run import simulate
+from .world.spatial.rollouts import SpaceRollouts
 
 __all__ = [
     "DYNAMIC_COMPLIANT",

@@ -15,12 +15,12 @@ import rungwise as rw
 from rungwise import cli
 from rungwise.outcome import Code
 from rungwise.planning.execute import Replanner
-from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Budget, Places, predictor_of
 from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.task import task_of
 from rungwise.planning.work import begin
 from rungwise.scene.space import SpaceScene
+from rungwise.world.find import world_of
 
 MODEL = """<mujoco><worldbody><geom name="table" type="plane" size="2 2 .1"/>
 <body name="pusher" pos="-.1 0 .05"><joint name="along" type="slide" axis="1 0 0"/>
@@ -188,7 +188,7 @@ def test_a_guarded_move_ends_at_the_touch(plan: rw.Plan) -> None:
 
 
 def test_objects_are_what_nothing_drives(scene: SpaceScene) -> None:
-    assert roles_of(scene) == {"world": "obstacle", "pusher": "robot", "box": "object"}
+    assert world_of(scene).roles() == {"world": "obstacle", "pusher": "robot", "box": "object"}
     task = task_of(scene)
     reach = 0.05 * np.sqrt(3.0)
     assert task.size == pytest.approx(reach)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.questions import Question
+from rungwise.world.questions import Question
 
 from .conftest import MOVING
 from .random_scenes import random_scene

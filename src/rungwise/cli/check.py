@@ -12,7 +12,7 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
     from rungwise.report.describe import describe, describe_text
     from rungwise.report.space import describe_space, describe_space_text
     from rungwise.scene import Scene
-    from rungwise.simulation.run import simulation_of
+    from rungwise.world.run import simulation_of
 
     with plain_errors():
         loaded = load_scene(scene)

@@ -92,7 +92,7 @@ def _run(
 ) -> SpaceRun:
     """The run of a scene."""
     from rungwise.scene.space import SpaceScene
-    from rungwise.simulation.run import simulate
+    from rungwise.world.run import simulate
 
     loaded = load_scene(source)
     if not isinstance(loaded, SpaceScene):

@@ -79,7 +79,7 @@ def sim(
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
     from rungwise.simulation.options import ModelError
-    from rungwise.simulation.run import simulation_of
+    from rungwise.world.run import simulation_of
 
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")

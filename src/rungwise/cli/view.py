@@ -170,7 +170,7 @@ def _replays(source: str, models: list[str] | None, values: list[str] | None) ->
 def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[Run | SpaceRun]:
     """The scene's run on each of the rungs, for pictures."""
     from rungwise.models.ladder import LADDER
-    from rungwise.simulation.run import simulate
+    from rungwise.world.run import simulate
 
     with plain_errors():
         scene = load_scene(source)

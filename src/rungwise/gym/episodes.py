@@ -10,21 +10,19 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.gym.copies import Copies, Standing
 from rungwise.gym.settings import GymError, Settings, Transition
-from rungwise.gym.space_world import SpaceWorld
 from rungwise.gym.spaces import Observed, action_space, observed
 from rungwise.gym.starts import Starts
-from rungwise.gym.world import Places, PlanarWorld, World
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
 from rungwise.wording import choices
+from rungwise.world.run import simulate
 
 RESET = ("state", "parameters")
 """Options of a reset."""
@@ -39,13 +37,12 @@ class Begun:
     state: State | None
 
 
-def world_of(settings: Settings) -> World:
-    """The world of the settings' scene."""
+def copies_of(settings: Settings) -> Copies:
+    """Copies of the settings' scene."""
     s = settings
-    rest = s.model, s.parameters, s.hold, s.horizon, s.ramp, s.step, s.tol, s.theta, s.threads
-    if isinstance(s.scene, SpaceScene):
-        return SpaceWorld(s.scene, *rest)
-    return PlanarWorld(s.scene, *rest)
+    return Copies(
+        s.scene, s.model, s.parameters, s.hold, s.horizon, s.ramp, s.step, s.tol, s.theta, s.threads
+    )
 
 
 class Episodes:
@@ -53,17 +50,17 @@ class Episodes:
 
     def __init__(self, settings: Settings, count: int) -> None:
         self.settings, self.count = settings, count
-        self.world: World = world_of(settings)
-        self.starts = Starts(settings, self.world)
+        self.copies = copies_of(settings)
+        self.starts = Starts(settings, self.copies)
         self.observed, self.action_space = self._observed(), action_space(settings)
         self._begun: list[Begun | None] = [None] * count
         self._levels: list[list[Reals]] = [[] for _ in range(count)]
-        self._places: Places | None = None
+        self._places: Standing | None = None
         self._instances = np.zeros((count, len(self.starts.seen)))
         self._began, self._lack, self._margin = np.zeros(count), np.zeros(count), np.zeros(count)
 
     def _observed(self) -> Observed:
-        return observed(self.settings, self.starts.seen, self.world.travel(self.settings.parameters))
+        return observed(self.settings, self.starts.seen, self.copies.travel(self.settings.parameters))
 
     # Beginning
 
@@ -78,7 +75,7 @@ class Episodes:
         state = given.get("state")
         if state is not None:
             instance = self.settings.parameters | fixed
-            start = self.world.begin_at(state, instance)
+            start = self.copies.begin_at(state, instance)
         else:
             instance, start = self.starts.draw(rng, fixed)
         parameters = dict(zip(self.settings.scene.template.parameters, start.points[0].tolist(), strict=True))
@@ -90,7 +87,7 @@ class Episodes:
         self._begun[row], self._levels[row] = Begun(instance, parameters, state), []
         self._instances[row] = self.starts.instance_of(instance)
         self._began[row] = start.time[0]
-        answers = self.world.goal(start)
+        answers = self.copies.goal(start)
         self._lack[row], self._margin[row] = answers.lack[0], answers.margin[0]
 
     def _fixed(self, given: object) -> dict[str, float]:
@@ -107,7 +104,7 @@ class Episodes:
         travel = self.observed.travel
         if "q" not in self.settings.observe or not np.isfinite(travel).any():
             return
-        low, high = self.world.travel(parameters)
+        low, high = self.copies.travel(parameters)
         if (low < travel[0]).any() or (high > travel[1]).any():
             raise GymError(
                 "parameters: a coordinate may travel beyond the space of observations, which is made at the"
@@ -120,10 +117,10 @@ class Episodes:
         """Hold the actions (r, u) in these environments; returns their rewards (r,)."""
         assert self._places is not None
         settings, before = self.settings, self._places.take(rows)
-        levels = settings.levels(actions, self.world.inputs(before))
-        after = self.world.advance(before, levels)
+        levels = settings.levels(actions, self.copies.inputs(before))
+        after = self.copies.advance(before, levels)
         lack_before = self._lack[rows]
-        answers = self.world.goal(after)
+        answers = self.copies.goal(after)
         self._places.put(rows, after)
         self._lack[rows], self._margin[rows] = answers.lack, answers.margin
         for row, level in zip(rows.tolist(), levels, strict=True):
@@ -133,7 +130,7 @@ class Episodes:
         reached = settings.bonus * (after.outcome == Code.GOAL)
         return np.asarray(reached if settings.reward == "sparse" else lack_before - answers.lack + reached)
 
-    def _own_rewards(self, rows: Ints, before: Places, lack_before: Reals) -> Reals:
+    def _own_rewards(self, rows: Ints, before: Standing, lack_before: Reals) -> Reals:
         assert callable(self.settings.reward)
         rewards = [
             self.settings.reward(self._transition(row, before.q[i], before.v[i], float(lack_before[i])))
@@ -171,17 +168,17 @@ class Episodes:
     # Reading
 
     @property
-    def places(self) -> Places:
+    def places(self) -> Standing:
         if self._places is None:
             raise gymnasium.error.ResetNeeded("call reset before anything else")
         return self._places
 
     def observe(self) -> NDArray[np.floating[Any]]:
         """Observations (m, o)."""
-        places, world = self.places, self.world
+        places, copies = self.places, self.copies
         parts: dict[str, Callable[[], Reals]] = {
             "q": lambda: places.q, "v": lambda: places.v, "instance": lambda: self._instances,
-            "inputs": lambda: world.inputs(places), "forces": lambda: world.forces(places),
+            "inputs": lambda: copies.inputs(places), "forces": lambda: copies.forces(places),
             "time": lambda: (places.time - self._began)[:, None],
         }  # fmt: skip
         return self.observed.fitted(np.concatenate([parts[name]() for name in self.settings.observe], axis=1))
@@ -196,7 +193,7 @@ class Episodes:
             "reason": np.array(reasons, object),
             "is_success": places.outcome[rows] == Code.GOAL,
             "margin": self._margin[rows], "lack": self._lack[rows], "time": places.time[rows],
-            "inputs": self.world.inputs(places)[rows], "worst_residual": places.residual[rows],
+            "inputs": self.copies.inputs(places)[rows], "worst_residual": places.residual[rows],
         }  # fmt: skip
 
     def info(self, row: int) -> dict[str, Any]:
@@ -214,7 +211,7 @@ class Episodes:
 
     def state(self, row: int) -> State:
         schedule = self.schedule(row)
-        return self.world.state(self.places, row, schedule[-1] if schedule else None)
+        return self.copies.state(self.places, row, schedule[-1] if schedule else None)
 
     def schedule(self, row: int) -> list[Segment]:
         """The inputs of the episode so far."""

@@ -15,7 +15,6 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.planning.objects import moved_in_plane, moved_in_space
 from rungwise.planning.task import Task, guarded_scene, task_of
 from rungwise.scene import Scene
 from rungwise.scene.read import load
@@ -23,6 +22,7 @@ from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import check_options, count, moving_rung
 from rungwise.wording import choices, listed
+from rungwise.world.find import world_of
 
 HOLDS = 100
 """Actions of an episode, where neither `hold` nor `horizon` says otherwise."""
@@ -159,11 +159,8 @@ def read_settings(
 
 def _extent(scene: Scene | SpaceScene, parameters: dict[str, float]) -> tuple[float, float]:
     """The scene's duration, and how far the largest object reaches."""
-    if isinstance(scene, SpaceScene):
-        bound = scene.bind(parameters)
-        return bound.duration, moved_in_space(bound).size
-    records = scene.bind(parameters).records
-    return float(records.world[0]["duration"]), moved_in_plane(scene, records).size
+    own = world_of(scene).at(parameters)
+    return own.duration, own.moved.size
 
 
 def _bounds(

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rungwise.gym.copies import Copies, Standing
 from rungwise.gym.settings import TABLES, GymError, Settings
-from rungwise.gym.world import Places, World
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.carriers import TaskError
@@ -17,8 +17,8 @@ from rungwise.planning.task import DRAWS, drawn
 class Starts:
     """Draws starts of episodes from a generator."""
 
-    def __init__(self, settings: Settings, world: World) -> None:
-        self._settings, self._world = settings, world
+    def __init__(self, settings: Settings, copies: Copies) -> None:
+        self._settings, self._copies = settings, copies
         task = settings.scene.file.task
         tables = {name: getattr(task, name) if task and name in settings.vary else {} for name in TABLES}
         self._instances, self._uncertain = bool(tables["instances"]), bool(tables["uncertain"])
@@ -26,7 +26,7 @@ class Starts:
         """Parameters of the instance, which a policy may see."""
         self._where = None if task is None or not self._instances else task.where
 
-    def draw(self, rng: np.random.Generator, fixed: Mapping[str, float]) -> tuple[dict[str, float], Places]:
+    def draw(self, rng: np.random.Generator, fixed: Mapping[str, float]) -> tuple[dict[str, float], Standing]:
         """The instance's parameters, and the start with what is uncertain about it; parameters in `fixed`
         keep their values. Raises TaskError where too few draws can start."""
         scene, given = self._settings.scene, self._settings.parameters | dict(fixed)
@@ -41,7 +41,7 @@ class Starts:
             if values is None:
                 continue
             values = values | dict(fixed)
-            start = self._world.begin(np.array([list(values.values())]))
+            start = self._copies.begin(np.array([list(values.values())]))
             if start.outcome[0] == Code.RUNNING:
                 return instance, start
             if not (self._instances or self._uncertain):
@@ -50,10 +50,10 @@ class Starts:
 
     def _fits(self, values: dict[str, float]) -> bool:
         """Whether an instance can start, and the task's condition holds there."""
-        start = self._world.begin(np.array([list(values.values())]))
+        start = self._copies.begin(np.array([list(values.values())]))
         if start.outcome[0] != Code.RUNNING:
             return False
-        return self._where is None or bool(self._world.holds(self._where, start)[0])
+        return self._where is None or bool(self._copies.holds(self._where, start)[0])
 
     def instance_of(self, values: Mapping[str, float]) -> Reals:
         """The values (i,) of the instance's parameters."""

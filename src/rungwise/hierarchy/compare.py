@@ -26,8 +26,9 @@ from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut, json_text
 from rungwise.scene import Scene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space import SpaceScene
 from rungwise.simulation.options import ModelError, check_options, count, moving_rung
+from rungwise.world.find import world_of
 
 PART = 1e-2
 """Error allowed per step of runs that choose and search, as a part of the accuracy asked for."""
@@ -230,8 +231,7 @@ def compare(
 
 def _duration(scene: Scene | SpaceScene, values: dict[str, float]) -> float:
     """How long runs of a scene go on at most."""
-    bound = scene.bind(values)
-    return bound.duration if isinstance(bound, SpaceBound) else float(bound.records.world[0]["duration"])
+    return world_of(scene).at(values).duration
 
 
 class _Steps:

@@ -22,8 +22,8 @@ from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world.run import simulate
 
 FORMAT = "rungwise counterexample 1"
 
@@ -98,9 +98,7 @@ class Counterexample:
 
 def _stored(scene: Scene | SpaceScene) -> Any:
     """The scene as `load` takes it."""
-    if isinstance(scene, SpaceScene):
-        return json.loads(scene.stored)
-    return scene.file.model_dump(mode="json", exclude_unset=True)
+    return json.loads(scene.stored)
 
 
 def saved(file: str | Path) -> bool:

@@ -21,7 +21,7 @@ from rungwise.scene import Scene, load
 from rungwise.scene.records import Records
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.run import simulate
+from rungwise.world.run import simulate
 
 STIFFNESS, DAMPING, BOUNCE, TURN = "match_stiffness", "match_damping", "match_bounce_{}", "match_inertia_{}"
 """Parameters of a matched scene: factors of all stiffnesses and dampings, restitution of each contact, and

@@ -20,9 +20,9 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.result import texts
-from rungwise.simulation.rollout import rollout
-from rungwise.simulation.run import simulate
 from rungwise.simulation.state import State
+from rungwise.world.rollout import rollout
+from rungwise.world.run import simulate
 
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60

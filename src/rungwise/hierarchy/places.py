@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.planning.objects import OBJECT, reaches_of, roles_of
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.run import simulate
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.run import simulate
+from rungwise.world.spatial.instance import reaches_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -82,7 +84,7 @@ def measures_in_space(
     space.least_gap(run.frames[0].q)
     model, data = space.model, space.data
     moving = model.body_weldid != 0
-    roles = roles_of(scene, parameters)
+    roles = world_of(scene).roles(parameters)
     chosen = moving & np.array([roles[name] == OBJECT for name in scene.labels.bodies])
     chosen = chosen if chosen.any() else moving
     sized = model.geom_rbound > 0.0

@@ -158,10 +158,7 @@ class Design:
         """The scene with the best values as defaults."""
         values, declared = self.parameters | self.values, self.scene.file.parameters
         best = {name: each.model_copy(update={"default": values[name]}) for name, each in declared.items()}
-        if isinstance(self.scene, SpaceScene):
-            return self.scene.changed(parameters=best)
-        file = self.scene.file.model_copy(update={"parameters": best})
-        return load(file.model_dump(mode="json", exclude_unset=True))
+        return self.scene.changed(parameters=best)
 
     def plot(self) -> Figure:
         """The best values and how far they may drift (see `rungwise.plot`)."""

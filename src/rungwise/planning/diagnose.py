@@ -21,7 +21,6 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief
 from rungwise.planning.evidence import Motion, Parting, W, end, evidence
-from rungwise.planning.objects import moved
 from rungwise.planning.space_evidence import space_end, space_evidence
 from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.words import Told, ending, places, sentence
@@ -31,8 +30,9 @@ from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world.find import world_of
+from rungwise.world.run import simulate
 
 CLOSES = 0.2
 """The part of the distance between two motions that may be left for a change to count as the cause."""
@@ -137,7 +137,7 @@ def diagnose(
     times a second with the run that is made. Raises SceneError for wrong input.
     """
     loaded = load(scene)
-    own = moved(loaded, loaded.parameters(parameters))
+    own = world_of(loaded).at(loaded.parameters(parameters)).moved
     accuracy = 1e-4 * own.size if tol is None else tol
     other_accuracy = accuracy if other_tol is None else other_tol
     one = loaded.parameters(parameters)

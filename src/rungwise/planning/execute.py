@@ -15,7 +15,7 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.plan import Plan
-from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage, predictor_of
+from rungwise.planning.predict import GOES_ON, Budget, Places, Predictor, Stage
 from rungwise.planning.shoot import Search, run_moves, shoot
 from rungwise.planning.task import task_of
 from rungwise.planning.tree import grow
@@ -54,7 +54,7 @@ class Replanner:
         """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
         TimeOver."""
         work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
-        world = predictor_of(
+        world = Predictor(
             self._plan.scene, self._stage, self._tol, parameters, self._time.within(None), self._threads,
             quick=False, span=self._task.span,
         )  # fmt: skip

@@ -20,7 +20,7 @@ from rungwise.planning.task import Task
 from rungwise.planning.ways import always, cut_short, grown
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.questions import Question
+from rungwise.world.questions import Question
 
 STARTS, ITERATIONS = 48, 40
 """Places from which the goal is sought, and steps from each."""

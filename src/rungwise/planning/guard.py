@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import accumulate
 
-from rungwise.planning.objects import roles_of
 from rungwise.planning.plan import Plan
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.rollout import rollout
+from rungwise.world.find import world_of
+from rungwise.world.rollout import rollout
 
 
 def guarded(plan: Plan) -> Plan | None:
@@ -54,5 +54,5 @@ def _touches(plan: Plan, k: int, begins: float) -> list[tuple[float, str]]:
 
 def _pairs(plan: Plan) -> list[tuple[str, str]]:
     """Robots and objects that may touch."""
-    roles = roles_of(plan.scene, plan.parameters)
+    roles = world_of(plan.scene).roles(plan.parameters)
     return [pair for pair in plan.scene.template.contacts if {roles[n] for n in pair} == {"robot", "object"}]

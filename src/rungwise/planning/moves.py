@@ -23,7 +23,7 @@ from rungwise.planning.predict import Places
 from rungwise.planning.task import Task
 from rungwise.planning.transit import Transit
 from rungwise.scene.records import Records
-from rungwise.simulation.questions import Question
+from rungwise.world.questions import Question
 
 APART = 1e-9
 """Part of the clearance below which a robot placed at an object counts as overlapping."""

@@ -13,7 +13,6 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.diagnose import APART, Diagnosis, ended
 from rungwise.planning.geometric import GOALS, Placing, jumps
-from rungwise.planning.objects import OBJECT, OBSTACLE, ROBOT, roles_of
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import Stage
 from rungwise.planning.room import room_of
@@ -23,7 +22,9 @@ from rungwise.planning.work import Work
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.run import simulate
+from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT
+from rungwise.world.find import world_of
+from rungwise.world.run import simulate
 
 NOTHING = "nothing found"
 SURE = 1e-3
@@ -138,7 +139,8 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
 
 def _with_role(work: Work, role: str) -> list[str]:
     """The bodies of a role."""
-    return [name for name, own in roles_of(work.task.scene, work.task.parameters).items() if own == role]
+    roles = world_of(work.task.scene).roles(work.task.parameters)
+    return [name for name, own in roles.items() if own == role]
 
 
 def _own(scene: Scene | SpaceScene, body: str) -> list[int]:

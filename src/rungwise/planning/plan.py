@@ -23,18 +23,18 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnose import Diagnosis, table
-from rungwise.planning.objects import roles_of
 from rungwise.planning.predict import Stage
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.questions import geometry
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State, digest
+from rungwise.world.find import world_of
+from rungwise.world.questions import geometry
+from rungwise.world.run import simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -213,7 +213,7 @@ class Plan:
         start = State.of(self.scene, parameters=self.parameters).q
         found = geometry(self.scene, np.array([start, *self.waypoints]), self.parameters)
         lengths = np.linalg.norm(np.diff(found.poses[..., :-1], axis=0), axis=-1).sum(axis=0)
-        roles = roles_of(self.scene)
+        roles = world_of(self.scene).roles()
         return {
             name: float(length)
             for name, length in zip(found.bodies, lengths, strict=True) if roles[name] == "object"
@@ -277,9 +277,7 @@ class Plan:
         return json_text(content, indent=1)
 
     def _scene_file(self) -> str:
-        if isinstance(self.scene, SpaceScene):
-            return self.scene.stored
-        return self.scene.file.model_dump_json(exclude_unset=True)
+        return str(self.scene.stored)
 
     @keywords
     def save(self, file: str | Path) -> Path:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
 import time as clock
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,30 +16,18 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
-from rungwise.simulation.crew import Crew, threads_of
-from rungwise.simulation.inputs import Segment
-from rungwise.simulation.planar.workspace import in_memory
-from rungwise.simulation.questions import Question
-from rungwise.simulation.run import JAM, TURN_S, Simulation
-from rungwise.simulation.spatial.batch import BUDGET
-from rungwise.simulation.spatial.crew import Sample, Sampled, Terms, run_samples, spread
-from rungwise.simulation.spatial.memory import memory_parts
-from rungwise.simulation.state import Memory, State, digest
+from rungwise.simulation.run import TURN_S
+from rungwise.world import contract
+from rungwise.world.contract import Runs
+from rungwise.world.find import world_of
 
 GOES_ON = (Code.MISSED, Code.TIMEOUT)
 """Outcomes after which a plan may go on with its next move."""
 
-LONGEST, SHORT, LONGEST_IN_SPACE = 1000, 1e-1, 300
-"""Most steps of one move, and the part of the accuracy by which something must be able to move: a search does
-not wait for what goes on more slowly. In space a step takes a hundred times as long."""
 PATIENCE = 10
 """How many times as many steps patient runs may take, such as those of plans that are laid out."""
 UNBOUNDED = 1_250_000
 """Steps of which stages take their parts where a search has no bounds."""
-FOLLOWED = (Segment({}, 0.0),)
-"""Stands for the schedule of a run that was followed, whichever it was."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +43,7 @@ class Stage:
 
 class Places(NamedTuple):
     """Where m plans have come to: q (m, n_q), v (m, n_v), time (m,), and memories (m, w) to go on from, or no
-    row where bodies were placed by hand since; in space (m, 1), each an array of its own length."""
+    row where bodies were placed by hand since; (m,) arrays where their lengths differ."""
 
     q: Reals
     v: Reals
@@ -155,55 +142,23 @@ class Budget:
         return not self.ended
 
 
-def _not_kept(segment: int, rows: Ints) -> Places:
-    raise NotImplementedError(f"the ends of segment {segment} are not kept, of runs {rows}")
-
-
 def _nothing() -> None:
     """Tell nobody."""
 
 
-class Predictor(Protocol):
-    """Runs of a scene at fixed parameters on one stage."""
-
-    scene: Any
-    stage: Stage
-    budget: Budget
-
-    def run(
-        self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
-        until: tuple[str | None, ...] | None = None, patient: bool = False,
-    ) -> Ends:  # fmt: skip
-        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
-        take more steps than quick ones."""
-
-    def taken_over(self, now: Places, scene: Any, levels: Reals, /) -> Places:
-        """One place to which a run of `scene` at other parameters has come, on this stage's rung, as these
-        runs go on from it, after inputs `levels` (u,)."""
-
-
-def predictor_of(
-    scene: Scene | SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
-    threads: int | None = None, *, quick: bool = True, span: float | None = None,
-) -> Predictor:  # fmt: skip
-    """Runs with an error `tol` allowed per step, as parts of one that lasts for `span`, if that is given;
-    quick ones end where they take long (see `LONGEST`)."""
-    if isinstance(scene, SpaceScene):
-        return SpacePredictor(scene, stage, tol, parameters, budget, threads, quick=quick)
-    return PlanarPredictor(scene, stage, tol, parameters, budget, threads, quick=quick, span=span)
-
-
-class PlanarPredictor:
-    """Runs of a planar scene, in compiled threads that are kept."""
+class Predictor:
+    """Runs of a scene at fixed parameters on one stage, with an error `tol` allowed per step, as parts of one
+    that lasts for `span`, if that is given; quick ones end where they take long."""
 
     def __init__(
-        self, scene: Scene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
+        self, scene: Any, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
         threads: int | None = None, *, quick: bool = True, span: float | None = None,
     ) -> None:  # fmt: skip
         self.scene, self.stage, self.budget = scene, stage, budget
-        self._tol, self._parameters, self._threads = tol, parameters, threads
-        self._quick, self._span = quick, span
-        self._crews: dict[tuple[tuple[bool, ...], tuple[str | None, ...], bool], Crew] = {}
+        self._parameters = parameters
+        self._options: dict[str, Any] = {"tol": tol, "threads": threads, "span": span}
+        self._quick = quick
+        self._runs: dict[tuple[tuple[bool, ...], tuple[str | None, ...], bool], Runs] = {}
 
     def run(
         self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
@@ -212,128 +167,42 @@ class PlanarPredictor:
         """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
         take more steps than quick ones."""
         m, s = durations.shape
-        crew = self._crew(ramps or (False,) * s, until or (None,) * s, patient)
-        goes_on = len(places.memory) > 0
-        before = in_memory(crew.workspace.state, "drive_work", places.memory) if goes_on else np.zeros(m)
-        samples = crew.run(
-            np.zeros((m, 0)),
-            bodies=np.hstack([places.q, places.v, places.time[:, None]]),
-            memories=places.memory if goes_on else None,
-            memory=np.arange(m) if goes_on else None,
-            durations=np.ascontiguousarray(durations), levels=np.ascontiguousarray(levels), keeps=True,
-            chunk=max(1, min(64, math.ceil(m / crew.threads / 2))), on_progress=self.budget.look,
+        runs = self._segments(ramps or (False,) * s, until or (None,) * s, patient)
+        found = runs.run(
+            np.zeros((m, 0)), _begun(places), durations, levels, keeps=True,
+            chunk=max(1, min(64, math.ceil(m / runs.threads / 2))), ends=self.budget.ends,
+            on_progress=self.budget.look,
         )  # fmt: skip
-        found, n = samples.results, samples.final.shape[1] // 2
-        self.budget.take(self.stage, int(found["attempts"].sum()), found["outcome"].astype(np.int64))
-        column = np.minimum(found["switches"], max(s, 1) - 1)
-        memory = samples.kept[np.arange(m), column]
-        places = Places(samples.final[:, :n], samples.final[:, n:], found["time"].copy(), memory)
-        state, kept = crew.workspace.state, samples.kept
-        work = in_memory(state, "drive_work", memory) - before
+        self.budget.take(self.stage, int(found.attempts.sum()), found.outcome)
 
         def at(segment: int, rows: Ints) -> Places:
-            there = kept[rows, segment]
-            q, v, time = (in_memory(state, name, there) for name in ("q", "v", "time"))
-            return Places(q, v, time, there)
+            return _places(found.at(segment, rows))
 
-        switches = found["switches"].astype(np.int64)
-        return Ends(found["outcome"].astype(np.int64), places, switches, work, at)
+        return Ends(found.outcome, _places(found.places), found.switches, found.work, at)
 
-    def taken_over(self, now: Places, scene: Scene, _levels: Reals, /) -> Places:
-        """See `Predictor`; inputs begin as at these parameters."""
-        placed = Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
-        if not Question(self.scene, None, self._parameters).geometry(now.q).collides[0]:
-            return placed
-        memory = Memory(now.memory[0], digest(scene), self.stage.model, 1.0, ())
-        state = State(scene.template.coordinates, now.q[0], now.v[0], float(now.time[0]), memory)
-        begun = Simulation(
-            self.scene, self.stage.model, parameters=self._parameters, state=state, frames=3,
-            duration=state.time + float(self.scene.bind(self._parameters).records.world[0]["duration"]),
-        )  # fmt: skip
-        if begun.workspace is None or begun.reason:
-            return placed
-        return placed._replace(time=now.time, memory=begun.workspace.state.memory[None].copy())
+    def taken_over(self, now: Places, scene: Any, levels: Reals) -> Places:
+        """One place to which a run of `scene` at other parameters has come, on this stage's rung, as these
+        runs go on from it, after inputs `levels` (u,)."""
+        runs = self._segments((False,), (None,))
+        return _places(runs.taken_over(_begun(now), scene, levels))
 
-    def _crew(self, ramps: tuple[bool, ...], until: tuple[str | None, ...], patient: bool) -> Crew:
-        if (ramps, until, patient) not in self._crews:
-            options: dict[str, Any] = {"tol": self._tol, "threads": self._threads, "span": self._span}
-            if self._quick:
-                tolerance = float(self.scene.bind(self._parameters).records.world[0]["tolerance"])
-                longest = PATIENCE * LONGEST if patient else LONGEST
-                options |= {"budget": longest, "jam": max(JAM, SHORT * self._tol / tolerance)}
-            self._crews[ramps, until, patient] = Crew(
-                self.scene, self.stage.model, (), self._parameters, until=until, ramps=ramps, **options
-            )
-        return self._crews[ramps, until, patient]
+    def _segments(
+        self, ramps: tuple[bool, ...], until: tuple[str | None, ...], patient: bool = False
+    ) -> Runs:
+        key = ramps, until, patient
+        if key not in self._runs:
+            patience = (PATIENCE if patient else 1) if self._quick else None
+            self._runs[key] = world_of(self.scene).runs(
+                self.stage.model, (), self._parameters, until=until, ramps=ramps, patience=patience,
+                **self._options,
+            )  # fmt: skip
+        return self._runs[key]
 
 
-class SpacePredictor:
-    """Runs of a scene in space, over processes that are kept; few are made in this one."""
+def _begun(places: Places) -> contract.Places:
+    goes_on = np.full(len(places.q), len(places.memory) > 0)
+    return contract.Places(places.q, places.v, places.time, places.memory, goes_on)
 
-    def __init__(
-        self, scene: SpaceScene, stage: Stage, tol: float, parameters: dict[str, float], budget: Budget,
-        threads: int | None = None, *, quick: bool = True,
-    ) -> None:  # fmt: skip
-        self.scene, self.stage, self.budget = scene, stage, budget
-        self._parameters, self._digest, self._quick = parameters, digest(scene), quick
-        self._processes = min(threads_of(threads), os.cpu_count() or 1)
-        options = {"tol": tol, "step": None, "theta": 1.0}
-        self._terms = Terms(scene, stage.model, options, LONGEST_IN_SPACE if quick else BUDGET, False)
 
-    def run(
-        self, places: Places, levels: Reals, durations: Reals, *, ramps: tuple[bool, ...] | None = None,
-        until: tuple[str | None, ...] | None = None, patient: bool = False,
-    ) -> Ends:  # fmt: skip
-        """Segments with inputs `levels` (m, s, u) and `durations` (m, s), from the places; `patient` runs may
-        take more steps than quick ones."""
-        m, s = durations.shape
-        names, ramps, until = self.scene.template.inputs, ramps or (False,) * s, until or (None,) * s
-        samples = [
-            Sample(
-                self._parameters, self._state(places, i),
-                tuple(
-                    Segment(dict(zip(names, level, strict=True)), duration, until[k], ramps[k])
-                    for k, (level, duration) in enumerate(
-                        zip(levels[i].tolist(), durations[i].tolist(), strict=True)
-                    )
-                ),
-            )
-            for i in range(m)
-        ]  # fmt: skip
-        size = max(1, min(16, math.ceil(m / self._processes / 2)))
-        parts = [samples[at : at + size] for at in range(0, m, size)]
-        most = self._terms.budget * (PATIENCE if patient and self._quick else 1)
-        terms, found = self._terms._replace(ends=self.budget.ends, budget=most), list[Sampled]()
-        for part in spread(run_samples, terms, parts, m, self._processes, self.budget.look):
-            found += part
-        self.budget.look()
-        return self._ends(found)
-
-    def taken_over(self, now: Places, scene: SpaceScene, levels: Reals, /) -> Places:
-        """See `Predictor`: forces and deformations of contacts are kept."""
-        template, own = self.scene.template, now.memory[0, 0].copy()
-        values = own[memory_parts(scene).values]
-        values[[template.parameters.index(name) for name in template.inputs]] = levels
-        memory = np.empty((1, 1), object)
-        memory[0, 0] = own
-        return Places(now.q.copy(), now.v.copy(), now.time.copy(), memory)
-
-    def _state(self, places: Places, i: int) -> State:
-        memory = None
-        if len(places.memory):
-            memory = Memory(places.memory[i, 0], self._digest, self.stage.model, 1.0, FOLLOWED)
-        q, v, time = places.q[i], places.v[i], float(places.time[i])
-        return State(self.scene.template.coordinates, q, v, time, memory)
-
-    def _ends(self, found: list[Sampled]) -> Ends:
-        outcome = np.array([each.outcome for each in found], np.int64)
-        self.budget.take(self.stage, sum(each.attempts for each in found), outcome)
-        memory = np.empty((len(found), 1), object)
-        for i, each in enumerate(found):
-            memory[i, 0] = each.memory
-        ends = Places(
-            np.array([each.q for each in found]), np.array([each.v for each in found]),
-            np.array([each.time for each in found]), memory,
-        )  # fmt: skip
-        switches = np.array([each.switches for each in found], np.int64)
-        return Ends(outcome, ends, switches, np.array([each.drive_work for each in found]), _not_kept)
+def _places(found: contract.Places) -> Places:
+    return Places(found.q, found.v, found.time, found.memory if found.goes_on.any() else found.memory[:0])

@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.objects import OBJECT, roles_of
 from rungwise.planning.task import Task
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.questions import Question
 from rungwise.system.planar.place import turns
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.questions import Question
 
 ROUNDING = 1e-9
 """Overlap that counts as rounding, in parts of the size of what is moved."""
@@ -102,7 +103,7 @@ class PlanarRoom:
         self._kept = [k for k, pair in enumerate(contacts) if without not in pair]
         pairs = [[self.names.index(name) for name in contacts[k]] for k in self._kept]
         self.pairs = np.array(pairs, np.int64).reshape(-1, 2)
-        owners, roles = coordinates["body"].tolist(), roles_of(scene)
+        owners, roles = coordinates["body"].tolist(), world_of(scene).roles()
         self.objects = np.array([roles[self.names[body]] == OBJECT for body in owners], bool)
         self.bodies = [[i for i, owner in enumerate(owners) if owner == body] for body in set(owners)]
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.evidence import TOUCHES, Motion, Parting, accuracy, parameters, speeds
-from rungwise.planning.objects import OBSTACLE, roles_of
 from rungwise.planning.space_worlds import SLIP, SpaceWorld
 from rungwise.planning.worlds import (
     ACCURACY,
@@ -26,6 +25,8 @@ from rungwise.planning.worlds import (
     RESTITUTION,
 )
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world.contract import OBSTACLE
+from rungwise.world.find import world_of
 
 MODES = ("open", "stick", "slip")
 OPEN = 0
@@ -154,7 +155,7 @@ def _overlap(parting: Parting[SpaceWorld]) -> dict[str, Any]:
 def _coasting(parting: Parting[SpaceWorld]) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
-    roles = roles_of(parting.worlds[0].scene, parting.worlds[0].parameters)
+    roles = world_of(parting.worlds[0].scene).roles(parting.worlds[0].parameters)
     energy, coasted = [], []
     for world, motion in zip(parting.worlds, parting.motions, strict=True):
         driven = np.zeros(len(motion.times), bool)

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.objects import BALL, FREE, OBJECT, SLIDE, roles_of
 from rungwise.planning.task import Task
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching, touching_pairs
 from rungwise.simulation.core.march import OVERLAP
 from rungwise.system.spatial.reach import reaches
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.spatial.instance import BALL, FREE, SLIDE
 
 if TYPE_CHECKING:
     import mujoco
@@ -41,7 +43,7 @@ class SpaceRoom:
         self.thin = float(2.0 * halves[touches].min(initial=0.5 * task.size))
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.rounding = OVERLAP * float(m.geom_rbound[moving].min(initial=task.size))
-        self._describe(roles_of(scene, task.parameters))
+        self._describe(world_of(scene).roles(task.parameters))
         self.far = FAR * float(m.stat.extent)
         self.geoms: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for a, b in touching_pairs(m).tolist():

@@ -16,15 +16,17 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.planning.carriers import Carrier, TaskError
 from rungwise.planning.moves import Moves, Stroke, pushed_length
-from rungwise.planning.objects import OBJECT, reaches_of, roles_of
 from rungwise.planning.predict import Places
 from rungwise.planning.space_room import SpaceRoom
 from rungwise.planning.task import Task
 from rungwise.planning.transit import NEAR, Transit
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching
-from rungwise.simulation.questions import Question
 from rungwise.system.spatial.drives import joints_of
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.questions import Question
+from rungwise.world.spatial.instance import reaches_of
 
 ITERATIONS, LONGEST, DAMPING = 40, 0.3, 1e-3
 """Steps of least squares, how far a joint goes in one, and their damping, over the size squared."""
@@ -52,7 +54,7 @@ class Tool:
         limited = m.jnt_limited[joints].astype(bool)
         self.low = np.where(limited, m.jnt_range[joints, 0], -np.inf)
         self.high = np.where(limited, m.jnt_range[joints, 1], np.inf)
-        roles = roles_of(task.scene, task.parameters)
+        roles = world_of(task.scene).roles(task.parameters)
         self.targets = [
             (a + b - self.body, pairs)
             for (a, b), pairs in room.geoms.items()

@@ -14,18 +14,17 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.planning.carriers import Carrier, TaskError, carrier_in_plane, carrier_in_space, pair
-from rungwise.planning.objects import moved_in_plane, moved_in_space, roles_of
 from rungwise.planning.tighten import tightened
 from rungwise.scene import InvalidScene, Scene
-from rungwise.scene import scene as planar
 from rungwise.scene.read import load
 from rungwise.scene.records import Records
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.task import Task as TaskFields
 from rungwise.scene.task import numbers_of
 from rungwise.simulation import options
-from rungwise.simulation.questions import ask, geometry
 from rungwise.simulation.state import State
+from rungwise.world.find import world_of
+from rungwise.world.questions import ask, geometry
 
 ROUNDING = 1e-9
 COASTS = 0.01
@@ -77,8 +76,7 @@ class Task:
     @property
     def at_rest(self) -> str:
         """The condition that objects are at rest."""
-        scene = self.scene
-        names = scene.template.coordinates if isinstance(scene, Scene) else scene.template.velocities
+        names = world_of(self.scene).velocities
         each = [
             f"abs(speed({name})) * {rate!r} <= {self.still!r}"
             for name, rate in zip(names, self.rates.tolist(), strict=True) if rate > 0.0
@@ -168,35 +166,33 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
     values = scene.parameters(parameters)
     numbers = numbers_at(scene, values)
     carriers: tuple[Carrier, ...] = ()
+    here = world_of(scene).at(values)
+    own, slides, slow = here.moved, False, False
     if isinstance(scene, SpaceScene):
         bound = scene.bind(values)
-        own, slides, slow, longest = moved_in_space(bound), False, False, bound.duration
         carriers = tuple(carrier_in_space(scene, name, bound, numbers) for name in fields.transit)
-        tolerance = bound.tolerance
     else:
         plane = scene.bind(values)
         carriers = tuple(carrier_in_plane(scene, name, plane, numbers) for name in fields.transit)
-        own, longest = moved_in_plane(scene, plane.records), float(plane.records.world[0]["duration"])
         slides = _slides(scene, plane.records)
         slow = slides and _is_slow(plane.records, carriers, own.size)
-        tolerance = float(plane.records.world[0]["tolerance"])
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
-    duration = (0.0, longest) if fields.duration is None else pair(numbers, "task.duration")
+    duration = (0.0, here.duration) if fields.duration is None else pair(numbers, "task.duration")
     weights = [numbers.get(f"task.weights.{name}", 0.0) for name in scene.template.coordinates]
     return Task(
         scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
         weights=np.array(weights) if fields.weights else own.weights, size=own.size, slides=slides,
-        is_slow=slow, turns=own.turns, rates=own.rates, tolerance=tolerance,
+        is_slow=slow, turns=own.turns, rates=own.rates, tolerance=here.tolerance,
     )  # fmt: skip
 
 
 def _slides(scene: Scene, records: Records) -> bool:
     """Whether all objects lie on supports."""
-    roles = roles_of(scene)
+    roles = world_of(scene).roles()
     objects = {k for k, name in enumerate(scene.template.bodies) if roles[name] == "object"}
     return objects <= set(records.supports["body"].tolist())
 
@@ -306,9 +302,7 @@ def _search_scene(scene: Scene | SpaceScene, fields: TaskFields, reserve: float)
     goal = scene.file.goal
     assert goal is not None
     changes = {"goal": tightened(goal, reserve)} | _unsafe(scene, fields)
-    if isinstance(scene, SpaceScene):
-        return scene.changed(**changes)
-    return planar.load(scene.file.model_dump(exclude_unset=True) | changes)
+    return scene.changed(**changes)
 
 
 def guarded_scene(scene: Scene | SpaceScene) -> Scene | SpaceScene:
@@ -317,9 +311,7 @@ def guarded_scene(scene: Scene | SpaceScene) -> Scene | SpaceScene:
     if fields is None or not fields.keep_out:
         return scene
     changes = _unsafe(scene, fields)
-    if isinstance(scene, SpaceScene):
-        return scene.changed(**changes)
-    return planar.load(scene.file.model_dump(exclude_unset=True) | changes)
+    return scene.changed(**changes)
 
 
 def _unsafe(scene: Scene | SpaceScene, fields: TaskFields) -> dict[str, str]:

@@ -16,7 +16,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.carriers import Carrier
 from rungwise.planning.task import Task
 from rungwise.planning.ways import CHECKS, always, grown, shortened
-from rungwise.simulation.questions import Question
+from rungwise.world.questions import Question
 
 NEAR = 0.25
 """Part of the clearance that robots keep on their way."""

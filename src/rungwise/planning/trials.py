@@ -20,7 +20,7 @@ from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.task import drawn, fields_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import moving_rung
-from rungwise.simulation.rollout import rollout
+from rungwise.world.rollout import rollout
 
 DRAWS = 1000
 """Most draws for each sample within the ranges of the parameters."""

@@ -25,13 +25,13 @@ from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING,
 from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of
 from rungwise.planning.trials import Trials, trials_at
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.wording import choices
+from rungwise.world.find import world_of
+from rungwise.world.run import simulate
 
 CONFIDENCE = 0.95
 MODES = (OPEN_LOOP, GUARDED, RE_PLANNING)
@@ -209,8 +209,8 @@ def _runner(trials: Trials, address: str | None) -> tuple[_Runner, Callable[[], 
     """What runs samples, and what closes it: threads, or the workers of a cluster."""
     if address is None:
         return trials.run, lambda: None
-    if isinstance(trials.plan.scene, SpaceScene):
-        raise TaskError("cluster: scenes in space run in processes of this machine")
+    if not world_of(trials.plan.scene).on_clusters:
+        raise TaskError(f"cluster: {trials.plan.scene.name} runs in processes of this machine")
     request = {
         "model": trials.model.name, "inertia": trials.model.inertia, "tol": trials.tol, "mode": trials.mode,
         "seed": trials.seed,

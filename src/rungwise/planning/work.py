@@ -17,14 +17,15 @@ from rungwise.planning.carriers import TaskError
 from rungwise.planning.geometric import GOALS, NEAREST, Placing
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.moves import Moves
-from rungwise.planning.objects import OBJECT, roles_of
-from rungwise.planning.predict import Budget, Places, Predictor, Stage, predictor_of
+from rungwise.planning.predict import Budget, Places, Predictor, Stage
 from rungwise.planning.pushes import Pushes
 from rungwise.planning.task import Task, guarded_scene
 from rungwise.planning.transit import Transit
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.questions import Question
 from rungwise.simulation.state import State
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.questions import Question
 
 
 class Found(NamedTuple):
@@ -78,7 +79,7 @@ class Work:
     def predictor(self, stage: Stage, *, reserve: bool = True) -> Predictor:
         """Runs on a stage; without the reserve, of the goal as it is given."""
         scene = self.task.search if reserve else guarded_scene(self.task.scene)
-        return predictor_of(
+        return Predictor(
             scene, stage, stage.tol * self.size, self.task.parameters, self.budget, self.threads,
             span=self.task.span,
         )  # fmt: skip
@@ -110,7 +111,9 @@ class Work:
         """The parts of the goal that lack something at the start, and those that do not, by the objects of
         which they speak; parts that name an object in common are one group."""
         names = {
-            name for name, role in roles_of(self.task.scene, self.task.parameters).items() if role == OBJECT
+            name
+            for name, role in world_of(self.task.scene).roles(self.task.parameters).items()
+            if role == OBJECT
         }
         groups = list[tuple[set[int], set[str]]]()
         for number, texts in enumerate(self.question.parts):

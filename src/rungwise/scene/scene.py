@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import yaml
@@ -57,6 +57,7 @@ class Scene:
 
     file: SceneFile
     template: Template
+    world: ClassVar[str] = "rungwise.world.planar"
 
     @property
     def name(self) -> str:
@@ -83,6 +84,17 @@ class Scene:
     def stored(self) -> str:
         """The scene as JSON, as `load` takes it once decoded."""
         return self.file.model_dump_json(exclude_unset=True)
+
+    @property
+    def whole(self) -> str:
+        """All that the scene says as JSON, defaults as well."""
+        return self.file.model_dump_json()
+
+    def changed(self, **fields: Any) -> Scene:
+        """The scene with other fields of its file, such as its goal, and without those that are None. Raises
+        SceneError."""
+        file = self.file.model_copy(update=fields).model_dump(exclude_unset=True)
+        return load({name: value for name, value in file.items() if fields.get(name, self) is not None})
 
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""

@@ -18,6 +18,7 @@ from rungwise.sets.motions import Motions
 from rungwise.sets.request import batch_of
 from rungwise.sets.store import SetError
 from rungwise.simulation.options import moving_rung
+from rungwise.world.find import world_of
 
 KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can be resumed"
 
@@ -30,8 +31,8 @@ def runner(
     if address is None:
         yield InProcess(batch)
         return
-    if isinstance(scene, SpaceScene):
-        raise SetError("cluster: scenes in space run in processes of this machine")
+    if not world_of(scene).on_clusters:
+        raise SetError(f"cluster: {scene.name} runs in processes of this machine")
     job = scene.file.model_dump_json(), json.dumps(dict(request))
     cluster = Cluster(address, batch_at, job, SetError, KEPT_NOTE)
     try:

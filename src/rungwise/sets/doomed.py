@@ -36,10 +36,11 @@ from rungwise.sets.images import Images
 from rungwise.sets.labels import Label, bounds_of
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import ACCURACY, digest, smallest
-from rungwise.sets.stated import Macro, stated
+from rungwise.sets.stated import Macro, Stated
 from rungwise.sets.states import box_of_states, check_states, columns_of, input_box, state_name
 from rungwise.sets.store import SetError
 from rungwise.simulation.options import moving_rung
+from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
     import xarray
@@ -133,7 +134,7 @@ class DoomedSet:
             return False, f"a motion of the {other.name} rung need not be one of the {self.model.name} rung"
         if other.compliant:
             return False, "compliant contacts let bodies overlap, and no motion of this set does"
-        if stated(self.scene).is_forced:
+        if world_of(self.scene).is_forced:
             return False, "what servos and forces drive may move otherwise on the other rung"
         return True, "any motion without overlap is one of this set, whatever causes it"
 
@@ -143,7 +144,7 @@ class DoomedSet:
         "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
-        side = stated(self.scene)
+        side = Stated(self.scene)
         macro = Macro(self.model, (), self.request["parameters"], self.request["accuracy"], threads)
         columns, moment = columns_of(side, self.over), 1e-9 * self.steps[0]
         outcome, _ = side.run(macro, np.zeros((n, 0)), columns, points, moment, None)
@@ -220,11 +221,11 @@ def doomed_set(
     """
     loaded = load(scene)
     rung = moving_rung(model)
-    side = stated(loaded)
+    side = Stated(loaded)
     names = tuple(state_name(side, name) for name in over)
     check_states(side, loaded, rung, names, MAX_AXES)
-    if solutions == ANY and isinstance(loaded, SpaceScene):
-        raise SetError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
+    if solutions == ANY and not side.world.many_motions:
+        raise SetError(f"solutions: of {loaded.name} only the {SLOWEST} motion is known")
     if solutions not in (SLOWEST, ANY) or (solutions == ANY and not rung.metric):
         raise SetError(f"solutions: must be {SLOWEST}, or {ANY} on the {KINEMATIC.name} rung")
     if not strides or not all(0.25 <= stride <= 100.0 for stride in strides) or not 0 <= padding <= 4:

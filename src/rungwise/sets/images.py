@@ -15,8 +15,8 @@ from rungwise.outcome import Code
 from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.sets.backward import CLOSE, Flags, around, backward
-from rungwise.sets.stated import SPEED_OF, Macro, stated
-from rungwise.sets.states import columns_of, without_doomed
+from rungwise.sets.stated import SPEED_OF, Macro, Stated
+from rungwise.sets.states import columns_of
 from rungwise.sets.store import SetError
 
 PILOT = 1e-4
@@ -47,7 +47,7 @@ class Images:
         threads: int | None,
         report: Report | None,
     ) -> None:
-        self._side, self._names, self._bounds = stated(without_doomed(scene)), tuple(names), bounds
+        self._side, self._names, self._bounds = Stated(scene.changed(doomed=None)), tuple(names), bounds
         self._macro = Macro(model, tuple(bounds), request["parameters"], request["accuracy"], threads)
         self._box, self._travel, self._shape = box, travel, shape
         self._request, self._report = request, report
@@ -104,7 +104,7 @@ class Images:
         """Cells per time that the fastest coordinate moves, and the difference in cells that each input
         makes; also finds which vertices are states."""
         places = np.array([not name.startswith(SPEED_OF) for name in self._names])
-        step = PILOT * self._side.duration(self._request["parameters"])
+        step = PILOT * self._side.world.at(self._request["parameters"]).duration
         middle = np.array([0.5 * (low + high) for low, high in self._bounds.values()])
         pace, spread = 0.0, []
         needed = 2 * len(self._bounds) * len(self._vertices)

@@ -22,12 +22,11 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
-from rungwise.scene import records as rec
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.batch import Batch, Results
 from rungwise.simulation.result import Run
-from rungwise.simulation.run import simulate
-from rungwise.simulation.spatial.batch import SpaceBatch
+from rungwise.world.batch import Batch, Results
+from rungwise.world.find import world_of
+from rungwise.world.run import simulate
 
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
@@ -42,18 +41,10 @@ def motions(scene: Scene | SpaceScene, model: Rung, solutions: str = POSSIBLE) -
     coordinate of a body that nothing drives."""
     if solutions == SLOWEST or model.inertia > 0.0:
         return ({},)
-    if isinstance(scene, SpaceScene):
-        raise SceneError(f"solutions: of scenes in space only the {SLOWEST} motion is known")
-    template = scene.template
-    records = rec.views(template.buffer, template.counts)
-    driven = records.joints[records.measures["joint"][records.measures["drive"] != rec.NO_DRIVE]]
-    bodies = {*driven["body_a"].tolist(), *driven["body_b"].tolist()}
-    alone = [
-        name
-        for name, c in zip(template.coordinates, records.coordinates, strict=True)
-        if c["drive"] == rec.NO_DRIVE and int(c["body"]) not in bodies
-    ]
-    return ({}, *({name: sign * HASTE} for name in alone for sign in (-1.0, 1.0)))
+    world = world_of(scene)
+    if not world.many_motions:
+        raise SceneError(f"solutions: of {scene.name} only the {SLOWEST} motion is known")
+    return ({}, *({name: sign * HASTE} for name in world.at_liberty for sign in (-1.0, 1.0)))
 
 
 class Motions:
@@ -63,12 +54,9 @@ class Motions:
         self, scene: Scene | SpaceScene, model: Rung, over: Sequence[str], solutions: str, **options: Any
     ) -> None:
         self._wanted = solutions == GUARANTEED
-        self._batches: list[Batch | SpaceBatch] = []
+        self._batches: list[Batch] = []
         for motion in motions(scene, model, solutions):
-            if isinstance(scene, SpaceScene):
-                self._batches.append(SpaceBatch(scene, model, over, **options))
-            else:
-                self._batches.append(Batch(scene, model, over, motion=motion, **options))
+            self._batches.append(Batch(scene, model, over, motion=motion, **options))
         self.over = self._batches[0].over
 
     def run(self, points: Reals, *, on_progress: Callable[[int], None] | None = None) -> Results:

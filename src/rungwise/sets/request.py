@@ -15,6 +15,7 @@ from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.sets.motions import Motions
 from rungwise.sets.store import SetError
+from rungwise.world.find import world_of
 
 ACCURACY = 3e-3
 """Error allowed per step of a run, relative to the smallest shape of the scene. Chosen by trial."""
@@ -67,17 +68,12 @@ def chosen(
 
 def digest(scene: Scene | SpaceScene) -> str:
     """Mark of all that a scene says."""
-    whole = scene.file.model_dump_json() if isinstance(scene, Scene) else scene.content
-    return hashlib.sha256(whole.encode()).hexdigest()[:16]
+    return hashlib.sha256(scene.whole.encode()).hexdigest()[:16]
 
 
 def smallest(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> float:
     """Reach of the smallest shape that has a reach, at these parameters; 1 where no shape has."""
-    if isinstance(scene, SpaceScene):
-        return scene.size if math.isfinite(scene.size) else 1.0
-    reach = scene.bind(parameters).records.shapes["reach"]
-    known = reach[np.isfinite(reach) & (reach > 0.0)]
-    return float(known.min()) if len(known) else 1.0
+    return world_of(scene).at(parameters).smallest
 
 
 def batch_of(

@@ -9,7 +9,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene, SceneError, load
+from rungwise.scene import Scene, SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.sets.stated import SPEED_OF, Stated
 from rungwise.sets.store import SetError
@@ -48,7 +48,7 @@ def check_states(
         raise SetError(f"over: {what}; the state of {scene.name} on {model.name} is {', '.join(allowed)}")
     if not 1 <= len(names) <= most:
         raise SetError(f"over: 1 to {most} states, and {scene.name} has {len(names)}")
-    if side.follows_time:
+    if side.world.follows_time:
         raise SetError(f"scene: {scene.name} depends on the time t, which is no state")
     if scene.file.goal is None:
         raise SetError(f"scene: {scene.name} has no goal")
@@ -94,12 +94,3 @@ def input_box(
             raise SetError(f"inputs: {name}={low:g}:{high:g} must be an interval")
         result[name] = (low, high)
     return result
-
-
-def without_doomed(scene: Scene | SpaceScene) -> Scene | SpaceScene:
-    """The scene without its own rule for doomed states."""
-    if isinstance(scene, SpaceScene):
-        return scene.changed(doomed=None)
-    data = scene.file.model_dump(mode="json")
-    data.pop("doomed", None)
-    return load(data)

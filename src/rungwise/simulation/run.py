@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import reduce
 from operator import add
 from pathlib import Path
@@ -21,7 +21,6 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
 from rungwise.scene import InvalidScene, Scene, load
-from rungwise.scene.space import SpaceScene, is_space, load_space
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, read_schedule
 from rungwise.simulation.options import (
     MANY,
@@ -44,7 +43,6 @@ from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
     from rungwise.simulation.hard import HardSteps
-    from rungwise.simulation.spatial.run import SpaceSimulation
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
@@ -306,50 +304,3 @@ class Simulation:
         return Reasons(
             self.scene, self.model, self.theta, self.inputs, self._bound, self._control, self.workspace
         )
-
-
-def simulation_of(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
-) -> Simulation | SpaceSimulation:
-    """A run of a scene of either kind that is taken in turns."""
-    if not is_space(scene):
-        return Simulation(scene, model, **options)  # type: ignore[arg-type]
-    from rungwise.simulation.spatial.run import SpaceSimulation
-
-    return SpaceSimulation(load_space(scene), model, **options)  # type: ignore[arg-type]
-
-
-@keywords
-def simulate(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
-    model: Rung | str,
-    *,
-    parameters: Mapping[str, float] | None = None,
-    step: float | None = None,
-    tol: float | None = None,
-    duration: float | None = None,
-    span: float | None = None,
-    theta: float = 1.0,
-    motion: Mapping[str, float] | None = None,
-    state: State | None = None,
-    inputs: Schedule | None = None,
-    frames: int = 2000,
-    stride: int | None = None,
-    save_hard: str | Path | None = None,
-    on_progress: Callable[[Any], None] | None = None,
-) -> Any:
-    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
-    scene in space a `SpaceRun`.
-
-    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
-    within the same time.
-    """
-    simulation = simulation_of(
-        scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
-        theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
-        stride=stride, save_hard=save_hard,
-    )  # fmt: skip
-    while simulation.advance():
-        if on_progress is not None:
-            on_progress(simulation)
-    return simulation.result()

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from rungwise.models.ladder import rung
 from rungwise.planning.diagnose import NOTHING, Diagnosis, both, distances
-from rungwise.planning.objects import moved
 from rungwise.planning.words import UNTOUCHED
 from rungwise.planning.worlds import World
 from rungwise.scene import Scene
@@ -23,6 +22,7 @@ from rungwise.viewing.clip import Clip, of_trajectory
 from rungwise.viewing.draw import INK, MODELS, draw_frame, pose_at
 from rungwise.viewing.strip import GAP, WIDE, legend
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
+from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def draw_parting(
         World(scene, values, rung(name), tol)
         for values, name, tol in zip((own, others), names, found.tols, strict=True)
     )
-    _, motions, until = both(one, other, found.inputs, moved(scene, own).weights)
+    _, motions, until = both(one, other, found.inputs, world_of(scene).at(own).moved.weights)
     clips = [
         replace(
             of_trajectory(world.scene, world.parameters, motion.data), model=label, outcome=end["outcome"]

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class SpaceScene:
     template: SpaceTemplate
     labels: Labels
     model_text: str = field(repr=False)
+    world: ClassVar[str] = "rungwise.world.spatial"
 
     @property
     def name(self) -> str:
@@ -79,6 +80,11 @@ class SpaceScene:
             self.file.model_copy(update={"model": model}).model_dump_json(exclude_unset=True)
             + self.model_text
         )
+
+    @property
+    def whole(self) -> str:
+        """All that the scene says."""
+        return self.content
 
     @property
     def size(self) -> float:

@@ -1,49 +1,80 @@
-"""What a planner moves, and with what: roles of bodies, weights of their coordinates, their size."""
+"""A scene in space at one set of parameters (see `world.contract.Instance`)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
-from rungwise.scene import Scene
-from rungwise.scene.records import Records
+from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import moments
+from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Moved
 
 if TYPE_CHECKING:
     import mujoco
 
-OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 FREE, BALL, SLIDE = 0, 1, 2
 """Numbers of MuJoCo's joints, as far as they are told apart here."""
 TURNED = 2.0
 """Angle of a turn over the distance of its quaternion from the one before, for small angles."""
 
 
-class Moved(NamedTuple):
-    """Weights (n_q,) of coordinates in distances between states: 1 for places of objects, how far they reach
-    for angles, 0 for robots; size: how far the largest object reaches; turns (r, 4): columns of
-    quaternions; rates (n_v,): weights of velocities in speeds, in the same manner."""
+@dataclass(frozen=True)
+class SpatialInstance:
+    """See `Instance`."""
 
-    weights: Reals
-    size: float
-    turns: Ints
-    rates: Reals
+    scene: SpaceScene
+    parameters: Mapping[str, float] | None
+
+    @cached_property
+    def bound(self) -> SpaceBound:
+        return self.scene.bind(self.parameters)
+
+    @property
+    def q(self) -> Reals:
+        return self.bound.place
+
+    @property
+    def v(self) -> Reals:
+        return self.bound.motion
+
+    @property
+    def travel(self) -> Reals:
+        model = self.bound.model
+        travel = np.full((2, model.nq), [[-math.inf], [math.inf]])
+        for j in np.flatnonzero(model.jnt_limited & (model.jnt_type >= SLIDE)):
+            travel[:, model.jnt_qposadr[j]] = model.jnt_range[j]
+        return travel
+
+    @property
+    def duration(self) -> float:
+        return self.bound.duration
+
+    @property
+    def step(self) -> float:
+        return self.bound.step
+
+    @property
+    def tolerance(self) -> float:
+        return self.bound.tolerance
+
+    @property
+    def smallest(self) -> float:
+        return self.scene.size if math.isfinite(self.scene.size) else 1.0
+
+    @cached_property
+    def moved(self) -> Moved:
+        return moved_in_space(self.bound)
 
 
-def roles_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
-    """What each body is to a planner: as it is written; in space an obstacle where it cannot move, a robot
-    where an actuator or a given speed drives it or what it is joined to, and otherwise an object."""
-    if isinstance(scene, Scene):
-        return {name: body.role for name, body in scene.file.bodies.items()}
-    return dict(zip(scene.template.bodies, _roles(scene.bind(parameters)), strict=True))
-
-
-def _roles(bound: SpaceBound) -> list[str]:
+def roles_in_space(bound: SpaceBound) -> list[str]:
+    """The role of each body: an obstacle where it cannot move, a robot where an actuator or a given speed
+    drives it or what it is joined to, and otherwise an object."""
     model = bound.model
     driven = ~np.isnan(bound.pace) | (moments(model, bound.place) != 0.0).any(axis=0)
     trees = set(model.dof_treeid[driven].tolist())
@@ -63,7 +94,7 @@ def reaches_of(model: mujoco.MjModel) -> Reals:
 
 def moved_in_space(bound: SpaceBound) -> Moved:
     """Weights and size of what is moved in a bound scene in space."""
-    model, roles = bound.model, np.array(_roles(bound))
+    model, roles = bound.model, np.array(roles_in_space(bound))
     reach = reaches_of(model)
     weights, turns, rates = np.zeros(model.nq), list[range](), np.zeros(model.nv)
     for j in range(model.njnt):
@@ -85,23 +116,3 @@ def moved_in_space(bound: SpaceBound) -> Moved:
         sizes = reach[roles == ROBOT]
     size = float(sizes.max(initial=0.0))
     return Moved(weights, size or 1.0, np.array(turns, np.int64).reshape(-1, 4), rates)
-
-
-def moved_in_plane(scene: Scene, records: Records) -> Moved:
-    """The same of a planar scene; angles count by the radius of gyration, and without a finite object the
-    size is 1."""
-    roles, names = roles_of(scene), scene.template.coordinates
-    of_object = [roles[name.split(".")[0]] == OBJECT for name in names]
-    reaches = [
-        float(s["reach"]) for s in records.shapes if roles[scene.template.bodies[int(s["body"])]] == OBJECT
-    ]
-    size = max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
-    levers = np.where(of_object, records.coordinates["lever"], 0.0)
-    return Moved(levers, size, np.zeros((0, 4), np.int64), levers)
-
-
-def moved(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> Moved:
-    """Weights and size of what is moved in a scene of either kind."""
-    if isinstance(scene, Scene):
-        return moved_in_plane(scene, scene.bind(parameters).records)
-    return moved_in_space(scene.bind(parameters))

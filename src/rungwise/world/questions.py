@@ -2,34 +2,30 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
-from rungwise.models.ladder import KINEMATIC
 from rungwise.plain import brief
-from rungwise.scene import Scene, SceneError
+from rungwise.scene import SceneError
 from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
-from rungwise.scene.terms import ANGLE, LENGTH, TIME, Combination, Dimension, Term, terms_of
+from rungwise.scene.terms import Combination, Term, terms_of
 from rungwise.scene.values import shown
-from rungwise.simulation.planar.loop import begin, slack
-from rungwise.simulation.planar.questions import answer, read
-from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory
-from rungwise.simulation.rows import States, finite_rows, scale_of
-from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
-from rungwise.system.planar.place import start, turns
+from rungwise.simulation.planar.questions import read
+from rungwise.simulation.rows import States
+from rungwise.simulation.state import State
+from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
-    from rungwise.simulation.spatial.questions import SpacePlace
+    from rungwise.scene import Scene
+    from rungwise.scene.space import SpaceScene
 
 SMALLEST = 5e-324
 """Smallest number greater than 0."""
@@ -118,7 +114,7 @@ class Question:
         names = scene.template.names()
         names.condition(text, "condition")
         self.of_contacts = any(names.read.values())
-        self._place = _place(scene, parameters)
+        self._place = world_of(scene).place(parameters)
         self._terms: list[Term] = []
         self._combined: Combination = 0
         if text is not None:
@@ -164,122 +160,6 @@ class Question:
     def overlap(self, state: State) -> str:
         """Which bodies overlap at a state, and by how much; empty where none do. Raises StateError."""
         return self._place.overlap(state)
-
-
-def _place(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) -> _Place | SpacePlace:
-    """The scene at these parameters, ready to be asked."""
-    if not isinstance(scene, SpaceScene):
-        return _Place(scene, parameters)
-    from rungwise.simulation.spatial.questions import SpacePlace
-
-    return SpacePlace(scene, parameters)
-
-
-class Rows(NamedTuple):
-    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c + u), times, forces, impulses and inputs;
-    `overlaps` (m, c) of contacts in the states' own runs."""
-
-    q: Reals
-    v: Reals
-    rest: Reals
-    overlaps: Reals
-
-
-class _Place:
-    """A scene at one set of parameters, ready to be asked."""
-
-    def __init__(self, scene: Scene, parameters: Mapping[str, float] | None) -> None:
-        self.scene, self.bound = scene, scene.bind(parameters)
-        records, template = self.bound.records, scene.template
-        self.columns = np.array([template.parameters.index(name) for name in template.inputs], np.int64)
-        self.workspace: Workspace = allocate(records, self.bound.values, scene.template, 3)
-        control = np.zeros(1, CONTROL)
-        control["step"], control["tolerance"] = records.world[0]["step"], records.world[0]["tolerance"]
-        start(records, self.workspace.state.q, self.workspace.state.v)
-        begin(records, KINEMATIC.record(), control, self.workspace)
-
-    def dimensions(self) -> tuple[tuple[Dimension, ...], tuple[Dimension, ...]]:
-        """Dimensions of the coordinates and of their velocities."""
-        records = self.bound.records
-        bodies = [records.bodies[c["body"]] for c in records.coordinates]
-        own = tuple(ANGLE if turns(body, i) else LENGTH for i, body in enumerate(bodies))
-        return own, tuple(each.times(TIME, -1) for each in own)
-
-    def scale(self, dimension: Dimension | None) -> float:
-        """The size of the scene in this dimension; 1 where there is none."""
-        clock, world = self.workspace.state.clock[0], self.bound.records.world[0]
-        length, time = max(float(clock["extent"]), float(clock["reach"])), float(world["duration"])
-        masses = [float(body["mass"]) for body in self.bound.records.bodies]
-        gravity = math.hypot(world["gravity_x"], world["gravity_y"])
-        return scale_of(dimension, length, time, max(masses, default=0.0), gravity)
-
-    def values(self, states: States, terms: list[Term]) -> Reals:
-        """Values of terms (m, k)."""
-        return self.answers(self.rows(states), terms)[0]
-
-    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
-        """Gaps (m, c), collisions (m,), poses (m, b, 3)."""
-        rows = self.rows(states)
-        _, gaps, poses = self.answers(rows, [])
-        collides = np.any(gaps < -(slack(self.workspace) + rows.overlaps), axis=1)
-        angles = np.arctan2(poses[..., 3:], poses[..., 2:3])
-        return gaps, collides, np.concatenate([poses[..., :2], angles], axis=-1)
-
-    def overlap(self, state: State) -> str:
-        """Which bodies overlap most at a state; empty where none do."""
-        gaps, collides, _ = self.geometry(state)
-        k = int(gaps[0].argmin()) if collides[0] else 0
-        return (
-            f"{' and '.join(self.scene.template.contacts[k])} overlap by {-gaps[0, k]:.3g}"
-            if collides[0]
-            else ""
-        )
-
-    def answers(self, rows: Rows, terms: list[Term]) -> tuple[Reals, Reals, Reals]:
-        """Values of terms (m, k), gaps (m, c), poses (m, b, 4)."""
-        m, records = len(rows.q), self.bound.records
-        found = np.zeros((m, len(terms))), np.zeros((m, len(records.contacts)))
-        poses = np.zeros((m, len(records.bodies), 4))
-        programs = Programs([term.code for term in terms])
-        conditions = (programs.code, programs.constants, programs.table)
-        answer(
-            records, conditions, self.workspace, rows.q, rows.v, rows.rest, self.columns, *found, poses
-        )  # fmt: skip
-        return *found, poses
-
-    def rows(self, states: States) -> Rows:
-        """States as kernels take them. Raises StateError."""
-        n = len(self.scene.template.coordinates)
-        if isinstance(states, np.ndarray):
-            moving = finite_rows(states, n, n)
-            rows = self._at_rest(len(moving))
-            rows.q[:], rows.v[:] = moving[:, :n], moving[:, n:]
-            return rows
-        many = [states] if isinstance(states, State) else states
-        if not isinstance(many, Sequence):
-            raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
-        rows, own, like = self._at_rest(len(many)), digest(self.scene), self.workspace.state
-        for i, state in enumerate(many):
-            check_state(state, self.scene)
-            rows.q[i], rows.v[i], rows.rest[i, 0] = state.q, state.v, state.time
-            memory = memory_of(state, own, like)
-            if memory is not None:
-                gaps, pushes, impulses, values = (
-                    in_memory(like, name, memory.values[None])[0]
-                    for name in ("gaps", "pushes", "impulses", "values")
-                )
-                rows.rest[i, 1 : 1 + 2 * len(pushes)] = np.concatenate([pushes, impulses])
-                if memory.inputs:
-                    rows.rest[i, 1 + 2 * len(pushes) :] = values[self.columns]
-                rows.overlaps[i] = np.maximum(-gaps, 0.0)
-        return rows
-
-    def _at_rest(self, m: int) -> Rows:
-        """m states without forces, with the inputs of the scene's start."""
-        n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
-        rest = np.zeros((m, 1 + 2 * contacts + len(self.columns)))
-        rest[:, 1 + 2 * contacts :] = self.bound.values[self.columns]
-        return Rows(np.zeros((m, n)), np.zeros((m, n)), rest, np.zeros((m, contacts)))
 
 
 def _scaled(values: Reals, scales: Reals) -> Reals:

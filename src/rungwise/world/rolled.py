@@ -20,9 +20,9 @@ from rungwise.scene import Scene
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import counted, texts
-from rungwise.simulation.run import simulate
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.state import Memory, State, digest
+from rungwise.world.run import simulate
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,33 +1,27 @@
-"""Rollouts: many runs from states, each with inputs in segments, in compiled threads."""
+"""Rollouts of planar scenes, in compiled threads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
-from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
-from rungwise.simulation.arguments import Begins, asked
 from rungwise.simulation.crew import CHUNK, Crew
-from rungwise.simulation.options import moving_rung
 from rungwise.simulation.planar.workspace import State as Like
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.simulation.result import pair_labels
-from rungwise.simulation.rolled import Rolled
-from rungwise.simulation.rows import States
 from rungwise.simulation.run import Simulation
-from rungwise.simulation.spatial.rollout import SpaceRollouts, rollout_in_space
 from rungwise.simulation.state import State, StateError, memory_of
+from rungwise.world.arguments import Asked, Begins
+from rungwise.world.contract import Told
+from rungwise.world.rolled import Rolled
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,60 +55,14 @@ class Rollouts(Rolled):
         return found.reshape(m, s, *found.shape[1:])
 
 
-@keywords
 def rollout(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
-    model: Rung | str,
-    states: States | None = None,
-    inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,
-    durations: ArrayLike | None = None,
-    *,
-    until: Sequence[str | None] | None = None,
-    ramp: bool | Sequence[bool] = False,
-    parameters: Mapping[str, ArrayLike] | None = None,
-    step: float | None = None,
-    tol: float | None = 1e-3,
-    theta: float = 1.0,
-    motion: Mapping[str, float] | None = None,
-    keep: bool = True,
-    budget: int | None = None,
-    threads: int | None = None,
-    chunk: int = CHUNK,
-    on_progress: Callable[[int], None] | None = None,
-) -> Rollouts | SpaceRollouts:
-    """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
-
-    Args:
-        scene, model, step, tol, theta, motion: as for `Simulation`, but that steps are error-controlled if
-            `tol` is not None.
-        states: one state or m; or places (m, n), or places and velocities (m, 2 n), at t = 0; the scene's
-            start if not given. States of runs go on as `simulate(..., state=)` does.
-        inputs: values (m, s, u) of the scene's inputs, or (s, u) for all samples, or a mapping of names to
-            values (m, s), (s,) or a number; inputs not named stay as they are.
-        durations: of segments, (m, s), (s,), or a number for all; 0 skips one. The runs end with the last.
-            Without durations there is no segment, and runs end with the scene.
-        until: for each segment a condition that ends it sooner, or None; see `Segment`.
-        ramp: whether inputs go to their values linearly, for all segments or for each.
-        parameters: values by name, a number or (m,) each.
-        keep: whether the states at the switches are kept (see `Rollouts`).
-        budget: most steps of one run, a million if not given; a run that takes more has not converged.
-        threads: how many; as many as there are cores if not given.
-        on_progress: called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
-
-    Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
-    values of a sample make it `invalid`, with a line in `faults`, and the others go on. What is given for one
-    sample, also as an array of one row, serves all m."""
-    scene, rung = load(scene), moving_rung(model)
-    wanted = asked(scene, states, inputs, durations, until, ramp, parameters)
-    options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
-    if isinstance(scene, SpaceScene):
-        return rollout_in_space(
-            scene, rung, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk,
-            on_progress=on_progress,
-        )  # fmt: skip
+    scene: Scene, rung: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
+    threads: int | None, chunk: int | None, on_progress: Told | None,
+) -> Rollouts:  # fmt: skip
+    """The runs that are asked for (see `rungwise.rollout`)."""
     crew = Crew(
         scene, rung, wanted.over, None, until=wanted.until, ramps=wanted.ramps, budget=budget,
-        threads=threads, **options,  # type: ignore[arg-type]
+        threads=threads, **options,
     )  # fmt: skip
     begins, faults, points = wanted.begins, wanted.faults, wanted.points
     schedule = partial(wanted.schedule, scene)
@@ -127,7 +75,7 @@ def rollout(
         points, bodies=None if begins is None else begins.bodies, memories=memories.rows, memory=memories.of,
         durations=wanted.lengths, levels=wanted.levels,
         wrong=np.isin(np.arange(len(points)), list(faults)).astype(np.int64),
-        keeps=keep, chunk=chunk, on_progress=on_progress,
+        keeps=keep, chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)
     return Rollouts(

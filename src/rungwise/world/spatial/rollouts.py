@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.arguments import Asked
-from rungwise.simulation.crew import threads_of
+from rungwise.simulation.crew import BUDGET, threads_of
 from rungwise.simulation.options import ModelError, check_options, count
-from rungwise.simulation.rolled import Rolled
-from rungwise.simulation.spatial.batch import BUDGET
 from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
 from rungwise.simulation.spatial.frames import WORK
+from rungwise.world.arguments import Asked
+from rungwise.world.rolled import Rolled
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,12 +32,11 @@ class SpaceRollouts(Rolled):
         return self._ends.work[..., WORK.index(name)] if name in WORK else getattr(self._ends, name)
 
 
-def rollout_in_space(
+def rollout(
     scene: SpaceScene, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool,
     budget: int | None, threads: int | None, chunk: int | None, on_progress: Callable[[int], None] | None,
 ) -> SpaceRollouts:  # fmt: skip
-    """The runs that are asked for; arguments and errors as of `simulation.rollout.rollout`, but `threads` are
-    processes."""
+    """The runs that are asked for (see `rungwise.rollout`); `threads` are processes."""
     check_options(options["step"], options["tol"], None, options["theta"])
     if options["motion"] is not None:
         raise ModelError("motion: is not known for scenes in space")

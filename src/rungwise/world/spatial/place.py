@@ -36,8 +36,8 @@ class _Row(NamedTuple):
     memory: Memory | None = None
 
 
-class SpacePlace:
-    """A scene in space at one set of parameters; what it offers is what `Question` asks of a planar one."""
+class SpatialPlace:
+    """A scene in space at one set of parameters (see `world.contract.Place`)."""
 
     def __init__(self, scene: SpaceScene, parameters: Mapping[str, float] | None) -> None:
         self.scene = scene

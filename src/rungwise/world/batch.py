@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,15 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
-from rungwise.scene import Scene, load
-from rungwise.simulation.crew import CHUNK, Crew, names_of, outside
+from rungwise.scene.read import load
+from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.result import counted, texts
+from rungwise.world.find import world_of
+
+if TYPE_CHECKING:
+    from rungwise.scene import Scene
+    from rungwise.scene.space import SpaceScene
 
 
 @dataclass(frozen=True)
@@ -49,8 +54,7 @@ class Results:
 
 
 class Batch:
-    """Runs of one planar scene on one rung, whatever the points (in space: `spatial.batch.SpaceBatch`).
-    Raises SceneError or ModelError for wrong input.
+    """Runs of one scene on one rung, whatever the points. Raises SceneError or ModelError for wrong input.
 
     Args:
         scene, model: as for `Simulation`.
@@ -58,13 +62,14 @@ class Batch:
         parameters: values of other parameters; the rest keep their defaults.
         step, tol, duration, theta, motion: as for `Simulation`.
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
-        threads: how many; as many as there are cores if not given. The results do not depend on it.
+        threads: how many, in space processes; as many as there are cores if not given. The results do not
+            depend on it.
     """
 
     @keywords
     def __init__(
         self,
-        scene: Scene | str | Path | Mapping[str, Any],
+        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         over: Sequence[str],
         *,
@@ -79,11 +84,11 @@ class Batch:
     ) -> None:
         self.scene, self.model = load(scene), moving_rung(model)
         self.over = names_of(self.scene, over)
-        self._crew = Crew(
-            self.scene, self.model, self.over, parameters, step=step, tol=tol, duration=duration, theta=theta,
-            motion=motion, budget=budget, threads=threads,
+        self._runs = world_of(self.scene).runs(
+            self.model, self.over, parameters, step=step, tol=tol, duration=duration, theta=theta,
+            motion=motion or None, budget=budget, threads=threads,
         )  # fmt: skip
-        self.parameters, self.threads = self._crew.parameters, self._crew.threads
+        self.parameters, self.threads = self._runs.parameters, self._runs.threads
 
     def __repr__(self) -> str:
         over = cut(", ".join(self.over), 200)
@@ -91,7 +96,7 @@ class Batch:
 
     @keywords
     def run(
-        self, points: Reals, *, chunk: int = CHUNK, on_progress: Callable[[int], None] | None = None
+        self, points: Reals, *, chunk: int | None = None, on_progress: Callable[[int], None] | None = None
     ) -> Results:
         """Run every point (m, k), values of `over`; the bytes do not depend on threads or `chunk`.
 
@@ -102,10 +107,8 @@ class Batch:
         if points.ndim != 2 or points.shape[1] != len(self.over):
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
         wrong = outside(self.scene, self.over, points)
-        found = self._crew.run(points, wrong=wrong, chunk=chunk, on_progress=on_progress)
-        results, n = found.results, len(self.scene.template.coordinates)
+        found = self._runs.run(points, wrong=wrong, chunk=chunk, on_progress=on_progress)
         return Results(
-            outcome=results["outcome"].copy(), time=results["time"].copy(), margin=results["margin"].copy(),
-            steps=results["steps"].copy(), worst_residual=results["worst_residual"].copy(),
-            final=found.final[:, :n].copy(), speed=found.final[:, n:].copy(),
+            outcome=found.outcome, time=found.time, margin=found.margin, steps=found.steps,
+            worst_residual=found.residual, final=found.places.q, speed=found.places.v,
         )  # fmt: skip

@@ -1,0 +1,236 @@
+"""What a scene can be asked and how it is run: the contract that each world implements in its own folder.
+
+Shapes: n_q coordinates, n_v velocities, c pairs of bodies that may touch, b bodies, u inputs, k parameters, m
+runs of s segments. Lengths, times and forces are in the scene's units, angles in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.scene.terms import Dimension, Term
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.rows import States
+from rungwise.simulation.state import State
+
+if TYPE_CHECKING:
+    from rungwise.world.arguments import Asked
+    from rungwise.world.rolled import Rolled
+
+OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
+"""Roles of bodies."""
+Told = Callable[[int], None]
+"""Called with the number of runs done, about ten times a second; what it raises ends the runs."""
+
+
+class Places(NamedTuple):
+    """Where m runs have come to: q (m, n_q), v (m, n_v), time (m,), and the memories to go on from: rows
+    (m, w), or (m,) arrays where their lengths differ. A run goes on from its memory where `goes_on` (m,)
+    holds, and otherwise begins there, at rest in its contacts."""
+
+    q: Reals
+    v: Reals
+    time: Reals
+    memory: NDArray[Any]
+    goes_on: NDArray[np.bool_]
+
+    @classmethod
+    def by_hand(cls, q: Reals, v: Reals, time: Reals | None = None) -> Places:
+        """Places that no run has led to."""
+        m = len(q)
+        return cls(q, v, np.zeros(m) if time is None else time, np.zeros((m, 0)), np.zeros(m, bool))
+
+    def take(self, rows: Ints) -> Places:
+        """Copies of these rows."""
+        return Places(self.q[rows], self.v[rows], self.time[rows], self.memory[rows], self.goes_on[rows])
+
+
+class Ran(NamedTuple):
+    """How m runs ended: outcomes (codes, see `rungwise.outcome.Code`), margins (as of `Results`), times,
+    steps, attempts at steps, solved problems, segments that ended, worst scaled residuals, work of drives
+    since they began (all (m,)); where; why a run did not begin, by its number; and `at`, which gives the
+    places of some rows at the end of a segment, where these were kept."""
+
+    outcome: Ints
+    margin: Reals
+    time: Reals
+    steps: Ints
+    attempts: Ints
+    solves: Ints
+    switches: Ints
+    residual: Reals
+    work: Reals
+    places: Places
+    faults: Mapping[int, str]
+    at: Callable[[int, Ints], Places]
+
+
+class Runs(Protocol):
+    """Many runs of one scene on one rung, in threads or processes that are kept; what comes of a run does not
+    depend on how many these are."""
+
+    threads: int
+    parameters: dict[str, float]
+
+    def run(
+        self, points: Reals, places: Places | None = None, durations: Reals | None = None,
+        levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
+        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,
+    ) -> Ran:  # fmt: skip
+        """Run points (m, k) of the parameters, from places or the scene's start, through segments of these
+        durations (m or 1, s) with inputs `levels` (m or 1, s, u), nan where one stays as it is; none is run
+        that is `wrong` (m,). `keeps`: whether the ends of segments are kept; `ends`: when, by the monotonic
+        clock, runs that still go on have not converged."""
+
+    def begin(self, points: Reals, places: Places | None = None) -> Ran:
+        """The same before their first steps: where they begin, with memories from which none goes on."""
+
+    def placed(self, state: State, parameters: Mapping[str, float]) -> tuple[Places, Code]:
+        """One place, at a state, as runs at these parameters go on from it, and whether they do or what ends
+        them there. Raises StateError."""
+
+    def taken_over(self, place: Places, scene: Any, levels: Reals) -> Places:
+        """One place to which a run of `scene` at other parameters has come, on this rung, as these runs go on
+        from it, after inputs `levels` (u,)."""
+
+    def numbers(self, places: Places) -> Reals:
+        """The numbers (m, w) that conditions read, as runs left them (see `Question.read`)."""
+
+    def forces(self, points: Reals, places: Places) -> Reals:
+        """Normal forces (m, c) of the scene's pairs of bodies, in the last step."""
+
+    def state(self, places: Places, row: int, inputs: tuple[Segment, ...] = ()) -> State:
+        """One of the places as a state, of a run that followed these inputs."""
+
+
+class Moved(NamedTuple):
+    """Weights (n_q,) of coordinates in distances between states: 1 for places of objects, how far they reach
+    for angles, 0 for robots; size: how far the largest object reaches; turns (r, 4): columns of
+    quaternions; rates (n_v,): weights of velocities in speeds, in the same manner."""
+
+    weights: Reals
+    size: float
+    turns: Ints
+    rates: Reals
+
+
+class Instance(Protocol):
+    """A scene at one set of parameters: where it starts, q (n_q,) and v (n_v,); how far coordinates may
+    travel (2, n_q), infinite where nothing bounds them; its duration, step and tolerance; how far the
+    smallest thing that may touch reaches, 1 where nothing has a size; and what is moved in it."""
+
+    @property
+    def q(self) -> Reals: ...
+    @property
+    def v(self) -> Reals: ...
+    @property
+    def travel(self) -> Reals: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def step(self) -> float: ...
+    @property
+    def tolerance(self) -> float: ...
+    @property
+    def smallest(self) -> float: ...
+    @property
+    def moved(self) -> Moved: ...
+
+
+class Place(Protocol):
+    """A scene at one set of parameters, to be asked what holds at states."""
+
+    scene: Any
+
+    def dimensions(self) -> tuple[tuple[Dimension, ...], tuple[Dimension, ...]]:
+        """Dimensions of the coordinates and of their velocities."""
+
+    def scale(self, dimension: Dimension | None) -> float:
+        """The size of the scene in this dimension; 1 where there is none."""
+
+    def values(self, states: States, terms: list[Term]) -> Reals:
+        """Values of terms (m, k). Raises StateError."""
+
+    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
+        """Gaps (m, c), collisions (m,), and poses (m, b, 3), in space (m, b, 7). Raises StateError."""
+
+    def overlap(self, state: State) -> str:
+        """Which bodies overlap most at a state; empty where none do."""
+
+
+class World(Protocol):
+    """A scene and what can be asked of it."""
+
+    scene: Any
+
+    def simulation(self, model: Rung | str, **options: Any) -> Any:
+        """A run that is taken in turns; options as of `rungwise.Simulation`."""
+
+    def runs(
+        self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
+        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
+        tol: float | None = None, duration: float | None = None, span: float | None = None,
+        theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
+        quick: bool = False, threads: int | None = None,
+    ) -> Runs:  # fmt: skip
+        """Many runs over parameters, with segments that conditions `until` end sooner and that ramp where
+        `ramps` says so; quick ones end where they take long."""
+
+    def rollout(
+        self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
+        threads: int | None, chunk: int | None, on_progress: Told | None,
+    ) -> Rolled:  # fmt: skip
+        """The runs that a rollout asks for (see `rungwise.rollout`)."""
+
+    def place(self, parameters: Mapping[str, float] | None) -> Place:
+        """The scene at these parameters, to be asked."""
+
+    def at(self, parameters: Mapping[str, float] | None = None) -> Instance:
+        """The scene at these parameters. Raises InvalidScene where it is impossible."""
+
+    def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
+        """What each body is to a planner: object, robot or obstacle."""
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Names of the velocities."""
+
+    @property
+    def prescribed(self) -> tuple[str, ...]:
+        """Names of the velocities that the scene gives at all times."""
+
+    @property
+    def undriven(self) -> tuple[str, ...]:
+        """Coordinates that nothing drives, where it is known that others cannot follow them."""
+
+    @property
+    def at_liberty(self) -> tuple[str, ...]:
+        """The coordinates of `undriven` whose body no driven joint holds."""
+
+    @property
+    def is_forced(self) -> bool:
+        """Whether servos or forces drive something."""
+
+    @property
+    def follows_time(self) -> bool:
+        """Whether something depends on the time t."""
+
+    @property
+    def whole_states(self) -> bool:
+        """Whether a set of states spans all that moves, or a part of it beside which nothing else moves."""
+
+    @property
+    def many_motions(self) -> bool:
+        """Whether other motions than the slowest can be preferred."""
+
+    @property
+    def on_clusters(self) -> bool:
+        """Whether runs may go to the workers of a cluster, which read the scene from its text."""

@@ -1,0 +1,91 @@
+"""A planar scene at one set of parameters (see `world.contract.Instance`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene import Bound, Scene
+from rungwise.scene.records import Records
+from rungwise.system.planar.place import start
+from rungwise.world.contract import OBJECT, Moved
+
+
+@dataclass(frozen=True)
+class PlanarInstance:
+    """See `Instance`."""
+
+    scene: Scene
+    parameters: Mapping[str, float] | None
+
+    @cached_property
+    def bound(self) -> Bound:
+        return self.scene.bind(self.parameters)
+
+    @cached_property
+    def _start(self) -> tuple[Reals, Reals]:
+        n = len(self.scene.template.coordinates)
+        q, v = np.zeros(n), np.zeros(n)
+        start(self.bound.records, q, v)
+        return q, v
+
+    @property
+    def q(self) -> Reals:
+        return self._start[0]
+
+    @property
+    def v(self) -> Reals:
+        return self._start[1]
+
+    @property
+    def travel(self) -> Reals:
+        own = self.bound.records.coordinates
+        return np.array([own["lower"], own["upper"]])
+
+    @property
+    def duration(self) -> float:
+        return self._world("duration")
+
+    @property
+    def step(self) -> float:
+        return self._world("step")
+
+    @property
+    def tolerance(self) -> float:
+        return self._world("tolerance")
+
+    def _world(self, field: str) -> float:
+        return float(self.bound.records.world[0][field])
+
+    @property
+    def smallest(self) -> float:
+        reach = self.bound.records.shapes["reach"]
+        known = reach[np.isfinite(reach) & (reach > 0.0)]
+        return float(known.min()) if len(known) else 1.0
+
+    @cached_property
+    def moved(self) -> Moved:
+        return moved_in_plane(self.scene, self.bound.records)
+
+
+def roles_in_plane(scene: Scene) -> dict[str, str]:
+    """The role of each body, as it is written."""
+    return {name: body.role for name, body in scene.file.bodies.items()}
+
+
+def moved_in_plane(scene: Scene, records: Records) -> Moved:
+    """Weights and size of what is moved; angles count by the radius of gyration, and without a finite object
+    the size is 1."""
+    roles, names = roles_in_plane(scene), scene.template.coordinates
+    of_object = [roles[name.split(".")[0]] == OBJECT for name in names]
+    reaches = [
+        float(s["reach"]) for s in records.shapes if roles[scene.template.bodies[int(s["body"])]] == OBJECT
+    ]
+    size = max((reach for reach in reaches if math.isfinite(reach)), default=1.0)
+    levers = np.where(of_object, records.coordinates["lever"], 0.0)
+    return Moved(levers, size, np.zeros((0, 4), np.int64), levers)

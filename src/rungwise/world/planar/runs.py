@@ -1,0 +1,149 @@
+"""Many runs of a planar scene, in compiled threads (see `world.contract.Runs`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.scene import Scene
+from rungwise.simulation.crew import CHUNK, Crew
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.planar.samples import Samples
+from rungwise.simulation.planar.workspace import in_memory
+from rungwise.simulation.reasons import JAM
+from rungwise.simulation.run import Simulation
+from rungwise.simulation.state import Memory, State, StateError, digest
+from rungwise.world.contract import Places, Ran, Told
+from rungwise.world.planar.place import PlanarPlace
+
+LONGEST, SHORT = 1000, 1e-1
+"""Most steps of a quick run, and the part of the accuracy by which something must be able to move in one: a
+search does not wait for what goes on more slowly."""
+
+
+class PlanarRuns:
+    """Runs of a planar scene on one rung; options as of `World.runs`."""
+
+    def __init__(
+        self, scene: Scene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
+        tol: float | None = None, quick: bool = False, **options: Any,
+    ) -> None:  # fmt: skip
+        if quick and tol is not None:
+            tolerance = float(scene.bind(parameters).records.world[0]["tolerance"])
+            options |= {"budget": LONGEST, "jam": max(JAM, SHORT * tol / tolerance)}
+        self.scene, self.model = scene, model
+        self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
+        self._whole: float | None = options.get("span")
+        self._crew = Crew(scene, model, over, parameters, tol=tol, **options)
+        self.threads, self.parameters = self._crew.threads, self._crew.parameters
+
+    def run(
+        self, points: Reals, places: Places | None = None, durations: Reals | None = None,
+        levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
+        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,  # noqa: ARG002
+    ) -> Ran:  # fmt: skip
+        """See `Runs.run`; `ends` is left to what `on_progress` raises."""
+        bodies = memories = memory = None
+        m, before = len(points), np.zeros(len(points))
+        if places is not None:
+            bodies = np.hstack([places.q, places.v, places.time[:, None]])
+            if places.goes_on.any():
+                memories, memory = places.memory, np.where(places.goes_on, np.arange(m), -1)
+                before = np.where(places.goes_on, self._read("drive_work", places.memory), 0.0)
+        samples = self._crew.run(
+            points, bodies=bodies, memories=memories, memory=memory, wrong=wrong, keeps=keeps,
+            durations=None if durations is None else np.ascontiguousarray(durations),
+            levels=None if levels is None else np.ascontiguousarray(levels),
+            chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
+        )  # fmt: skip
+        return self._ran(samples, before)
+
+    def _ran(self, samples: Samples, before: Reals) -> Ran:
+        found, kept, m = samples.results, samples.kept, len(samples.points)
+        n, switches = samples.final.shape[1] // 2, found["switches"].astype(np.int64)
+        last = np.zeros((m, 0))
+        if len(kept):
+            last = kept[np.arange(m), np.minimum(switches, kept.shape[1] - 1)]
+
+        def at(segment: int, rows: Ints) -> Places:
+            there = kept[rows, segment]
+            q, v, time = (self._read(name, there) for name in ("q", "v", "time"))
+            return Places(q, v, time, there, np.ones(len(rows), bool))
+
+        places = Places(
+            samples.final[:, :n].copy(), samples.final[:, n:].copy(), found["time"].copy(), last,
+            np.full(m, len(kept) > 0),
+        )  # fmt: skip
+        return Ran(
+            outcome=found["outcome"].astype(np.int64), margin=found["margin"].copy(),
+            time=found["time"].copy(), steps=found["steps"].astype(np.int64),
+            attempts=found["attempts"].astype(np.int64), solves=found["solves"].astype(np.int64),
+            switches=switches, residual=found["worst_residual"].copy(),
+            work=self._read("drive_work", last) - before if len(kept) else np.full(m, math.nan),
+            places=places, faults={}, at=at,
+        )  # fmt: skip
+
+    def begin(self, points: Reals, places: Places | None = None) -> Ran:
+        """See `Runs.begin`."""
+        found = self.run(points, places, np.zeros((1, 1)), keeps=True)
+        return found._replace(places=found.places._replace(goes_on=np.zeros(len(points), bool)))
+
+    def placed(self, state: State, parameters: Mapping[str, float]) -> tuple[Places, Code]:
+        """See `Runs.placed`."""
+        given = self.parameters | dict(parameters)
+        begun = Simulation(
+            self.scene, self.model, parameters=given, state=state, inputs=[], frames=3,
+            duration=state.time + self._span(given), **self._options,
+        )  # fmt: skip
+        if begun.workspace is None or begun.reason:
+            raise StateError(f"state: {begun.reason}")
+        places = Places.by_hand(state.q[None].copy(), state.v[None].copy(), np.array([state.time]))
+        if state.memory is not None:
+            memory = begun.workspace.state.memory[None].copy()
+            return places._replace(memory=memory, goes_on=np.ones(1, bool)), Code.RUNNING
+        found = self.begin(np.array([[given[name] for name in self._crew.over]]), places)
+        ended = Code(found.outcome[0])
+        return found.places, Code.RUNNING if ended in (Code.MISSED, Code.TIMEOUT) else ended
+
+    def taken_over(self, place: Places, scene: Scene, _levels: Reals) -> Places:
+        """See `Runs.taken_over`: contacts are kept where bodies overlap; inputs begin as at these
+        parameters."""
+        by_hand = Places.by_hand(place.q.copy(), place.v.copy())
+        if not PlanarPlace(self.scene, self.parameters).geometry(place.q)[1][0]:
+            return by_hand
+        memory = Memory(place.memory[0], digest(scene), self.model, 1.0, ())
+        state = State(scene.template.coordinates, place.q[0], place.v[0], float(place.time[0]), memory)
+        begun = Simulation(
+            self.scene, self.model, parameters=self.parameters, state=state, frames=3,
+            duration=state.time + self._span(self.parameters),
+        )  # fmt: skip
+        if begun.workspace is None or begun.reason:
+            return by_hand
+        own = begun.workspace.state.memory[None].copy()
+        return Places(by_hand.q, by_hand.v, place.time, own, np.ones(1, bool))
+
+    def _span(self, given: Mapping[str, float]) -> float:
+        """How long a whole run lasts."""
+        return self._whole or float(self.scene.bind(given).records.world[0]["duration"])
+
+    def numbers(self, places: Places) -> Reals:
+        return np.asarray(self._read("values", places.memory))
+
+    def forces(self, _points: Reals, places: Places) -> Reals:
+        return np.asarray(self._read("pushes", places.memory))
+
+    def state(self, places: Places, row: int, inputs: tuple[Segment, ...] = ()) -> State:
+        q, v, time = places.q[row], places.v[row], float(places.time[row])
+        memory = None
+        if places.goes_on[row]:
+            memory = Memory(places.memory[row], self._crew.digest, self.model, self._crew.theta, inputs)
+        return State(self.scene.template.coordinates, q, v, time, memory)
+
+    def _read(self, name: str, memories: Reals) -> Any:
+        return in_memory(self._crew.workspace.state, name, memories)

@@ -1,0 +1,62 @@
+"""Running a scene of any world on a rung."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.scene.read import load
+from rungwise.simulation.inputs import Schedule
+from rungwise.simulation.options import count
+from rungwise.simulation.state import State
+from rungwise.world.find import world_of
+
+if TYPE_CHECKING:
+    from rungwise.scene import Scene
+    from rungwise.scene.space import SpaceScene
+
+
+def simulation_of(
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
+) -> Any:
+    """A run of a scene that is taken in turns."""
+    return world_of(load(scene)).simulation(model, **options)
+
+
+@keywords
+def simulate(
+    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    *,
+    parameters: Mapping[str, float] | None = None,
+    step: float | None = None,
+    tol: float | None = None,
+    duration: float | None = None,
+    span: float | None = None,
+    theta: float = 1.0,
+    motion: Mapping[str, float] | None = None,
+    state: State | None = None,
+    inputs: Schedule | None = None,
+    frames: int = 2000,
+    stride: int | None = None,
+    save_hard: str | Path | None = None,
+    on_progress: Callable[[Any], None] | None = None,
+) -> Any:
+    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
+    scene in space a `SpaceRun`.
+
+    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
+    within the same time.
+    """
+    simulation = simulation_of(
+        scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
+        theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
+        stride=stride, save_hard=save_hard,
+    )  # fmt: skip
+    while simulation.advance():
+        if on_progress is not None:
+            on_progress(simulation)
+    return simulation.result()

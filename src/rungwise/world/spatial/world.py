@@ -1,0 +1,79 @@
+"""A scene in space, as everything above sees it (see `world.contract`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rungwise.models.ladder import Rung
+from rungwise.scene.space import SpaceScene
+from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.world.arguments import Asked
+from rungwise.world.contract import Told
+from rungwise.world.spatial.instance import SpatialInstance, roles_in_space
+from rungwise.world.spatial.place import SpatialPlace
+from rungwise.world.spatial.rollouts import SpaceRollouts, rollout
+from rungwise.world.spatial.runs import SpatialRuns
+
+
+@dataclass(frozen=True)
+class SpatialWorld:
+    """See `World`."""
+
+    scene: SpaceScene
+
+    def simulation(self, model: Rung | str, **options: Any) -> SpaceSimulation:
+        return SpaceSimulation(self.scene, model, **options)
+
+    def runs(
+        self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, **options: Any
+    ) -> SpatialRuns:
+        return SpatialRuns(self.scene, model, over, parameters, **options)
+
+    def rollout(
+        self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
+        threads: int | None, chunk: int | None, on_progress: Told | None,
+    ) -> SpaceRollouts:  # fmt: skip
+        return rollout(
+            self.scene, model, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk,
+            on_progress=on_progress,
+        )  # fmt: skip
+
+    def place(self, parameters: Mapping[str, float] | None) -> SpatialPlace:
+        return SpatialPlace(self.scene, parameters)
+
+    def at(self, parameters: Mapping[str, float] | None = None) -> SpatialInstance:
+        return SpatialInstance(self.scene, parameters)
+
+    def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
+        roles = roles_in_space(self.scene.bind(parameters))
+        return dict(zip(self.scene.template.bodies, roles, strict=True))
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        return self.scene.template.velocities
+
+    @property
+    def prescribed(self) -> tuple[str, ...]:
+        return tuple(self.scene.file.speeds)
+
+    @property
+    def undriven(self) -> tuple[str, ...]:
+        return ()
+
+    at_liberty = undriven
+
+    @property
+    def is_forced(self) -> bool:
+        return bool(self.scene.labels.actuators)
+
+    @property
+    def follows_time(self) -> bool:
+        names, file = self.scene.template.names(), self.scene.file
+        told = [*file.controls.values(), *file.speeds.values()]
+        codes = [names.number(str(text), "", timed=True) for text in told]
+        t = len(self.scene.template.parameters)
+        return any(t in code.reads for code in (*codes, *self.scene.conditions.values()))
+
+    whole_states = many_motions = on_clusters = False
