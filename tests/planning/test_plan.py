@@ -16,7 +16,7 @@ import pytest
 import rungwise as rw
 from rungwise.planning import work as planning
 from rungwise.planning.plan import Stage
-from rungwise.planning.predict import Budget, predictor_of
+from rungwise.planning.predict import Budget, Predictor
 from rungwise.planning.task import task_of
 from rungwise.planning.tighten import tightened
 
@@ -98,7 +98,7 @@ def test_plan_that_is_given_is_lifted(found: rw.Plan) -> None:
 def test_the_work_of_moves_adds_up_to_the_work_of_the_whole() -> None:
     """A run that goes on from the memory of another counts its own work alone."""
     work = planning.begin(task_of(PUSH), Budget(), 1, 2)
-    run = predictor_of(PUSH, Stage(rw.DYNAMIC_COMPLIANT, 1e-3), 1e-4, {}, Budget(), 2).run
+    run = Predictor(PUSH, Stage(rw.DYNAMIC_COMPLIANT, 1e-3), 1e-4, {}, Budget(), 2).run
     levels, durations = np.array([[[0.05, 0.0], [0.05, 0.02]]]), np.array([[0.4, 0.4]])
     whole = run(work.start, levels, durations)
     first = run(work.start, levels[:, :1], durations[:, :1])

@@ -15,7 +15,7 @@ import rungwise as rw
 from rungwise import cli
 from rungwise.outcome import Code
 from rungwise.planning.execute import Replanner
-from rungwise.planning.predict import Budget, Places, predictor_of
+from rungwise.planning.predict import Budget, Places, Predictor
 from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.task import task_of
 from rungwise.planning.work import begin
@@ -206,7 +206,7 @@ def test_distances_of_turns_do_not_depend_on_signs_of_quaternions(scene: SpaceSc
 
 def test_moves_go_on_as_one_run_does(scene: SpaceScene) -> None:
     work = begin(task_of(scene), Budget(), 0, 1)
-    predictor = predictor_of(
+    predictor = Predictor(
         scene, rw.Stage(rw.DYNAMIC_COMPLIANT, 1e-2), 5e-4, work.task.parameters, Budget(), 1
     )
     levels, durations = np.array([[[0.1], [0.2]]]), np.array([[0.3, 0.3]])
