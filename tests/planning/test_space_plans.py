@@ -267,7 +267,7 @@ def test_a_push_that_falls_short_is_planned_anew(make: Make) -> None:
 
 
 def test_what_is_not_known_in_space_is_refused_by_name(plan: rw.Plan) -> None:
-    with pytest.raises(rw.TaskError, match="cluster: scenes in space run in processes"):
+    with pytest.raises(rw.TaskError, match="cluster: pusher runs in processes"):
         rw.verify(plan, samples=3, cluster="tcp://127.0.0.1:1")
 
 

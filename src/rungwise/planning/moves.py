@@ -127,7 +127,7 @@ class Moves:
             q[:, list(carrier.places)] = points + self._beside(carrier, normals, poses)
             v[:, list(carrier.places)] = 0.0
         fits = ~self.question.geometry(q).collides
-        return Places(q, v, places.time, np.zeros((0, places.memory.shape[1]))), fits
+        return Places(q, v, places.time, places.memory[:0]), fits
 
     def segments_of(self, vectors: Reals, places: Places, before: Reals, cuts: int = 1) -> Segments:
         """Inputs and durations, of moves that begin at these places after inputs `before` (m, u); pushes at

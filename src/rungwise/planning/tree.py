@@ -204,7 +204,7 @@ def _with(tree: Tree, places: Places, levels: Reals, parents: Ints, vectors: Rea
 
 def _joined(tree: Tree, *more: NDArray[Any]) -> Tree:
     """The tree with the fields of more nodes."""
-    if tree.memory.shape[1] != more[3].shape[1]:
-        tree = replace(tree, memory=np.zeros((len(tree.parent), more[3].shape[1])))
+    if tree.memory.shape[1:] != more[3].shape[1:]:  # the root was placed by hand
+        tree = replace(tree, memory=np.zeros((len(tree.parent), *more[3].shape[1:]), more[3].dtype))
     names = tuple(Tree.__dataclass_fields__)
     return Tree(*(np.concatenate([getattr(tree, name), new]) for name, new in zip(names, more, strict=True)))
