@@ -14,10 +14,11 @@ from scipy.optimize import minimize_scalar
 import rungwise as rw
 from rungwise.hierarchy.drives import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
-from rungwise.hierarchy.matching import damping_ratio, matched, restitution
 from rungwise.hierarchy.motions import Bench, measures
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
 from rungwise.hierarchy.walking import exponent
+from rungwise.world.matching import damping_ratio, restitution
+from rungwise.world.planar.matching import matched
 
 STARTS, ENDS = 1.5, 1.58
 """When finger 1 meets the part at v1 = 1, and a time before finger 2 does."""

@@ -12,12 +12,12 @@ import pytest
 import rungwise as rw
 from rungwise.hierarchy.drives import inputs_of
 from rungwise.hierarchy.limits import SAME, STAYS, TENDS, Fit, fit
-from rungwise.hierarchy.matching import damping_ratio, restitution
 from rungwise.hierarchy.motions import Bench, apart, measures
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, Path
-from rungwise.hierarchy.places import places_of
-from rungwise.hierarchy.space_matching import matched_in_space
 from rungwise.scene.space import load_space
+from rungwise.world.find import world_of
+from rungwise.world.matching import damping_ratio, restitution
+from rungwise.world.spatial.matching import matched as matched_in_space
 
 BALL = 0.2
 """Diameter of the ball, the extent of its scene."""
@@ -127,7 +127,7 @@ def test_a_rolling_ball_has_no_quasistatic_limit() -> None:
 
 def test_places_know_no_sign_of_a_quaternion() -> None:
     scene = in_space("ball")
-    places = places_of(scene, scene.parameters())
+    places = world_of(scene).marks(scene.parameters())
     q = np.array([0.3, -0.2, 0.1, 0.5, 0.1, -0.7, 0.5])
     q[3:] /= np.linalg.norm(q[3:])
     flipped = q * np.array([1, 1, 1, -1, -1, -1, -1])

@@ -7,7 +7,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.planning.diagnose import NOTHING, differing
-from rungwise.planning.worlds import World
+from rungwise.world.planar.variant import PlanarVariant as World
 
 PUSH = rw.load("push")
 SLOW, FAST = {"v": 0.01}, {"v": 0.6}

@@ -14,11 +14,12 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.room import room_of
-from rungwise.planning.space_room import SpaceRoom
 from rungwise.planning.task import task_of
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching_pairs
+from rungwise.world.contract import Configurations
+from rungwise.world.find import world_of
+from rungwise.world.spatial.configurations import SpatialConfigurations as SpaceRoom
 
 PLATE = """<mujoco><option gravity="0 0 0"/><worldbody>
 <geom type="box" size="{thick} 3 6" pos=".4 {left} 0"/>
@@ -73,8 +74,13 @@ def way_of(plan: rw.Plan) -> Reals:
     return np.array([rw.State.of(plan.scene, parameters=plan.parameters).q, *plan.waypoints])
 
 
+def configurations(scene: SpaceScene) -> Configurations:
+    task = task_of(scene)
+    return world_of(scene).configurations(task.parameters, task.size)
+
+
 def rows_on(scene: SpaceScene, way: Reals, count: int = 1000) -> Reals:
-    room = room_of(task_of(scene), scene)
+    room = configurations(scene)
     return np.concatenate([room.between(a, b, np.linspace(0.0, 1.0, count)) for a, b in pairwise(way)])
 
 
@@ -211,7 +217,7 @@ def test_ways_keep_out_of_what_is_unsafe(make: Make) -> None:
 def test_bodies_move_no_farther_than_is_said(make: Make) -> None:
     """Points of all geoms, on straight ways between places that are drawn."""
     scene = make(ARM, "box.x >= 1")
-    room, model = room_of(task_of(scene), scene), scene.bind().model
+    room, model = configurations(scene), scene.bind().model
     data, rng, q = mujoco.MjData(model), np.random.default_rng(0), rw.State.of(scene).q
     for _ in range(20):
         a, b = room.changed(q, rng.normal(0.0, 1.0, (2, model.nv)))
@@ -228,7 +234,7 @@ def test_bodies_move_no_farther_than_is_said(make: Make) -> None:
 
 def test_half_way_of_a_turn_is_half_the_turn(make: Make) -> None:
     scene = make(plate(0.03), BEYOND)
-    room, a = room_of(task_of(scene), scene), rw.State.of(scene).q
+    room, a = configurations(scene), rw.State.of(scene).q
     b = a.copy()
     b[3:7] = [-math.cos(0.5), 0.0, 0.0, -math.sin(0.5)]  # a turn by 1 about z, of the other sign
     middle = room.between(a, b, np.array([0.5]))[0]
@@ -254,7 +260,7 @@ def test_geoms_that_may_touch_are_those_that_mujoco_lets_touch(name: str) -> Non
 
 def test_gaps_are_those_that_questions_answer(make: Make) -> None:
     scene = make(ARM, "box.x >= 1")
-    room = room_of(task_of(scene), scene)
+    room = configurations(scene)
     assert isinstance(room, SpaceRoom)
     rows = room.changed(rw.State.of(scene).q, np.random.default_rng(1).normal(0.0, 0.3, (20, 9)))
     asked, found = rw.geometry(scene, rows), room.look(rows)[0]

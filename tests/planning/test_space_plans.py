@@ -16,11 +16,11 @@ from rungwise import cli
 from rungwise.outcome import Code
 from rungwise.planning.execute import Replanner
 from rungwise.planning.predict import Budget, Places, Predictor
-from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.task import task_of
 from rungwise.planning.work import begin
 from rungwise.scene.space import SpaceScene
 from rungwise.world.find import world_of
+from rungwise.world.spatial.variant import SpatialVariant as SpaceWorld
 
 MODEL = """<mujoco><worldbody><geom name="table" type="plane" size="2 2 .1"/>
 <body name="pusher" pos="-.1 0 .05"><joint name="along" type="slide" axis="1 0 0"/>

@@ -12,10 +12,10 @@ import pytest
 import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.planning.predict import Budget, Places
-from rungwise.planning.space_room import SpaceRoom
 from rungwise.planning.task import task_of
 from rungwise.planning.work import Work, begin
 from rungwise.scene.space import SpaceScene
+from rungwise.world.spatial.configurations import SpatialConfigurations as SpaceRoom
 
 STAGE = [("dynamic-compliant", 1e-2)]
 GANTRY = """<mujoco><compiler angle="radian"/><worldbody><geom name="table" type="plane" size="2 2 .1"/>

@@ -13,7 +13,7 @@ import pytest
 import rungwise as rw
 from rungwise.planning.diagnose import APART, NOTHING, table
 from rungwise.planning.words import UNTOUCHED, WORDS, Told, sentence
-from rungwise.planning.worlds import INGREDIENTS
+from rungwise.world.ingredients import INGREDIENTS
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import diagnosis as cases

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 import rungwise as rw
 from rungwise.plain import json_text
-from rungwise.report.describe import describe, describe_text
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.run import Simulation
+from rungwise.world.planar.description import describe, described
 
 from .conftest import MOVING
 
@@ -69,7 +69,7 @@ def test_changed_numbers(name: str, data: st.DataObject) -> None:
         container[key] = data.draw(scaled | EXTREME | TIMED)
     try:
         scene = rw.load(content)
-        describe_text(describe(scene, scene.parameters()))
+        described(describe(scene, scene.parameters()))
         model, options = data.draw(st.sampled_from(MOVING)), data.draw(OPTIONS)
         simulation = Simulation(scene, model, **options)
     except (rw.SceneError, ModelError) as error:

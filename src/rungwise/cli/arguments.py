@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rungwise.cli.terminal import refuse
+from rungwise.scene.contract import AnyScene
 
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
-    from rungwise.scene import Scene
-    from rungwise.scene.space import SpaceScene
 
 SceneArgument = Annotated[
     str, typer.Argument(help="Name of a scene that ships, or path of a YAML, MJCF or URDF file.")
@@ -32,19 +31,19 @@ def number(text: str) -> float:
         raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
 
 
-def load_scene(source: str) -> Scene | SpaceScene:
+def load_scene(source: str) -> AnyScene:
     """A scene of either kind."""
     from rungwise.scene.read import load
 
     return load(source)
 
 
-def parameters_of(scene: Scene | SpaceScene, values: list[str] | None) -> dict[str, float]:
+def parameters_of(scene: AnyScene, values: list[str] | None) -> dict[str, float]:
     """All parameters of the scene, with the values given by --set."""
     return scene.parameters(given_values(scene, values))
 
 
-def given_values(scene: Scene | SpaceScene, values: list[str] | None) -> dict[str, float]:
+def given_values(scene: AnyScene, values: list[str] | None) -> dict[str, float]:
     """The values given by --set."""
     from rungwise.scene import SceneError
 

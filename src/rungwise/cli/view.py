@@ -123,7 +123,7 @@ def _parting(
     from rungwise.planning.diagnose import diagnose
     from rungwise.planning.plan import PLACES_ONLY
     from rungwise.planning.words import UNTOUCHED
-    from rungwise.scene.space import SpaceScene
+    from rungwise.scene import Scene
     from rungwise.viewing.parting import draw_parting
     from rungwise.viewing.write import ViewError
 
@@ -143,7 +143,7 @@ def _parting(
             found = max(moving, key=lambda each: each.distance)
         else:
             refuse("parting: the plan parts on none of its stages; name two rungs with --model")
-        if isinstance(plan.scene, SpaceScene):
+        if not isinstance(plan.scene, Scene):
             refuse("parting: is drawn of planar plans only")
         try:
             written = draw_parting(found, plan.scene, file, parameters=plan.parameters, at=at)

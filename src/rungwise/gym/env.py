@@ -16,13 +16,13 @@ from rungwise.gym.picture import Camera
 from rungwise.gym.settings import GymError, Options, Settings, read_settings
 from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
+from rungwise.world.find import world_of
 
 RENDER_MODES = ("rgb_array",)
 ROW = np.zeros(1, np.int64)
@@ -59,7 +59,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
     def __init__(
         self,
-        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+        scene: AnyScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         *,
         render_mode: str | None = None,
@@ -136,8 +136,8 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
 
 def camera_of(settings: Settings) -> Camera | SpaceCamera:
     """What draws episodes."""
-    scene = settings.scene
-    return SpaceCamera(scene) if isinstance(scene, SpaceScene) else Camera(scene, settings.model)
+    scene: Any = settings.scene
+    return SpaceCamera(scene) if world_of(scene).dimension == 3 else Camera(scene, settings.model)
 
 
 def checked_render_mode(mode: object) -> str | None:
@@ -160,7 +160,7 @@ def checked_actions(given: object, shape: tuple[int, ...]) -> NDArray[Any]:
 
 
 def make(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     *,
     render_mode: str | None = None,

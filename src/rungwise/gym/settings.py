@@ -16,9 +16,8 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
 from rungwise.planning.task import Task, guarded_scene, task_of
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import check_options, count, moving_rung
 from rungwise.wording import choices, listed
@@ -90,7 +89,7 @@ class Settings:
     """Checked options: low, high, rate (u,) of the inputs; an episode has at most `holds` actions, each held
     for `hold` seconds."""
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     parameters: dict[str, float]
     low: Reals
@@ -125,7 +124,7 @@ class Settings:
 
 
 def read_settings(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, given: Mapping[str, Any]
+    scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, given: Mapping[str, Any]
 ) -> Settings:
     """The options, checked. Raises GymError, SceneError, ModelError and TaskError."""
     for name in given:
@@ -157,14 +156,14 @@ def read_settings(
     )  # fmt: skip
 
 
-def _extent(scene: Scene | SpaceScene, parameters: dict[str, float]) -> tuple[float, float]:
+def _extent(scene: AnyScene, parameters: dict[str, float]) -> tuple[float, float]:
     """The scene's duration, and how far the largest object reaches."""
     own = world_of(scene).at(parameters)
     return own.duration, own.moved.size
 
 
 def _bounds(
-    scene: Scene | SpaceScene, task: Task | None, given: Mapping[str, Sequence[float]] | None
+    scene: AnyScene, task: Task | None, given: Mapping[str, Sequence[float]] | None
 ) -> tuple[Reals, Reals, Reals]:
     """Least and greatest inputs (u,) and their rates: as given, of the task, or the parameters' ranges."""
     names = scene.template.inputs

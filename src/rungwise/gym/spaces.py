@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from rungwise.gym.settings import Settings
 from rungwise.kernel import Reals
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
-from rungwise.simulation.state import FARTHEST, rates_of
+from rungwise.scene.contract import AnyScene
+from rungwise.scene.scene import FARTHEST
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ def observed(settings: Settings, seen: tuple[str, ...], travel: Reals) -> Observ
     ranges = [scene.file.parameters[name].range or anything for name in seen]
     parts: dict[str, list[tuple[str, float, float]]] = {
         "q": [(name, *pair) for name, pair in zip(template.coordinates, travel.T.tolist(), strict=True)],
-        "v": [(f"speed({name})", *anything) for name in rates_of(scene)],
+        "v": [(f"speed({name})", *anything) for name in scene.template.velocities],
         "instance": [(name, *pair) for name, pair in zip(seen, ranges, strict=True)],
         "inputs": [(name, *_range(scene, name)) for name in template.inputs],
         "forces": [(f"force({a}, {b})", 0.0, math.inf) for a, b in template.contacts],
@@ -58,7 +57,7 @@ def observed(settings: Settings, seen: tuple[str, ...], travel: Reals) -> Observ
     return Observed(tuple(row[0] for row in rows), low, high, travel, settings.dtype)
 
 
-def _range(scene: Scene | SpaceScene, name: str) -> tuple[float, float]:
+def _range(scene: AnyScene, name: str) -> tuple[float, float]:
     return scene.file.parameters[name].range or (-math.inf, math.inf)
 
 

@@ -10,8 +10,8 @@ from rungwise.gym.copies import Copies, Standing
 from rungwise.gym.settings import TABLES, GymError, Settings
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.task import DRAWS, drawn
+from rungwise.world.carriers import TaskError
 
 
 class Starts:

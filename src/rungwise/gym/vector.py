@@ -18,8 +18,7 @@ from rungwise.gym.episodes import Episodes
 from rungwise.gym.settings import GymError, Options, read_settings
 from rungwise.kernel import Ints
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.values import shown
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
@@ -43,7 +42,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
     def __init__(
         self,
         num_envs: int,
-        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+        scene: AnyScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,

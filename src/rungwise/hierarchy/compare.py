@@ -12,21 +12,18 @@ import numpy as np
 from rungwise.hierarchy.counterexample import Counterexample, levers, side
 from rungwise.hierarchy.drives import Inputs, inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, first, fit
-from rungwise.hierarchy.matching import matched
-from rungwise.hierarchy.motions import MOVING, Bench, measures
+from rungwise.hierarchy.motions import MOVING, Bench
 from rungwise.hierarchy.nearest import Nearest, nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
 from rungwise.hierarchy.settling import Settled, settle
-from rungwise.hierarchy.space_matching import matched_in_space
 from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.hierarchy.words import table
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut, json_text
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.options import ModelError, check_options, count, moving_rung
 from rungwise.world.find import world_of
 
@@ -105,7 +102,7 @@ class Comparison:
     solves within `accuracy` of the richest.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     parameters: dict[str, float]
     accuracy: float
     extent: float
@@ -169,7 +166,7 @@ def _cost(cost: Cost) -> dict[str, Any]:
 
 @keywords
 def compare(
-    scene: Scene | SpaceScene | str | File | Mapping[str, Any],
+    scene: AnyScene | str | File | Mapping[str, Any],
     model: Rung | str | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
@@ -203,12 +200,8 @@ def compare(
     values = loaded.parameters(parameters)
     longest = _duration(loaded, values) if fixed is None else fixed
     steps = _Steps(on_progress, 2 + len(MOVING) + sum(1 + len(pair.paths) for pair in pairs))
-    extent, lengths = measures(loaded, values, longest)
-    match = (
-        matched_in_space(loaded, values, longest)
-        if isinstance(loaded, SpaceScene)
-        else matched(loaded, values, longest)
-    )
+    extent, lengths = world_of(loaded).measures(values, longest)
+    match = world_of(loaded).matched(values, longest)
     bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads)
     drawn = bench.inputs.draw(samples, rng)
     until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)
@@ -229,7 +222,7 @@ def compare(
     )  # fmt: skip
 
 
-def _duration(scene: Scene | SpaceScene, values: dict[str, float]) -> float:
+def _duration(scene: AnyScene, values: dict[str, float]) -> float:
     """How long runs of a scene go on at most."""
     return world_of(scene).at(values).duration
 

@@ -12,17 +12,18 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.hierarchy.motions import MOMENTS, Bench
-from rungwise.hierarchy.places import Bodies, Coordinates, farthest, places_of
+from rungwise.hierarchy.places import farthest
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief, json_text
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world.contract import Marks
+from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 
 FORMAT = "rungwise counterexample 1"
@@ -41,7 +42,7 @@ class Side:
     tol: float | None
     step: float | None = None
 
-    def replay(self, scene: Scene | SpaceScene) -> Run | SpaceRun:
+    def replay(self, scene: AnyScene) -> Run | SpaceRun:
         chosen = rung(self.model)
         run: Run | SpaceRun = simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
@@ -65,7 +66,7 @@ class Counterexample:
     distance: float
     late: bool
     levers: dict[str, float]
-    scene: Scene | SpaceScene = field(repr=False)
+    scene: AnyScene = field(repr=False)
 
     __repr__ = brief
 
@@ -76,7 +77,7 @@ class Counterexample:
     def apart(self, richer: Run | SpaceRun, simpler: Run | SpaceRun) -> float:
         """How far two runs are apart, as the distance was measured."""
         times = self.richer.duration * np.arange(1, MOMENTS + 1)[MOMENTS // 2 if self.late else 0 :] / MOMENTS
-        places = places_of(self.scene, self.richer.parameters)
+        places = world_of(self.scene).marks(self.richer.parameters)
         lever = np.array([self.levers.get(name, 0.0) for name in places.names])[:, None]
         away = _along(richer, places, times) - _along(simpler, places, times)
         return float(farthest((away * lever)[None])[0])
@@ -96,7 +97,7 @@ class Counterexample:
         return target
 
 
-def _stored(scene: Scene | SpaceScene) -> Any:
+def _stored(scene: AnyScene) -> Any:
     """The scene as `load` takes it."""
     return json.loads(scene.stored)
 
@@ -135,7 +136,7 @@ def _side(data: Mapping[str, Any]) -> Side:
     return Side(**{**data, "inputs": segments})
 
 
-def _along(run: Run | SpaceRun, places: Coordinates | Bodies, times: Reals) -> Reals:
+def _along(run: Run | SpaceRun, places: Marks, times: Reals) -> Reals:
     """Places (s, p, d) at times (s,)."""
     known = places(np.asarray(run.trajectory.position.values, float))
     at, columns = run.trajectory.time.values, known.reshape(len(known), -1).T

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +10,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.planning.task import task_of
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
+from rungwise.world.find import world_of
 
-LEADS = ("speed", "force", "target", "target_speed")
-"""Fields of a drive that say what it does; the others say how strongly."""
 SPREAD = 0.5
 """Inputs are drawn within this part of their interval on either side of the scene's own value."""
 
@@ -53,7 +49,7 @@ class Inputs:
         return dict(zip(self.names, values.tolist(), strict=True))
 
 
-def inputs_of(scene: Scene | SpaceScene, parameters: dict[str, float]) -> Inputs:
+def inputs_of(scene: AnyScene, parameters: dict[str, float]) -> Inputs:
     """What may be chosen in a scene: the inputs of its task, in the task's intervals; without a task its
     inputs, and without inputs the parameters that its drives read, from half to one and a half of their
     values."""
@@ -62,7 +58,7 @@ def inputs_of(scene: Scene | SpaceScene, parameters: dict[str, float]) -> Inputs
         names = scene.template.inputs
         own = np.array([parameters[name] for name in names]).clip(task.low, task.high)
         return Inputs(names, task.low, task.high, own, True, task.by_place)
-    chosen = scene.template.inputs or tuple(dict.fromkeys(_read_by_drives(scene)))
+    chosen = scene.template.inputs or tuple(dict.fromkeys(world_of(scene).leading))
     rows = [(name, *_about(scene, name, parameters[name])) for name in chosen]
     rows = [row for row in rows if row[1] < row[2]]
     low, high = (np.array([row[k] for row in rows]).reshape(-1) for k in (1, 2))
@@ -72,24 +68,7 @@ def inputs_of(scene: Scene | SpaceScene, parameters: dict[str, float]) -> Inputs
     return Inputs(names, low, high, own, scheduled, False)
 
 
-def _about(scene: Scene | SpaceScene, name: str, value: float) -> tuple[float, float]:
+def _about(scene: AnyScene, name: str, value: float) -> tuple[float, float]:
     least, most = scene.file.parameters[name].range or (-math.inf, math.inf)
     low, high = sorted((0.5 * value, 1.5 * value))
     return max(low, least), min(high, most)
-
-
-def _read_by_drives(scene: Scene | SpaceScene) -> Iterator[str]:
-    """Parameters in the fields of drives that lead, in the order of the file; in space in its controls and
-    speeds."""
-    if isinstance(scene, SpaceScene):
-        told = " ".join(str(text) for text in (*scene.file.controls.values(), *scene.file.speeds.values()))
-        yield from (word for word in re.findall(r"\w+", told) if word in scene.file.parameters)
-        return
-    file = scene.file.model_dump(mode="json", exclude_unset=True)
-    coordinates = [c for body in file["bodies"].values() for c in body.get("coordinates", {}).values()]
-    coordinates += [joint.get("coordinate") or {} for joint in file.get("joints", {}).values()]
-    for coordinate in coordinates:
-        drive = coordinate.get("drive") or {}
-        for word in re.findall(r"\w+", " ".join(str(drive[field]) for field in LEADS if field in drive)):
-            if word in scene.file.parameters:
-                yield word

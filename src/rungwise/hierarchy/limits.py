@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rungwise.hierarchy.motions import BUDGET, Bench, Motions, apart
+from rungwise.hierarchy.motions import Bench, Motions, apart
 from rungwise.hierarchy.paths import Path
 from rungwise.hierarchy.walking import FLOOR, LEVELS, Walk
 from rungwise.kernel import Reals
@@ -51,7 +51,7 @@ class Fit:
     tols: tuple[float, ...]
     step: float | None = None
     short: str = ""
-    budget: int = BUDGET
+    budget: int = 0
 
     @property
     def verdict(self) -> str:

@@ -12,24 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rungwise.hierarchy.drives import Inputs
-from rungwise.hierarchy.matching import Matched
-from rungwise.hierarchy.places import Bodies, Coordinates, farthest, measures_in_space, places_of
+from rungwise.hierarchy.places import farthest
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import Code
-from rungwise.scene import Scene, SceneError
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.result import texts
 from rungwise.simulation.state import State
+from rungwise.world.contract import Marks
+from rungwise.world.find import world_of
+from rungwise.world.matching import Matched
 from rungwise.world.rollout import rollout
-from rungwise.world.run import simulate
 
 MOVING = tuple(rung for rung in LADDER if rung.moves)
 MOMENTS = 60
 """Moments of a run at which motions are compared."""
-BUDGET, IN_SPACE = 8000, 4000
-"""Most steps of one run in the plane, and in space, where a step takes much longer; a run that takes more
-says nothing."""
 
 
 class Motions(NamedTuple):
@@ -62,7 +58,7 @@ class Motions(NamedTuple):
 @dataclass(frozen=True)
 class Bench:
     """What runs of a comparison have in common: the matched scene, inputs, the longest duration, the extent,
-    and levers (p,) of places (see `places_of`)."""
+    and levers (p,) of places (see `Marks`)."""
 
     matched: Matched
     inputs: Inputs
@@ -74,12 +70,12 @@ class Bench:
     @property
     def budget(self) -> int:
         """Most steps of one run."""
-        return IN_SPACE if isinstance(self.matched.scene, SpaceScene) else BUDGET
+        return world_of(self.matched.scene).comparison_steps
 
     @cached_property
-    def places(self) -> Coordinates | Bodies:
+    def places(self) -> Marks:
         """What motions are compared by."""
-        return places_of(self.matched.scene, self.matched.parameters)
+        return world_of(self.matched.scene).marks(self.matched.parameters)
 
     def run(
         self,
@@ -139,17 +135,3 @@ def apart(a: Motions, b: Motions, *, late: bool = False) -> Reals:
     first = a.places.shape[1] // 2 if late else 0
     away = farthest(a.places[:, first:] - b.places[:, first:])
     return np.where(a.known & b.known, away, math.nan)
-
-
-def measures(scene: Scene | SpaceScene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
-    """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
-    reach; 0 for robots, unless there are no objects. In space see `measures_in_space`."""
-    if isinstance(scene, SpaceScene):
-        return measures_in_space(scene, parameters, duration)
-    run = simulate(scene, MOVING[0], parameters=parameters, duration=1e-3 * duration, frames=3)
-    if run.workspace is None:
-        raise SceneError(run.reason)
-    clock, names = run.workspace.state.clock[0], scene.template.coordinates
-    objects = np.array([scene.file.bodies[name.split(".")[0]].role == "object" for name in names], bool)
-    levers = np.array([float(clock["reach"]) if name.endswith("angle") else 1.0 for name in names])
-    return float(clock["extent"]), levers * objects if objects.any() else levers

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rungwise.hierarchy.matching import DAMPING, STIFFNESS
 from rungwise.models.ladder import Rung
+from rungwise.world.matching import DAMPING, STIFFNESS
 
 CONTACT = tuple(10.0 ** np.linspace(0.0, 4.0, 5))
 INERTIA = tuple(10.0 ** np.linspace(-1.0, -5.0, 5))

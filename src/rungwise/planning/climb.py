@@ -15,7 +15,6 @@ import numpy as np
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.outcome import Code
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.diagnose import APART, Diagnosis, diagnose
 from rungwise.planning.geometric import needs_forces
 from rungwise.planning.improve import better, cost_of
@@ -29,11 +28,11 @@ from rungwise.planning.schedule import Schedule, stages, usual
 from rungwise.planning.task import fields_of, instances, task_of
 from rungwise.planning.verify import CONFIDENCE, bound_below
 from rungwise.planning.work import Found, Work, begin, known, laid
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite
 from rungwise.simulation.options import count
+from rungwise.world.carriers import TaskError
 
 TENTH = 0.1
 """How much finer the replay is that confirms a plan."""
@@ -50,7 +49,7 @@ INTERRUPTED = "interrupted"
 
 @keywords
 def plan(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     *,
     from_: Rung | str | None = None,
     to: Rung | str = DYNAMIC_COMPLIANT,
@@ -234,7 +233,7 @@ def _rate(robust: float | None) -> float | None:
     return rate
 
 
-def _provable(scene: Scene | SpaceScene, rate: float, samples: int) -> None:
+def _provable(scene: AnyScene, rate: float, samples: int) -> None:
     """Raise TaskError where nothing varies, or so many samples cannot prove the rate."""
     if not fields_of(scene).uncertain:
         raise TaskError("task.uncertain: is empty; name what varies")

@@ -13,20 +13,19 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.plain import cut
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.earlier import Earlier, earlier_rungs, nothing, searched_earlier
 from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of
 from rungwise.planning.tune import GRID, Tuner, centre
 from rungwise.planning.verify import bound_below
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.sets.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
 from rungwise.sets.store import SetError
 from rungwise.simulation.crew import names_of
 from rungwise.simulation.options import moving_rung
+from rungwise.world.carriers import TaskError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,7 +55,7 @@ class Design:
     were asked; unfinished: what a limit in seconds left undone, in words.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     over: tuple[str, ...]
     box: dict[str, tuple[float, float]]
@@ -154,7 +153,7 @@ class Design:
             " confidence of 95%"
         )
 
-    def designed(self) -> Scene | SpaceScene:
+    def designed(self) -> AnyScene:
         """The scene with the best values as defaults."""
         values, declared = self.parameters | self.values, self.scene.file.parameters
         best = {name: each.model_copy(update={"default": values[name]}) for name, each in declared.items()}
@@ -169,7 +168,7 @@ class Design:
 
 @keywords
 def design(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     over: Sequence[str],
     *,
     model: Rung | str = DYNAMIC_COMPLIANT,

@@ -20,18 +20,13 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import brief
-from rungwise.planning.evidence import Motion, Parting, W, end, evidence
-from rungwise.planning.space_evidence import space_end, space_evidence
-from rungwise.planning.space_worlds import SpaceWorld
 from rungwise.planning.words import Told, ending, places, sentence
-from rungwise.planning.worlds import BALANCE, INGREDIENTS, World
-from rungwise.scene import Scene, SceneError
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.world.find import world_of
+from rungwise.world.ingredients import BALANCE, INGREDIENTS, Motion, Parting, Variant
 from rungwise.world.run import simulate
 
 CLOSES = 0.2
@@ -53,7 +48,7 @@ class Diagnosis:
     before, after: the rungs; causes: the ingredients of the least change that closes the gap, empty where
     there is no difference; left: for each change that was tried, the part of the distance that it left;
     time, body, distance: where motions part, and how far they are from each other at most until both runs
-    have ended; details: numbers for each cause (see `planning.evidence`); ends: how the first and the second
+    have ended; details: numbers for each cause (see `world.ingredients`); ends: how the first and the second
     run ended, with the certificate that proves a jam or a missing support; outcome: that of the second;
     inputs, tols: of the runs, the same inputs for both, and the error allowed per step in each.
     """
@@ -119,7 +114,7 @@ def table(found: Sequence[Diagnosis]) -> list[str]:
 
 @keywords
 def diagnose(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     before: Rung | str,
     after: Rung | str,
     *,
@@ -142,23 +137,19 @@ def diagnose(
     other_accuracy = accuracy if other_tol is None else other_tol
     one = loaded.parameters(parameters)
     other = one if other_parameters is None else loaded.parameters(other_parameters)
-    if isinstance(loaded, SpaceScene):
-        first, second = rung(before), rung(after)
-        return compare(
-            SpaceWorld(loaded, one, first, accuracy), SpaceWorld(loaded, other, second, other_accuracy),
-            inputs, own.weights, own.size, on_progress,
-        )  # fmt: skip
-    a, b = World(loaded, one, rung(before), accuracy), World(loaded, other, rung(after), other_accuracy)
+    world = world_of(loaded)
+    a = world.variant(one, rung(before), accuracy)
+    b = world.variant(other, rung(after), other_accuracy)
     return compare(a, b, inputs, own.weights, own.size, on_progress)
 
 
-def differing(a: W, b: W) -> tuple[str, ...]:
+def differing(a: Variant, b: Variant) -> tuple[str, ...]:
     """The ingredients in which two worlds differ."""
     return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
 
 
 def compare(
-    a: W, b: W, inputs: Sequence[Segment], weights: Reals, size: float, look: _Look = None
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, size: float, look: _Look = None
 ) -> Diagnosis:
     """Why the motion in world b differs from the motion in world a; weights (n,) of coordinates, and the size
     of what moves; `look` is called while runs go on."""
@@ -172,26 +163,16 @@ def compare(
         causes, left = _least(a, b, names, inputs, weights, motions, distance, until, look)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
-    details = _evidence(Parting((a, b), (first, last), time, body, size), causes)
+    details = a.evidence(Parting((a, b), (first, last), time, body, size), causes)
     return Diagnosis(
         before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
-        distance=distance, details=details, ends=tuple(ended(run) for run in runs),
+        distance=distance, details=details, ends=tuple(world_of(a.scene).end(run) for run in runs),
         outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol),
     )  # fmt: skip
 
 
-def _evidence(parting: Parting[Any], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-    in_space = isinstance(parting.worlds[0], SpaceWorld)
-    return space_evidence(parting, causes) if in_space else evidence(parting, causes)
-
-
-def ended(run: Run | SpaceRun) -> dict[str, Any]:
-    """How a run of a scene of either kind ended (see `evidence.end`)."""
-    return space_end(run) if isinstance(run, SpaceRun) else end(run)
-
-
 def both(
-    a: W, b: W, inputs: Sequence[Segment], weights: Reals, look: _Look = None
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, look: _Look = None
 ) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
     """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
     which they are compared, when both runs have ended."""
@@ -204,14 +185,14 @@ def both(
     return runs, (motions[0], motions[1]), until
 
 
-def _name(world: World | SpaceWorld, other: World | SpaceWorld) -> str:
+def _name(world: Variant, other: Variant) -> str:
     """The rung, with the accuracy where the other world is on the same rung."""
     same = world.model == other.model and world.tol != other.tol
     return f"{world.model.name} @ {world.tol:g}" if same else world.model.name
 
 
 def _least(
-    a: W, b: W, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
+    a: Variant, b: Variant, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
     motions: dict[frozenset[str], Motion], distance: float, until: float,
     look: _Look,
 ) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
@@ -234,19 +215,17 @@ def _least(
     return tuple(names), left
 
 
-def _run(world: World | SpaceWorld, inputs: Sequence[Segment], look: _Look) -> Run | SpaceRun:
-    run: Run | SpaceRun = simulate(
+def _run(world: Variant, inputs: Sequence[Segment], look: _Look) -> Any:
+    run = simulate(
         world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol,
         on_progress=look,
     )  # fmt: skip
-    if (run.space if isinstance(run, SpaceRun) else run.workspace) is None:
+    if not run.began:
         raise SceneError(run.reason)
     return run
 
 
-def _motion(
-    world: World | SpaceWorld, inputs: Sequence[Segment], weights: Reals, until: float, look: _Look
-) -> Motion:
+def _motion(world: Variant, inputs: Sequence[Segment], weights: Reals, until: float, look: _Look) -> Motion:
     """The motion up to this time: what comes after both runs have ended, at their goals or elsewhere, does
     not matter."""
     data = _run(world, inputs, look).trajectory

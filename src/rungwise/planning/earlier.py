@@ -10,10 +10,10 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import OUTCOMES
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.predict import TimeOver
 from rungwise.planning.tune import Tuner
 from rungwise.simulation.options import moving_rung
+from rungwise.world.carriers import TaskError
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,12 @@ from rungwise.planning.shoot import Search, run_moves, shoot
 from rungwise.planning.task import task_of
 from rungwise.planning.tree import grow
 from rungwise.planning.work import Work, begin
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
+from rungwise.world.find import world_of
 
 COARSE = 1e-2
 """Accuracy with which the rest is planned, as a part of the size of what is moved."""
-STEPS, STEPS_IN_SPACE = 300_000, 10_000
-"""Simulated steps that the planning of one move may take; in space a step takes a hundred times as long."""
 LOOKS = 2
 """Moves that are made at most, for each that a plan of the task may have."""
 REPAIR = Search(population=48, generations=6)
@@ -46,7 +44,7 @@ class Replanner:
         self._time = Budget() if time is None else time
         self._work = begin(self._task, self._time.within(None), 0, threads)
         self._nominal = self._work.predictor(Stage(stage.model, COARSE))
-        self._steps = STEPS_IN_SPACE if isinstance(plan.scene, SpaceScene) else STEPS
+        self._steps = world_of(plan.scene).replanning_steps
 
     def execute(
         self, parameters: dict[str, float], errors: dict[str, float], seed: int

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.room import room_of
 from rungwise.planning.task import Task
 from rungwise.planning.ways import always, cut_short, grown
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
+from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
 STARTS, ITERATIONS = 48, 40
@@ -113,12 +112,12 @@ class Placing:
     """Places and ways of all bodies of a scene at one instance of its task."""
 
     def __init__(
-        self, task: Task, scene: Scene | SpaceScene, q: Reals, without: str = "", yields: bool = False
+        self, task: Task, scene: AnyScene, q: Reals, without: str = "", yields: bool = False
     ) -> None:
         """From the place q (n_q,) on, as if the body `without` were not there; with `yields`, bodies may
         overlap as far as on compliant rungs. `scene` states the goal: the task's own, or the one with a
         reserve."""
-        self.room = room = room_of(task, scene, without)
+        self.room = room = world_of(scene).configurations(task.parameters, task.size, without)
         self._q, self._task = q, task
         goal = placed_part(scene.file.goal or "")
         self._goal = None if goal is None else Question(scene, goal, task.parameters)

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.planning.boundary import Boundary, boundary
-from rungwise.planning.carriers import Carrier, TaskError
 from rungwise.planning.predict import Places
 from rungwise.planning.task import Task
 from rungwise.planning.transit import Transit
 from rungwise.scene.records import Records
+from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.questions import Question
 
 APART = 1e-9

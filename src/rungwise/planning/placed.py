@@ -11,16 +11,14 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.diagnose import APART, Diagnosis, ended
+from rungwise.planning.diagnose import APART, Diagnosis
 from rungwise.planning.geometric import GOALS, Placing, jumps
 from rungwise.planning.plan import Plan
 from rungwise.planning.predict import Stage
-from rungwise.planning.room import room_of
 from rungwise.planning.ways import PlannerMissing
 from rungwise.planning.words import UNTOUCHED
 from rungwise.planning.work import Work
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT
 from rungwise.world.find import world_of
@@ -132,7 +130,8 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     return Diagnosis(
         before=str(before.stage), after=str(stage), causes=(UNTOUCHED,), left={}, time=0.0, body=body,
         distance=float(np.linalg.norm(off)), details={UNTOUCHED: {**alone[body], "others": others}},
-        ends=({"outcome": "goal", "time": 0.0}, ended(run)), outcome=str(run.outcome), inputs=(hold,),
+        ends=({"outcome": "goal", "time": 0.0}, world_of(work.task.scene).end(run)),
+        outcome=str(run.outcome), inputs=(hold,),
         tols=(stage.tol * work.size, stage.tol * work.size),
     )  # fmt: skip
 
@@ -143,7 +142,7 @@ def _with_role(work: Work, role: str) -> list[str]:
     return [name for name, own in roles.items() if own == role]
 
 
-def _own(scene: Scene | SpaceScene, body: str) -> list[int]:
+def _own(scene: AnyScene, body: str) -> list[int]:
     """The coordinates of a body."""
     return [k for k, name in enumerate(scene.template.coordinates) if name.split(".")[0] == body]
 
@@ -151,7 +150,10 @@ def _own(scene: Scene | SpaceScene, body: str) -> list[int]:
 def _moved(work: Work, way: Reals, body: str) -> dict[str, float]:
     """How far a body moves along a way, in the metric of the task, and how far of it a robot touches it."""
     scene = work.task.scene
-    room, robots = room_of(work.task, scene), set(_with_role(work, ROBOT))
+    room, robots = (
+        world_of(scene).configurations(work.task.parameters, work.task.size),
+        set(_with_role(work, ROBOT)),
+    )
     contacts = [k for k, pair in enumerate(scene.template.contacts) if body in pair and robots & set(pair)]
     moved = touched = 0.0
     for a, b in pairwise(way):

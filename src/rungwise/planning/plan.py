@@ -24,9 +24,9 @@ from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
 from rungwise.planning.diagnose import Diagnosis, table
 from rungwise.planning.predict import Stage
-from rungwise.scene import Scene, SceneError
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
@@ -92,7 +92,7 @@ class Plan:
     `reason` says why there is no plan, else it is empty.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     parameters: dict[str, float]
     segments: tuple[Segment, ...] = ()
     labels: tuple[str, ...] = ()
@@ -293,7 +293,7 @@ class Plan:
 
 
 @keywords
-def load_plan(file: str | Path, scene: Scene | SpaceScene | None = None) -> Plan:
+def load_plan(file: str | Path, scene: AnyScene | None = None) -> Plan:
     """A saved plan, of the scene that was saved with it or of one that is given. Raises FileNotFoundError,
     and PlanError for a file that holds none or for another scene."""
     if not isinstance(file, str | os.PathLike):
@@ -307,14 +307,14 @@ def load_plan(file: str | Path, scene: Scene | SpaceScene | None = None) -> Plan
         raise PlanError(f"plan: {name} holds no plan that was saved") from None
 
 
-def plan_of(text: str, scene: Scene | SpaceScene | None = None, name: str = "the text") -> Plan:
+def plan_of(text: str, scene: AnyScene | None = None, name: str = "the text") -> Plan:
     """The plan in a text that `Plan.text` made. Raises PlanError, which names what it was read from."""
     try:
         data = json.loads(text)
         if data["format"] != FORMAT:
             raise ValueError
         own = load(data["scene_file"]) if scene is None else scene
-        if (scene is not None or isinstance(own, SpaceScene)) and digest(own) != data["digest"]:
+        if (scene is not None or not own.self_contained) and digest(own) != data["digest"]:
             raise PlanError(f"plan: {name} belongs to another version of {data['scene']}")
         return _from_values(own, data)
     except PlanError:
@@ -325,7 +325,7 @@ def plan_of(text: str, scene: Scene | SpaceScene | None = None, name: str = "the
         raise PlanError(f"plan: {name} holds no plan that was saved") from None
 
 
-def _from_values(scene: Scene | SpaceScene, data: dict[str, Any]) -> Plan:
+def _from_values(scene: AnyScene, data: dict[str, Any]) -> Plan:
     from rungwise.models.ladder import rung
 
     stage = None

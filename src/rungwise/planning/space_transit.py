@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.carriers import Carrier, TaskError
 from rungwise.planning.moves import Moves, Stroke, pushed_length
 from rungwise.planning.predict import Places
-from rungwise.planning.space_room import SpaceRoom
 from rungwise.planning.task import Task
 from rungwise.planning.transit import NEAR, Transit
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching
 from rungwise.system.spatial.drives import joints_of
+from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
+from rungwise.world.spatial.configurations import SpatialConfigurations
 from rungwise.world.spatial.instance import reaches_of
 
 ITERATIONS, LONGEST, DAMPING = 40, 0.3, 1e-3
@@ -41,7 +41,7 @@ AROUND = 64
 class Tool:
     """A body that joints lead, and the objects that it may push at."""
 
-    def __init__(self, task: Task, room: SpaceRoom, carrier: Carrier) -> None:
+    def __init__(self, task: Task, room: SpatialConfigurations, carrier: Carrier) -> None:
         import mujoco
 
         assert isinstance(task.scene, SpaceScene)
@@ -159,7 +159,7 @@ class SpaceMoves(Moves):
     def __init__(self, task: Task) -> None:
         super().__init__(task)
         assert isinstance(task.scene, SpaceScene)
-        self.room = SpaceRoom(task, task.scene)
+        self.room = SpatialConfigurations(task.scene, task.parameters, task.size)
         self.tools = [Tool(task, self.room, carrier) for carrier in task.carriers]
 
     @property
@@ -238,7 +238,7 @@ class SpaceTransit(Transit):
     def __init__(self, task: Task, question: Question) -> None:
         super().__init__(task, question)
         assert isinstance(task.scene, SpaceScene)
-        self._space = SpaceRoom(task, task.scene)
+        self._space = SpatialConfigurations(task.scene, task.parameters, task.size)
         led = np.searchsorted(self._space.numbers, self._columns)
         reach = self._space.reach_of(self._space.of_numbers[led])
         self._pairs = np.flatnonzero((reach[self._space.pairs] > 0.0).any(axis=(1, 2)))

@@ -6,23 +6,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
-from rungwise.planning.carriers import Carrier, TaskError, carrier_in_plane, carrier_in_space, pair
 from rungwise.planning.tighten import tightened
 from rungwise.scene import InvalidScene, Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.records import Records
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.task import Task as TaskFields
-from rungwise.scene.task import numbers_of
 from rungwise.simulation import options
 from rungwise.simulation.state import State
+from rungwise.world.carriers import Carrier, TaskError, pair
 from rungwise.world.find import world_of
 from rungwise.world.questions import ask, geometry
 
@@ -50,8 +48,8 @@ class Task:
     tolerance: of the scene, in its unit of length.
     """
 
-    scene: Scene | SpaceScene
-    search: Scene | SpaceScene
+    scene: AnyScene
+    search: AnyScene
     parameters: dict[str, float]
     low: Reals
     high: Reals
@@ -156,7 +154,7 @@ class Task:
         return np.asarray(weights[0] * time + weights[1] * work + weights[2] * moves)
 
 
-def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = None) -> Task:
+def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> Task:
     """The task of a scene at one instance. Raises TaskError and SceneError."""
     fields = fields_of(scene)
     if scene.file.goal is None:
@@ -167,15 +165,8 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
     numbers = numbers_at(scene, values)
     carriers: tuple[Carrier, ...] = ()
     here = world_of(scene).at(values)
-    own, slides, slow = here.moved, False, False
-    if isinstance(scene, SpaceScene):
-        bound = scene.bind(values)
-        carriers = tuple(carrier_in_space(scene, name, bound, numbers) for name in fields.transit)
-    else:
-        plane = scene.bind(values)
-        carriers = tuple(carrier_in_plane(scene, name, plane, numbers) for name in fields.transit)
-        slides = _slides(scene, plane.records)
-        slow = slides and _is_slow(plane.records, carriers, own.size)
+    own, stops = here.moved, here.stops
+    carriers = tuple(here.carrier(name, numbers) for name in fields.transit)
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
@@ -185,45 +176,40 @@ def task_of(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None = 
         scene=scene, search=_search_scene(scene, fields, numbers["task.reserve"]), parameters=values,
         numbers=numbers, low=low, high=high, rate=rate, duration=duration,
         moves=(int(fields.moves[0]), int(fields.moves[1])), carriers=carriers,
-        weights=np.array(weights) if fields.weights else own.weights, size=own.size, slides=slides,
-        is_slow=slow, turns=own.turns, rates=own.rates, tolerance=here.tolerance,
+        weights=np.array(weights) if fields.weights else own.weights, size=own.size,
+        slides=stops is not None,
+        is_slow=stops is not None and _is_slow(stops, carriers, own.size),
+        turns=own.turns, rates=own.rates, tolerance=here.tolerance,
     )  # fmt: skip
 
 
-def _slides(scene: Scene, records: Records) -> bool:
-    """Whether all objects lie on supports."""
-    roles = world_of(scene).roles()
-    objects = {k for k, name in enumerate(scene.template.bodies) if roles[name] == "object"}
-    return objects <= set(records.supports["body"].tolist())
-
-
-def _is_slow(records: Records, carriers: tuple[Carrier, ...], size: float) -> bool:
+def _is_slow(stops: Reals, carriers: tuple[Carrier, ...], size: float) -> bool:
     """Whether robots push objects on supports at given speeds v so slowly that these coast by no more than a
-    part `COASTS` of their size: v^2 / 2 over the friction force per mass."""
+    part `COASTS` of their size: v^2 / 2 over the friction force per mass, `stops`."""
     if not carriers or any(carrier.by_place for carrier in carriers):
         return False
     fastest = max(carrier.speed for carrier in carriers)
-    stops = records.supports["force"] / records.bodies["mass"][records.supports["body"]]
     return bool((0.5 * fastest**2 <= COASTS * size * stops).all())
 
 
-def in_plane(scene: Scene | SpaceScene) -> Scene:
+def in_plane(scene: AnyScene) -> Scene:
     """A planar scene. Raises TaskError for one in space."""
-    if not isinstance(scene, Scene):
+    if world_of(scene).dimension != 2:
         raise TaskError(f"scene: {scene.name} is in space; this is known for planar scenes only")
-    return scene
+    return cast(Scene, scene)
 
 
-def fields_of(scene: Scene | SpaceScene) -> TaskFields:
+def fields_of(scene: AnyScene) -> TaskFields:
     """The scene's task as written. Raises TaskError where there is none."""
     if scene.file.task is None:
         raise TaskError("task: the scene has none; add what a planner may do (see the scene's reference)")
-    return scene.file.task
+    fields: TaskFields = scene.file.task
+    return fields
 
 
 @keywords
 def instances(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], seed: int, count: int = 1
+    scene: AnyScene | str | Path | Mapping[str, Any], seed: int, count: int = 1
 ) -> list[dict[str, float]]:
     """Parameters of `count` instances of the scene's task, drawn from `seed`. Raises TaskError where too few
     draws fit the task's `where` with bodies apart."""
@@ -240,7 +226,7 @@ def instances(
 
 
 def drawn(
-    scene: Scene | SpaceScene, table: str, given: Mapping[str, float], rng: np.random.Generator
+    scene: AnyScene, table: str, given: Mapping[str, float], rng: np.random.Generator
 ) -> dict[str, float] | None:
     """The parameters given, with those of a table of the task ("instances", "uncertain") drawn; None where
     one falls out of its range."""
@@ -258,7 +244,7 @@ def drawn(
     return values
 
 
-def _fits(scene: Scene | SpaceScene, values: dict[str, float], where: str | None) -> bool:
+def _fits(scene: AnyScene, values: dict[str, float], where: str | None) -> bool:
     """Whether an instance can start: bodies are apart, and the condition holds."""
     try:
         start = State.of(scene, parameters=values)
@@ -269,17 +255,13 @@ def _fits(scene: Scene | SpaceScene, values: dict[str, float], where: str | None
     return where is None or bool(ask(scene, where, start, values).holds[0])
 
 
-def numbers_at(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> dict[str, float]:
+def numbers_at(scene: AnyScene, parameters: Mapping[str, float]) -> dict[str, float]:
     """The numbers of the scene's task, by their paths, at these parameters."""
-    if isinstance(scene, SpaceScene):
-        return scene.task_numbers(parameters)
-    paths = [place.path for place in numbers_of(fields_of(scene))]
-    return dict(zip(paths, scene.bind(parameters).records.task["value"].tolist(), strict=True))
+    fields_of(scene)
+    return dict(scene.task_numbers(parameters))
 
 
-def _bounds(
-    scene: Scene | SpaceScene, fields: TaskFields, numbers: Mapping[str, float]
-) -> tuple[Reals, Reals, Reals]:
+def _bounds(scene: AnyScene, fields: TaskFields, numbers: Mapping[str, float]) -> tuple[Reals, Reals, Reals]:
     """Bounds and rates (u,) of the scene's inputs."""
     rows = []
     for name in scene.template.inputs:
@@ -297,7 +279,7 @@ def _bounds(
     return low_, high_, rate
 
 
-def _search_scene(scene: Scene | SpaceScene, fields: TaskFields, reserve: float) -> Scene | SpaceScene:
+def _search_scene(scene: AnyScene, fields: TaskFields, reserve: float) -> AnyScene:
     """The scene with the goal tightened by the reserve, and with what to keep out of as unsafe."""
     goal = scene.file.goal
     assert goal is not None
@@ -305,7 +287,7 @@ def _search_scene(scene: Scene | SpaceScene, fields: TaskFields, reserve: float)
     return scene.changed(**changes)
 
 
-def guarded_scene(scene: Scene | SpaceScene) -> Scene | SpaceScene:
+def guarded_scene(scene: AnyScene) -> AnyScene:
     """The scene with what its task keeps out of as unsafe."""
     fields = scene.file.task
     if fields is None or not fields.keep_out:
@@ -314,7 +296,7 @@ def guarded_scene(scene: Scene | SpaceScene) -> Scene | SpaceScene:
     return scene.changed(**changes)
 
 
-def _unsafe(scene: Scene | SpaceScene, fields: TaskFields) -> dict[str, str]:
+def _unsafe(scene: AnyScene, fields: TaskFields) -> dict[str, str]:
     """The unsafe condition, joined with what to keep out of; empty where there is neither."""
     conditions = [f"({text})" for text in (scene.file.unsafe, *fields.keep_out) if text is not None]
     return {"unsafe": " or ".join(conditions)} if conditions else {}

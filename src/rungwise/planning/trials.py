@@ -13,13 +13,13 @@ from rungwise.cluster import Batch
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.execute import Replanner
 from rungwise.planning.plan import RE_PLANNING, Plan, plan_of
 from rungwise.planning.predict import Budget, Stage
 from rungwise.planning.task import drawn, fields_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import moving_rung
+from rungwise.world.carriers import TaskError
 from rungwise.world.rollout import rollout
 
 DRAWS = 1000

@@ -19,8 +19,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.planning.predict import Budget, TimeOver
 from rungwise.planning.task import fields_of, numbers_at
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.feasible import FeasibleSet
 from rungwise.sets.labels import Label
 from rungwise.sets.motions import SLOWEST, Motions
@@ -47,7 +46,7 @@ class Tuner:
     `count` counts runs, `outcomes` how they ended; runs raise TimeOver when that of `time` is over.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     names: tuple[str, ...]
     box: Reals
@@ -175,9 +174,7 @@ def centre(found: FeasibleSet) -> tuple[Reals, float] | None:
     return low + side * best, float(depth.max() / count)
 
 
-def _value(
-    scene: Scene | SpaceScene, name: str, numbers: dict[str, float], base: float, quantiles: Reals
-) -> Reals:
+def _value(scene: AnyScene, name: str, numbers: dict[str, float], base: float, quantiles: Reals) -> Reals:
     """What is uncertain, at quantiles in 0..1 and within its range; for an input it is an error of `base`."""
     spread = fields_of(scene).uncertain[name]
     kind = "uniform" if spread.uniform is not None else "normal"

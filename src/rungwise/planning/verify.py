@@ -19,7 +19,6 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.guard import guarded
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.predict import Budget, TimeOver
@@ -30,6 +29,7 @@ from rungwise.simulation.options import count, moving_rung
 from rungwise.simulation.result import Run
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.wording import choices
+from rungwise.world.carriers import TaskError
 from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 

@@ -15,7 +15,7 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 
 if TYPE_CHECKING:
-    from rungwise.planning.room import Room
+    from rungwise.world.contract import Configurations
 
 Free: TypeAlias = "Callable[[Reals, Reals], bool]"
 """Whether the straight way between two places (n,) is free."""
@@ -129,7 +129,7 @@ def shortened(way: Reals, is_free: Free) -> Reals:
     return way
 
 
-def cut_short(way: Reals, is_free: Free, room: Room, rng: np.random.Generator) -> Reals:
+def cut_short(way: Reals, is_free: Free, room: Configurations, rng: np.random.Generator) -> Reals:
     """The way (k, n) with parts between places drawn on it replaced by straight ways that are free, and with
     each body led straight from end to end where that is free."""
     for _ in range(SHORTCUTS):
@@ -148,12 +148,12 @@ def cut_short(way: Reals, is_free: Free, room: Room, rng: np.random.Generator) -
     return _straightened(way, is_free)
 
 
-def _along(way: Reals, room: Room) -> Reals:
+def _along(way: Reals, room: Configurations) -> Reals:
     """How long the way is up to each of its places (k,)."""
     return np.concatenate([[0.0], room.lengths(way).cumsum()])
 
 
-def _at(way: Reals, along: Reals, length: float, room: Room) -> Reals:
+def _at(way: Reals, along: Reals, length: float, room: Configurations) -> Reals:
     """The place (n,) on a way after this length of it."""
     k = int(np.clip(np.searchsorted(along, length, side="right") - 1, 0, len(way) - 2))
     leg = along[k + 1] - along[k]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from rungwise.planning.worlds import (
+from rungwise.world.ingredients import (
     ACCURACY,
     BALANCE,
     COMPLIANCE,
@@ -37,8 +37,8 @@ MODES = {"open": "was open", "stick": "stuck", "forward": "slid", "backward": "s
 
 
 class Told(NamedTuple):
-    """What a sentence tells: the numbers of a cause (`planning.evidence`), on what the first and the second
-    run were ("on kinematic"), and the body that parts."""
+    """What a sentence tells: the numbers of a cause (see `world.ingredients`), on what the first and the
+    second run were ("on kinematic"), and the body that parts."""
 
     numbers: Mapping[str, Any]
     on: tuple[str, str]

@@ -13,7 +13,6 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.aim import Aim
-from rungwise.planning.carriers import TaskError
 from rungwise.planning.geometric import GOALS, NEAREST, Placing
 from rungwise.planning.lay import Course, lay
 from rungwise.planning.moves import Moves
@@ -21,8 +20,8 @@ from rungwise.planning.predict import Budget, Places, Predictor, Stage
 from rungwise.planning.pushes import Pushes
 from rungwise.planning.task import Task, guarded_scene
 from rungwise.planning.transit import Transit
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.state import State
+from rungwise.world.carriers import TaskError
 from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
@@ -155,7 +154,7 @@ def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
 
 def _moves_of(task: Task) -> Moves:
     """Moves of a task."""
-    if isinstance(task.scene, SpaceScene) and task.carriers:
+    if world_of(task.scene).dimension == 3 and task.carriers:
         from rungwise.planning.space_transit import SpaceMoves
 
         return SpaceMoves(task)

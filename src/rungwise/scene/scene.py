@@ -14,6 +14,8 @@ import yaml
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene import faults
@@ -24,6 +26,7 @@ from rungwise.scene.drawing import with_outlines
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import Parameter, SceneFile
 from rungwise.scene.shapes import MANY, ONE
+from rungwise.scene.task import numbers_of
 from rungwise.scene.template import SceneError, Template, out_of_range
 from rungwise.scene.values import finite, shown
 from rungwise.wording import choices
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
     import rungwise
 
 MAX_FILE = 2_000_000
+FARTHEST = 1e75
+"""Farthest place in the plane, in the scene's unit: products of four places are finite."""
 LIBRARY = files("rungwise.scene") / "library"
 
 
@@ -58,6 +63,8 @@ class Scene:
     file: SceneFile
     template: Template
     world: ClassVar[str] = "rungwise.world.planar"
+    self_contained: ClassVar[bool] = True
+    farthest: ClassVar[float] = FARTHEST
 
     @property
     def name(self) -> str:
@@ -96,9 +103,26 @@ class Scene:
         file = self.file.model_copy(update=fields).model_dump(exclude_unset=True)
         return load({name: value for name, value in file.items() if fields.get(name, self) is not None})
 
+    def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
+        """q (n,) and v (n,) where the scene starts."""
+        records = self.bind(parameters).records
+        q, v = records.coordinates["start"].copy(), records.coordinates["speed"].copy()
+        for body in records.bodies[records.bodies["motion"] == rec.FREE]:
+            first = int(body["coordinate"])
+            q[first : first + 3] += [body["x"], body["y"], body["angle"]]
+        return q, v
+
+    def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
+        """Nothing: the plane knows no quaternions."""
+
     def yaml(self) -> str:
         """The scene as a file: what was given, with drawings as outlines."""
         return as_yaml(self.file.model_dump(mode="json", exclude_unset=True))
+
+    def task_numbers(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The numbers of the task, by their paths, at these parameters. Raises InvalidScene."""
+        paths = [place.path for place in numbers_of(self.file.task)] if self.file.task is not None else []
+        return dict(zip(paths, self.bind(given).records.task["value"].tolist(), strict=True))
 
     def goal(
         self, states: rungwise.States, parameters: Mapping[str, float] | None = None

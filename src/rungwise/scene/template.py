@@ -107,6 +107,11 @@ class Template:
         return Names(self.parameters, self.coordinates, self.contacts)
 
     @property
+    def velocities(self) -> tuple[str, ...]:
+        """The coordinates' own names: in the plane v is the rate of q."""
+        return self.coordinates
+
+    @property
     def value_count(self) -> int:
         return len(self.parameters) + 2 + 2 * len(self.coordinates) + 3 * len(self.contacts)
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from rungwise.cluster import Batch, Cluster
 from rungwise.kernel import Ints, Reals
-from rungwise.scene import Scene, load
-from rungwise.scene.space import SpaceScene
+from rungwise.scene import load
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.asker import InProcess, Runner
 from rungwise.sets.motions import Motions
 from rungwise.sets.request import batch_of
@@ -25,7 +25,7 @@ KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can 
 
 @contextmanager
 def runner(
-    batch: Motions, address: str | None, scene: Scene | SpaceScene, request: Mapping[str, Any]
+    batch: Motions, address: str | None, scene: AnyScene, request: Mapping[str, Any]
 ) -> Iterator[Runner]:
     """The threads of this process, or the workers of the scheduler at an address."""
     if address is None:

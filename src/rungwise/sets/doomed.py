@@ -28,9 +28,8 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.sets import store
 from rungwise.sets.images import Images
 from rungwise.sets.labels import Label, bounds_of
@@ -65,7 +64,7 @@ class DoomedSet:
     `escapes` the part of the cells, invalid ones aside, from which the box may be left.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     over: tuple[str, ...]
     box: Reals
@@ -182,7 +181,7 @@ class DoomedSet:
 
 @keywords
 def doomed_set(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     over: Sequence[str],
     inputs: Mapping[str, tuple[float, float]],
@@ -265,7 +264,7 @@ def doomed_set(
 
 
 @keywords
-def load_doomed_set(folder: str | Path, scene: Scene | SpaceScene | None = None) -> DoomedSet:
+def load_doomed_set(folder: str | Path, scene: AnyScene | None = None) -> DoomedSet:
     """A set from the folder in which it was saved; `scene` if the scene does not ship.
 
     Raises FileNotFoundError when the folder holds no set, SceneError or SetError when the scene is another.

@@ -20,9 +20,8 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import shown
 from rungwise.sets import arrays, export, store
 from rungwise.sets.asker import Asker
@@ -206,7 +205,7 @@ class FeasibleSet(LabelledBox):
 
 @keywords
 def feasible_set(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     over: Sequence[str],
     *,

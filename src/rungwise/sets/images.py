@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.backward import CLOSE, Flags, around, backward
 from rungwise.sets.stated import SPEED_OF, Macro, Stated
 from rungwise.sets.states import columns_of
@@ -36,7 +35,7 @@ class Images:
 
     def __init__(
         self,
-        scene: Scene | SpaceScene,
+        scene: AnyScene,
         model: Rung,
         names: Sequence[str],
         bounds: Mapping[str, tuple[float, float]],

@@ -9,8 +9,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.tree import Tree
 
@@ -19,7 +18,7 @@ from rungwise.sets.tree import Tree
 class LabelledBox:
     """Labels over a box of parameters: what a `FeasibleSet` is made of, which says what the fields are."""
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     over: tuple[str, ...]
     box: Reals

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.scene import Scene, SceneError
-from rungwise.scene.space import SpaceScene
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.simulation.result import Run
 from rungwise.world.batch import Batch, Results
 from rungwise.world.find import world_of
@@ -36,7 +36,7 @@ come early by one part in so many."""
 Motion = Mapping[str, float]
 
 
-def motions(scene: Scene | SpaceScene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
+def motions(scene: AnyScene, model: Rung, solutions: str = POSSIBLE) -> tuple[Motion, ...]:
     """The slowest motion and, for a model that has other motions, the extremes: both ways along each
     coordinate of a body that nothing drives."""
     if solutions == SLOWEST or model.inertia > 0.0:
@@ -51,7 +51,7 @@ class Motions:
     """A batch of runs that takes every motion in turn, as long as the point is not decided."""
 
     def __init__(
-        self, scene: Scene | SpaceScene, model: Rung, over: Sequence[str], solutions: str, **options: Any
+        self, scene: AnyScene, model: Rung, over: Sequence[str], solutions: str, **options: Any
     ) -> None:
         self._wanted = solutions == GUARANTEED
         self._batches: list[Batch] = []
@@ -84,7 +84,7 @@ def _merge(found: Results, at: NDArray[np.intp], other: Results, wanted: bool) -
     found.margin[at[~changed]] = nearer[~changed]
 
 
-def decisive(scene: Scene | SpaceScene, model: Rung, solutions: str, **options: Any) -> Run:
+def decisive(scene: AnyScene, model: Rung, solutions: str, **options: Any) -> Run:
     """The run that decides a point: the first that reaches the goal (possible) or does not (guaranteed), or
     else the slowest."""
     first: Run | None = None

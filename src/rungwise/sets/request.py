@@ -11,8 +11,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.motions import Motions
 from rungwise.sets.store import SetError
 from rungwise.world.find import world_of
@@ -27,7 +26,7 @@ decade."""
 
 
 def box_of(
-    scene: Scene | SpaceScene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None
+    scene: AnyScene, over: Sequence[str], box: Mapping[str, tuple[float, float]] | None = None
 ) -> Reals:
     """Intervals (d, 2) of the parameters: as given, or their range, or, where the range is more than `WIDE`
     times the default, from 0 to twice the default within the range. Raises SetError."""
@@ -51,9 +50,7 @@ def box_of(
     return np.array(intervals)
 
 
-def chosen(
-    scene: Scene | SpaceScene, over: Sequence[str], box: Mapping[str, tuple[float, float]]
-) -> dict[str, str]:
+def chosen(scene: AnyScene, over: Sequence[str], box: Mapping[str, tuple[float, float]]) -> dict[str, str]:
     """How `box_of` chooses the intervals that `box` leaves open, in words by name."""
     words = {}
     for name in over:
@@ -66,18 +63,18 @@ def chosen(
     return words
 
 
-def digest(scene: Scene | SpaceScene) -> str:
+def digest(scene: AnyScene) -> str:
     """Mark of all that a scene says."""
     return hashlib.sha256(scene.whole.encode()).hexdigest()[:16]
 
 
-def smallest(scene: Scene | SpaceScene, parameters: Mapping[str, float]) -> float:
+def smallest(scene: AnyScene, parameters: Mapping[str, float]) -> float:
     """Reach of the smallest shape that has a reach, at these parameters; 1 where no shape has."""
     return world_of(scene).at(parameters).smallest
 
 
 def batch_of(
-    scene: Scene | SpaceScene,
+    scene: AnyScene,
     model: Rung,
     over: Sequence[str],
     request: Mapping[str, Any],

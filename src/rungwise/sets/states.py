@@ -9,8 +9,8 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
-from rungwise.scene import Scene, SceneError
-from rungwise.scene.space import SpaceScene
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.sets.stated import SPEED_OF, Stated
 from rungwise.sets.store import SetError
 from rungwise.simulation.crew import names_of
@@ -32,9 +32,7 @@ def state_name(side: Stated, name: str) -> str:
     return known[full.index(matches[0])]
 
 
-def check_states(
-    side: Stated, scene: Scene | SpaceScene, model: Rung, names: Sequence[str], most: int
-) -> None:
+def check_states(side: Stated, scene: AnyScene, model: Rung, names: Sequence[str], most: int) -> None:
     """Raise SetError unless `names` are the scene's whole state, in space all of it that moves, and nothing
     else changes in time."""
     if model.compliant:
@@ -81,9 +79,7 @@ def box_of_states(
     return np.array(intervals), np.array(travel)
 
 
-def input_box(
-    scene: Scene | SpaceScene, inputs: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float, float]]:
+def input_box(scene: AnyScene, inputs: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
     """Bounds of the inputs, checked. Raises SceneError or SetError."""
     result = {}
     for name in names_of(scene, tuple(inputs)):

@@ -14,7 +14,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
 from rungwise.scene import records as rec
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.values import shown
 from rungwise.simulation.inputs import compiled
 from rungwise.simulation.options import ModelError, check_options, count, preferences
@@ -203,7 +203,7 @@ def threads_of(threads: int | None) -> int:
         raise ModelError(f"threads: {threads!r} must be at least 1") from None
 
 
-def outside(scene: Scene | SpaceScene, over: Sequence[str], points: Reals) -> Ints:
+def outside(scene: AnyScene, over: Sequence[str], points: Reals) -> Ints:
     """Whether each point (m, k) is outside the ranges of the parameters `over`."""
     found = np.zeros(len(points), bool)
     for column, name in zip(points.T, over, strict=True):
@@ -213,7 +213,7 @@ def outside(scene: Scene | SpaceScene, over: Sequence[str], points: Reals) -> In
     return found.astype(np.int64)
 
 
-def names_of(scene: Scene | SpaceScene, over: Sequence[str], field: str = "over") -> tuple[str, ...]:
+def names_of(scene: AnyScene, over: Sequence[str], field: str = "over") -> tuple[str, ...]:
     """The parameters' names, checked. Raises SceneError."""
     known = scene.file.parameters
     for place, name in enumerate(over):

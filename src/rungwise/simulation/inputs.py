@@ -13,8 +13,8 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.expression import Code, Programs
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.planar.inputs import Inputs
 from rungwise.wording import choices
@@ -46,7 +46,7 @@ Schedule: TypeAlias = "Sequence[Segment | Mapping[str, Any]]"
 """Segments one after the other, or mappings of their fields."""
 
 
-def read_schedule(scene: Scene | SpaceScene, given: Schedule) -> tuple[Segment, ...]:
+def read_schedule(scene: AnyScene, given: Schedule) -> tuple[Segment, ...]:
     """The segments of a schedule, checked against the scene's inputs. Raises ScheduleError."""
     if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
         raise ScheduleError(f"inputs: must be a list of segments, not {shown(given)}")
@@ -56,7 +56,7 @@ def read_schedule(scene: Scene | SpaceScene, given: Schedule) -> tuple[Segment, 
     return segments
 
 
-def _segment(scene: Scene | SpaceScene, path: str, given: object) -> Segment:
+def _segment(scene: AnyScene, path: str, given: object) -> Segment:
     names = [f.name for f in fields(Segment)]
     if isinstance(given, Segment):
         given = {name: getattr(given, name) for name in names}
@@ -82,7 +82,7 @@ def _segment(scene: Scene | SpaceScene, path: str, given: object) -> Segment:
     return Segment(values, duration, until, bool(ramp))
 
 
-def _level(scene: Scene | SpaceScene, path: str, name: object, value: object) -> float:
+def _level(scene: AnyScene, path: str, name: object, value: object) -> float:
     known = scene.template.inputs
     if name not in known:
         raise ScheduleError(f"{path}: unknown input {shown(name)}{choices(name, known)}")
@@ -92,12 +92,13 @@ def _level(scene: Scene | SpaceScene, path: str, name: object, value: object) ->
     return number
 
 
-def condition(scene: Scene | SpaceScene, text: object, path: str) -> Code:
+def condition(scene: AnyScene, text: object, path: str) -> Code:
     """The program of a segment's condition, an empty one for None. Raises ScheduleError."""
     if text is not None and not isinstance(text, str):
         raise ScheduleError(f"{path}: must be text, not {shown(text)}")
     try:
-        return scene.template.names().condition(text, path)
+        code: Code = scene.template.names().condition(text, path)
+        return code
     except SceneError as error:
         raise ScheduleError(str(error)) from None
 

@@ -67,6 +67,11 @@ class Run:
         """Whether the answer is positive: the run came to the goal."""
         return self.outcome.exit_code == 0
 
+    @property
+    def began(self) -> bool:
+        """Whether the scene is possible at its start."""
+        return self.workspace is not None
+
     def __repr__(self) -> str:
         return (
             f"<Run of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at t ="

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.scene.scene import FARTHEST
 from rungwise.scene.terms import Dimension
-from rungwise.simulation.state import FARTHEST, State, StateError
+from rungwise.simulation.state import State, StateError
 
 States: TypeAlias = "State | Sequence[State] | Reals"
 """One state, many, or an array: places (m, n_q) of all coordinates, at rest, or places and velocities

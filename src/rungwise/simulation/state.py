@@ -20,18 +20,13 @@ from rungwise.kernel import Reals, Record
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import cut
-from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.scene.space import SpaceBound, SpaceScene, numbers
-from rungwise.scene.space.bind import normalise
 from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
 from rungwise.simulation.planar.workspace import in_memory
 from rungwise.wording import choices
-
-FARTHEST = 1e75
-"""Farthest place in the plane, in the scene's unit: products of four places are finite."""
 
 
 class StateError(InputError):
@@ -93,7 +88,7 @@ class State:
     @keywords
     def of(
         cls,
-        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+        scene: AnyScene | str | Path | Mapping[str, Any],
         q: Mapping[str, float] | None = None,
         v: Mapping[str, float] | None = None,
         *,
@@ -107,8 +102,8 @@ class State:
         unknown name or a value that is no finite number, SceneError for wrong parameters.
         """
         loaded = load(scene)
-        names, rates = loaded.template.coordinates, rates_of(loaded)
-        places, speeds = _start(loaded, parameters)
+        names, rates = loaded.template.coordinates, loaded.template.velocities
+        places, speeds = loaded.start(parameters)
         for field, given, values, known in (("q", q, places, names), ("v", v, speeds, rates)):
             if not isinstance(given, Mapping | None):
                 raise StateError(
@@ -118,8 +113,8 @@ class State:
                 if name not in known:
                     raise StateError(f"state.{field}: unknown {shown(name)}{choices(name, known)}")
                 values[known.index(name)] = finite(f"state.{field}.{name}", value, StateError)
-        if q and isinstance(loaded, SpaceScene):
-            normalise(places, loaded, "state.q", StateError)
+        if q:
+            loaded.normalise(places, "state.q", StateError)
         return cls(names, places, speeds, finite("state.time", time, StateError))
 
     def __repr__(self) -> str:
@@ -193,53 +188,30 @@ def _row(values: NDArray[Any]) -> Reals:
     return values
 
 
-def rates_of(scene: Scene | SpaceScene) -> tuple[str, ...]:
-    """Names of the velocities, the coordinates' own in the plane."""
-    return scene.template.velocities if isinstance(scene, SpaceScene) else scene.template.coordinates
-
-
-def _start(scene: Scene | SpaceScene, parameters: Mapping[str, float] | None) -> tuple[Reals, Reals]:
-    """q (n_q,) and v (n_v,) of the scene's start."""
-    bound = scene.bind(parameters)
-    if isinstance(bound, SpaceBound):
-        return bound.place, bound.motion
-    from rungwise.system.planar.place import start
-
-    places, speeds = np.zeros(len(scene.template.coordinates)), np.zeros(len(scene.template.coordinates))
-    start(bound.records, places, speeds)
-    return places, speeds
-
-
-def farthest(scene: Scene | SpaceScene) -> float:
-    """Farthest place of a coordinate, in the scene's unit."""
-    return numbers.FARTHEST if isinstance(scene, SpaceScene) else FARTHEST
-
-
-def digest(scene: Scene | SpaceScene) -> str:
+def digest(scene: AnyScene) -> str:
     """What tells scenes apart, as a hash."""
     return hashlib.sha256(scene.content.encode()).hexdigest()
 
 
-def check_state(state: State, scene: Scene | SpaceScene) -> None:
+def check_state(state: State, scene: AnyScene) -> None:
     """Raise StateError unless q, v and time are finite and belong to the scene's coordinates."""
     names = scene.template.coordinates
     if not isinstance(state, State):
         raise StateError(f"state: must be a State, not {shown(state)}")
     if state.names != names:
         raise StateError(f"state: has the coordinates {_listed(state.names)}, and the scene {_listed(names)}")
-    for field, values, known in (("q", state.q, names), ("v", state.v, rates_of(scene))):
+    for field, values, known in (("q", state.q, names), ("v", state.v, scene.template.velocities)):
         if not isinstance(values, np.ndarray):
             raise StateError(f"state.{field}: must be an array, not {shown(values)}")
         if values.shape != (len(known),):
             raise StateError(f"state.{field}: must have the shape ({len(known)},), not {values.shape}")
         for name, value in zip(known, values, strict=True):
             finite(f"state.{field}.{name}", value, StateError)
-    most = farthest(scene)
+    most = scene.farthest
     for name, value in zip(names, state.q, strict=True):
         if abs(value) > most:
             raise StateError(f"state.q.{name}: must be within -{most:g}..{most:g}, not {value:g}")
-    if isinstance(scene, SpaceScene):
-        normalise(state.q.copy(), scene, "state.q", StateError)
+    scene.normalise(state.q.copy(), "state.q", StateError)
     finite("state.time", state.time, StateError)
     if state.memory is not None and not _is_memory(state.memory):
         raise StateError("state.memory: must be null, or the memory of a run's state")

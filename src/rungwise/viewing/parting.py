@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from rungwise.models.ladder import rung
 from rungwise.planning.diagnose import NOTHING, Diagnosis, both, distances
 from rungwise.planning.words import UNTOUCHED
-from rungwise.planning.worlds import World
 from rungwise.scene import Scene
 from rungwise.viewing.arrows import view_of
 from rungwise.viewing.clip import Clip, of_trajectory
@@ -59,7 +58,7 @@ def draw_parting(
     others = own if other_parameters is None else scene.parameters(other_parameters)
     names = [name.split(" @ ")[0] for name in (found.before, found.after)]
     one, other = (
-        World(scene, values, rung(name), tol)
+        world_of(scene).variant(values, rung(name), tol)
         for values, name, tol in zip((own, others), names, found.tols, strict=True)
     )
     _, motions, until = both(one, other, found.inputs, world_of(scene).at(own).moved.weights)

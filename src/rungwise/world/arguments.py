@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
-from rungwise.scene import Scene, SceneError
-from rungwise.scene.space import SpaceScene
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.values import shown
 from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.inputs import ScheduleError, Segment, condition
 from rungwise.simulation.rows import States, rows_of
-from rungwise.simulation.state import State, StateError, check_state, farthest, rates_of
+from rungwise.simulation.state import State, StateError, check_state
 from rungwise.wording import choices
 
 
@@ -62,7 +62,7 @@ class Begins(NamedTuple):
     bodies: Reals
     states: list[State]
 
-    def state(self, scene: Scene | SpaceScene, row: int) -> State:
+    def state(self, scene: AnyScene, row: int) -> State:
         if self.states:
             return self.states[row]
         n = len(scene.template.coordinates)
@@ -70,9 +70,9 @@ class Begins(NamedTuple):
         return State(scene.template.coordinates, q, v, float(self.bodies[row, -1]))
 
 
-def begins_of(scene: Scene | SpaceScene, states: States, many: Count) -> Begins:
+def begins_of(scene: AnyScene, states: States, many: Count) -> Begins:
     if isinstance(states, np.ndarray):
-        rows = rows_of(states, len(scene.template.coordinates), len(rates_of(scene)))
+        rows = rows_of(states, len(scene.template.coordinates), len(scene.template.velocities))
         bodies = np.hstack([rows, np.zeros((len(states), 1))])
         many.agree("states", len(bodies), StateError)
         return Begins(bodies, [])
@@ -102,7 +102,7 @@ def durations_of(
 
 
 def levels_of(
-    scene: Scene | SpaceScene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
+    scene: AnyScene, given: ArrayLike | Mapping[str, ArrayLike] | None, segments: int, many: Count
 ) -> Reals:
     """Inputs (m or 1, s, u), inf where a value given is none, nan where an input stays as it is."""
     names = scene.template.inputs
@@ -137,7 +137,7 @@ def levels_of(
 
 
 def points_of(
-    scene: Scene | SpaceScene, parameters: Mapping[str, ArrayLike] | None, many: Count
+    scene: AnyScene, parameters: Mapping[str, ArrayLike] | None, many: Count
 ) -> tuple[tuple[str, ...], Reals]:
     """Names of parameters, and their values (m or 1, k)."""
     if not isinstance(parameters, Mapping | None):
@@ -170,7 +170,7 @@ def ramps_of(ramp: bool | Sequence[bool], segments: int) -> tuple[bool, ...]:
 
 
 def faults_of(
-    scene: Scene | SpaceScene, over: Sequence[str], points: Reals, lengths: Reals, levels: Reals,
+    scene: AnyScene, over: Sequence[str], points: Reals, lengths: Reals, levels: Reals,
     begins: Begins | None,
 ) -> dict[int, str]:  # fmt: skip
     """Samples with wrong values, and a line on the first of each."""
@@ -183,9 +183,9 @@ def faults_of(
                 faults.setdefault(i, f"sample {i}: {line(row)}")
 
     if begins is not None:
-        names = scene.template.coordinates
-        labels = [f"q.{name}" for name in names] + [f"v.{name}" for name in rates_of(scene)] + ["time"]
-        most = farthest(scene)
+        names, rates = scene.template.coordinates, scene.template.velocities
+        labels = [f"q.{name}" for name in names] + [f"v.{name}" for name in rates] + ["time"]
+        most = scene.farthest
         bad = ~np.isfinite(begins.bodies) | (np.abs(begins.bodies) > most)
         note(
             bad,
@@ -234,7 +234,7 @@ class Asked(NamedTuple):
     begins: Begins | None
     faults: dict[int, str]
 
-    def schedule(self, scene: Scene | SpaceScene, i: int) -> tuple[Segment, ...]:
+    def schedule(self, scene: AnyScene, i: int) -> tuple[Segment, ...]:
         """The segments of a sample."""
         duration = self.lengths[min(i, len(self.lengths) - 1)]
         level, names = self.levels[min(i, len(self.levels) - 1)], scene.template.inputs
@@ -246,11 +246,11 @@ class Asked(NamedTuple):
             for k, (each, row, text) in enumerate(zip(duration, level, self.until, strict=True))
         )  # fmt: skip
 
-    def state(self, scene: Scene | SpaceScene, i: int) -> State | None:
+    def state(self, scene: AnyScene, i: int) -> State | None:
         """Where a sample begins; None at the scene's start."""
         return None if self.begins is None else self.begins.state(scene, min(i, len(self.begins.bodies) - 1))
 
-    def options(self, scene: Scene | SpaceScene, i: int) -> dict[str, Any]:
+    def options(self, scene: AnyScene, i: int) -> dict[str, Any]:
         """What `simulate` takes to run a sample."""
         parameters = dict(zip(self.over, self.points[i].tolist(), strict=True))
         schedule, state = self.schedule(scene, i), self.state(scene, i)
@@ -258,7 +258,7 @@ class Asked(NamedTuple):
 
 
 def asked(
-    scene: Scene | SpaceScene, states: States | None, inputs: ArrayLike | Mapping[str, ArrayLike] | None,
+    scene: AnyScene, states: States | None, inputs: ArrayLike | Mapping[str, ArrayLike] | None,
     durations: ArrayLike | None, until: Sequence[str | None] | None, ramp: bool | Sequence[bool],
     parameters: Mapping[str, ArrayLike] | None,
 ) -> Asked:  # fmt: skip

@@ -14,6 +14,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.options import moving_rung
@@ -21,8 +22,7 @@ from rungwise.simulation.result import counted, texts
 from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
-    from rungwise.scene import Scene
-    from rungwise.scene.space import SpaceScene
+    pass
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Batch:
     @keywords
     def __init__(
         self,
-        scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+        scene: AnyScene | str | Path | Mapping[str, Any],
         model: Rung | str,
         over: Sequence[str],
         *,

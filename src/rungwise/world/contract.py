@@ -23,6 +23,9 @@ from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
+    from rungwise.world.carriers import Carrier
+    from rungwise.world.ingredients import Variant
+    from rungwise.world.matching import Matched
     from rungwise.world.rolled import Rolled
 
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
@@ -144,6 +147,57 @@ class Instance(Protocol):
     @property
     def moved(self) -> Moved: ...
 
+    @property
+    def stops(self) -> Reals | None:
+        """The friction force per mass of objects on supports (k,), where all objects lie on such."""
+
+    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
+        """A robot that the task leads through free space. Raises TaskError where inputs do not drive it."""
+
+
+class Configurations(Protocol):
+    """Where bodies may be placed: places (n_q,) of all bodies, and changes (n_v,) of them.
+
+    names: of bodies; size: how far the largest object reaches; thin: width of the thinnest shape; rounding:
+    overlap that counts as none; unit (n_v,): changes as long as the size, or of one radian; objects (n_v,):
+    which changes move objects; bodies: columns of places of each body; pairs (c, 2): bodies that may touch;
+    numbers (p,): columns of places that are plain numbers; of these turning (p,): which are angles, low, high
+    (p,): their travel, units (p,), of_numbers (p,): their changes; turns (r, 4): columns of quaternions;
+    bound: what else bounds places, in words, empty where nothing does.
+    """
+
+    names: tuple[str, ...]
+    size: float
+    thin: float
+    rounding: float
+    unit: Reals
+    objects: NDArray[np.bool_]
+    bodies: list[list[int]]
+    pairs: Ints
+    numbers: Ints
+    turning: NDArray[np.bool_]
+    low: Reals
+    high: Reals
+    units: Reals
+    of_numbers: Ints
+    turns: Ints
+    bound: str
+
+    def look(self, rows: Reals) -> tuple[Reals, Reals]:
+        """Gaps (m, c) at places (m, n_q), and what `moved` needs of these (m, ...)."""
+
+    def moved(self, marks: Reals) -> Reals:
+        """How far each body moves at most from each place to the next (m - 1, b)."""
+
+    def changed(self, rows: Reals, change: Reals) -> Reals:
+        """Places (..., n_q) after changes (..., n_v)."""
+
+    def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
+        """Places (m, n_q) at parts `at` (m,) of the straight way from a to b (n_q,)."""
+
+    def lengths(self, way: Reals) -> Reals:
+        """How long each leg (k - 1,) of a way (k, n_q) is, in units."""
+
 
 class Place(Protocol):
     """A scene at one set of parameters, to be asked what holds at states."""
@@ -166,10 +220,26 @@ class Place(Protocol):
         """Which bodies overlap most at a state; empty where none do."""
 
 
-class World(Protocol):
-    """A scene and what can be asked of it."""
+class Marks(Protocol):
+    """Places by which motions are compared: from states q (..., n_q) to places (..., p, d)."""
 
-    scene: Any
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    def __call__(self, q: Reals) -> Reals: ...
+
+
+class World(Protocol):
+    """A scene and what can be asked of it. dimension: of the space that bodies move in; comparison_steps and
+    replanning_steps: most steps of one run of a comparison, and of planning one move anew, by what a step
+    costs."""
+
+    dimension: int
+    comparison_steps: int
+    replanning_steps: int
+
+    @property
+    def scene(self) -> Any: ...
 
     def simulation(self, model: Rung | str, **options: Any) -> Any:
         """A run that is taken in turns; options as of `rungwise.Simulation`."""
@@ -179,10 +249,10 @@ class World(Protocol):
         until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
         tol: float | None = None, duration: float | None = None, span: float | None = None,
         theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
-        quick: bool = False, threads: int | None = None,
+        patience: int | None = None, threads: int | None = None,
     ) -> Runs:  # fmt: skip
         """Many runs over parameters, with segments that conditions `until` end sooner and that ramp where
-        `ramps` says so; quick ones end where they take long."""
+        `ramps` says so. With a patience they end where they take so many times as long as a search waits."""
 
     def rollout(
         self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
@@ -195,6 +265,34 @@ class World(Protocol):
 
     def at(self, parameters: Mapping[str, float] | None = None) -> Instance:
         """The scene at these parameters. Raises InvalidScene where it is impossible."""
+
+    def configurations(
+        self, parameters: Mapping[str, float], size: float, without: str = ""
+    ) -> Configurations:
+        """Where bodies may be placed, as if the body `without` were not there; size: how far the largest
+        object reaches."""
+
+    def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> Variant:
+        """The scene on a rung, taken apart into ingredients."""
+
+    def end(self, run: Any) -> dict[str, Any]:
+        """How a run ended: outcome, time, and the certificate that proves a jam or a missing support."""
+
+    def matched(self, parameters: dict[str, float], duration: float) -> Matched:
+        """The scene with parameters that mean the same on all rungs."""
+
+    def marks(self, parameters: Mapping[str, float]) -> Marks:
+        """What motions are compared by."""
+
+    def measures(self, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+        """The scene's extent, and levers (p,) of its marks: of objects 1, and for angles how far they reach;
+        0 for robots, unless there are no objects. Raises SceneError where no run can begin."""
+
+    def describe(self, parameters: Mapping[str, float]) -> dict[str, Any]:
+        """Contents of the scene at these parameters, as plain values."""
+
+    def described(self, report: Mapping[str, Any]) -> str:
+        """The same as text."""
 
     def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
         """What each body is to a planner: object, robot or obstacle."""
@@ -234,3 +332,7 @@ class World(Protocol):
     @property
     def on_clusters(self) -> bool:
         """Whether runs may go to the workers of a cluster, which read the scene from its text."""
+
+    @property
+    def leading(self) -> tuple[str, ...]:
+        """Parameters that drives which lead something read, in the order of the file."""

@@ -14,6 +14,7 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import brief
 from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.read import load
 from rungwise.scene.terms import Combination, Term, terms_of
@@ -24,8 +25,7 @@ from rungwise.simulation.state import State
 from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
-    from rungwise.scene import Scene
-    from rungwise.scene.space import SpaceScene
+    pass
 
 SMALLEST = 5e-324
 """Smallest number greater than 0."""
@@ -73,7 +73,7 @@ class Geometry:
 
 @keywords
 def ask(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     condition: str,
     states: States,
     parameters: Mapping[str, float] | None = None,
@@ -89,7 +89,7 @@ def ask(
 
 @keywords
 def geometry(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     states: States,
     parameters: Mapping[str, float] | None = None,
 ) -> Geometry:
@@ -104,7 +104,7 @@ class Question:
     contacts."""
 
     def __init__(
-        self, scene: Scene | SpaceScene, condition: str | None, parameters: Mapping[str, float] | None = None
+        self, scene: AnyScene, condition: str | None, parameters: Mapping[str, float] | None = None
     ) -> None:
         if not isinstance(condition, str | None):
             raise SceneError(f"condition: must be text, not {shown(condition)}")

@@ -16,8 +16,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import cut
-from rungwise.scene import Scene
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.spatial.frames import WORK
@@ -38,7 +37,7 @@ class Rolled:
     in which it ended, and later columns are nan: see `times`, `q`, `v`, `work`, `state`.
     """
 
-    scene: Scene | SpaceScene
+    scene: AnyScene
     model: Rung
     outcome: Ints
     margin: Reals

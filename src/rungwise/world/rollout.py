@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.rows import States
@@ -18,13 +19,12 @@ from rungwise.world.find import world_of
 from rungwise.world.rolled import Rolled
 
 if TYPE_CHECKING:
-    from rungwise.scene import Scene
-    from rungwise.scene.space import SpaceScene
+    pass
 
 
 @keywords
 def rollout(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     states: States | None = None,
     inputs: ArrayLike | Mapping[str, ArrayLike] | None = None,

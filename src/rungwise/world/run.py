@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
@@ -15,20 +16,17 @@ from rungwise.simulation.state import State
 from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
-    from rungwise.scene import Scene
-    from rungwise.scene.space import SpaceScene
+    pass
 
 
-def simulation_of(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
-) -> Any:
+def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any) -> Any:
     """A run of a scene that is taken in turns."""
     return world_of(load(scene)).simulation(model, **options)
 
 
 @keywords
 def simulate(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     *,
     parameters: Mapping[str, float] | None = None,

@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.expression import Code
 from rungwise.scene.names import OF_CONTACTS, Names
 from rungwise.scene.scene import InvalidScene, as_yaml, parameter_values
-from rungwise.scene.space.bind import Numbers, SpaceBound, Told, bind
+from rungwise.scene.space.bind import Numbers, SpaceBound, Told, bind, normalise
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import smallest
 from rungwise.scene.space.model import LIBRARY, model_path
+from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.task import numbers_of
 from rungwise.scene.template import STRICT, out_of_range
 
@@ -62,6 +65,8 @@ class SpaceScene:
     labels: Labels
     model_text: str = field(repr=False)
     world: ClassVar[str] = "rungwise.world.spatial"
+    self_contained: ClassVar[bool] = False
+    farthest: ClassVar[float] = FARTHEST
 
     @property
     def name(self) -> str:
@@ -85,6 +90,15 @@ class SpaceScene:
     def whole(self) -> str:
         """All that the scene says."""
         return self.content
+
+    def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
+        """q (n_q,) and v (n_v,) where the scene starts."""
+        bound = self.bind(parameters)
+        return bound.place, bound.motion
+
+    def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
+        """Make the quaternions in q (n_q,) unit ones (see `bind.normalise`)."""
+        normalise(q, self, field, error)
 
     @property
     def size(self) -> float:

@@ -20,6 +20,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
 from rungwise.scene import Scene
+from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import KINDS
@@ -55,7 +56,7 @@ class RunSensitivity:
 
 @keywords
 def run_sensitivity(
-    scene: Scene | SpaceScene | str | Path | Mapping[str, Any],
+    scene: AnyScene | str | Path | Mapping[str, Any],
     model: Rung | str,
     parameters: Mapping[str, float] | None = None,
     *,
@@ -103,6 +104,8 @@ def run_sensitivity(
         return run_sensitivity_in_space(
             scene, model, parameters, steps, h, q, v, asked_in_space, names, theta
         )
+    if not isinstance(scene, Scene):
+        raise ModelError(f"scene: of {scene.name} no derivatives of runs are known")
     wrt = WRT if wrt is None else wrt
     values = scene.parameters(parameters)
     length = float(scene.bind(values).records.world[0]["step"]) if h is None else h

@@ -56,6 +56,11 @@ class SpaceRun:
         """Whether the answer is positive: the run came to the goal."""
         return self.outcome.exit_code == 0
 
+    @property
+    def began(self) -> bool:
+        """Whether the scene is possible at its start."""
+        return bool(self.frames)
+
     def __repr__(self) -> str:
         return (
             f"<SpaceRun of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at t ="

@@ -13,7 +13,9 @@ from rungwise.kernel import Reals
 from rungwise.scene import Bound, Scene
 from rungwise.scene.records import Records
 from rungwise.system.planar.place import start
+from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT, Moved
+from rungwise.world.planar.carriers import carrier
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,17 @@ class PlanarInstance:
     @cached_property
     def moved(self) -> Moved:
         return moved_in_plane(self.scene, self.bound.records)
+
+    @property
+    def stops(self) -> Reals | None:
+        records, roles = self.bound.records, roles_in_plane(self.scene)
+        objects = {k for k, name in enumerate(self.scene.template.bodies) if roles[name] == OBJECT}
+        if not objects <= set(records.supports["body"].tolist()):
+            return None
+        return np.asarray(records.supports["force"] / records.bodies["mass"][records.supports["body"]])
+
+    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
+        return carrier(self.scene, name, self.bound, numbers)
 
 
 def roles_in_plane(scene: Scene) -> dict[str, str]:

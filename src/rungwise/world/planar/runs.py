@@ -23,8 +23,8 @@ from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 
 LONGEST, SHORT = 1000, 1e-1
-"""Most steps of a quick run, and the part of the accuracy by which something must be able to move in one: a
-search does not wait for what goes on more slowly."""
+"""Steps for which a search waits, and the part of the accuracy by which something must be able to move in
+one."""
 
 
 class PlanarRuns:
@@ -32,11 +32,11 @@ class PlanarRuns:
 
     def __init__(
         self, scene: Scene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
-        tol: float | None = None, quick: bool = False, **options: Any,
+        tol: float | None = None, patience: int | None = None, **options: Any,
     ) -> None:  # fmt: skip
-        if quick and tol is not None:
+        if patience is not None and tol is not None:
             tolerance = float(scene.bind(parameters).records.world[0]["tolerance"])
-            options |= {"budget": LONGEST, "jam": max(JAM, SHORT * tol / tolerance)}
+            options |= {"budget": patience * LONGEST, "jam": max(JAM, SHORT * tol / tolerance)}
         self.scene, self.model = scene, model
         self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
         self._whole: float | None = options.get("span")

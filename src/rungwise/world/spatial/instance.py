@@ -13,7 +13,9 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import moments
+from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Moved
+from rungwise.world.spatial.carriers import carrier
 
 if TYPE_CHECKING:
     import mujoco
@@ -70,6 +72,13 @@ class SpatialInstance:
     @cached_property
     def moved(self) -> Moved:
         return moved_in_space(self.bound)
+
+    @property
+    def stops(self) -> Reals | None:
+        return None
+
+    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
+        return carrier(self.scene, name, self.bound, numbers)
 
 
 def roles_in_space(bound: SpaceBound) -> list[str]:

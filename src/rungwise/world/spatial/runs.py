@@ -31,8 +31,8 @@ from rungwise.simulation.state import Memory, State, StateError, check_state, di
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.spatial.place import forces_in
 
-QUICK = 300
-"""Most steps of a quick run: a search does not wait for what goes on more slowly."""
+WAITS = 300
+"""Steps for which a search waits."""
 MOST = 16
 """Most runs that one task takes, so that processes that are done early take more; chosen by trial."""
 PARTS = 4
@@ -49,7 +49,7 @@ class SpatialRuns:
         until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
         tol: float | None = None, duration: float | None = None, span: float | None = None,
         theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
-        quick: bool = False, threads: int | None = None,
+        patience: int | None = None, threads: int | None = None,
     ) -> None:  # fmt: skip
         if motion is not None:
             raise ModelError("motion: is not known for scenes in space")
@@ -58,7 +58,8 @@ class SpatialRuns:
         self._until, self._ramps = tuple(until), tuple(ramps)
         self.parameters = scene.parameters(parameters)
         self.threads = min(threads_of(threads), os.cpu_count() or 1)
-        most = QUICK if quick else BUDGET if budget is None else count("budget", budget, 1)
+        most = BUDGET if budget is None else count("budget", budget, 1)
+        most = most if patience is None else patience * WAITS
         options = {"step": step, "tol": tol, "theta": theta, "duration": duration, "span": span}
         self._terms = Terms(scene, model, options, most, False)
         self._digest, self._values = digest(scene), memory_parts(scene).values

@@ -1,9 +1,9 @@
-"""Worlds in space: a scene on a rung, taken apart into the ingredients of `worlds`, and put together from
-two."""
+"""A scene in space on a rung, taken apart into ingredients, and put together from two (see `Variant`)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from rungwise.models.ladder import KINEMATIC, Rung
-from rungwise.planning.worlds import (
+from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.space.fields import Contact
+from rungwise.scene.space.laws import FROM
+from rungwise.world.ingredients import (
     ACCURACY,
     BALANCE,
     COMPLIANCE,
@@ -21,10 +24,8 @@ from rungwise.planning.worlds import (
     OTHER,
     RESTITUTION,
     SUPPORT,
+    Parting,
 )
-from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.scene.space.fields import Contact
-from rungwise.scene.space.laws import FROM
 
 GIVE, BOUNCE, SLIP = slice(0, 4), 4, slice(5, 8)
 """Columns of the laws of contact: stiffness and damping, restitution, sliding, torsional and rolling
@@ -33,8 +34,8 @@ FRICTIONS = ("friction", *FROM)
 
 
 @dataclass(frozen=True)
-class SpaceWorld:
-    """A scene in space at its parameters, on a rung, at an accuracy; what it offers is what `World` does."""
+class SpatialVariant:
+    """See `Variant`."""
 
     scene: SpaceScene
     parameters: dict[str, float]
@@ -75,23 +76,23 @@ class SpaceWorld:
         mujoco.mj_saveModel(model, None, content)
         return [each.tobytes() for each in (content, bound.place, bound.motion, bound.control, bound.pace)]
 
-    def mixed(self, other: SpaceWorld, taken: frozenset[str]) -> SpaceWorld:
+    def mixed(self, other: SpatialVariant, taken: frozenset[str]) -> SpatialVariant:
         """This world, with the ingredients `taken` from the other, and without conditions."""
 
-        def of(ingredient: str) -> SpaceWorld:
+        def of(ingredient: str) -> SpatialVariant:
             return other if ingredient in taken else self
 
         base, tol = of(OTHER), of(ACCURACY).tol
         if of(BALANCE).model.metric:
-            return SpaceWorld(base.resolved(base, base, base), base.parameters, KINEMATIC, tol)
+            return SpatialVariant(base.resolved(base, base, base), base.parameters, KINEMATIC, tol)
         model = Rung(
             "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
             compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
         )  # fmt: skip
         scene = base.resolved(of(FRICTION), of(COMPLIANCE), of(RESTITUTION))
-        return SpaceWorld(scene, base.parameters, model, tol)
+        return SpatialVariant(scene, base.parameters, model, tol)
 
-    def resolved(self, friction: SpaceWorld, give: SpaceWorld, bounce: SpaceWorld) -> SpaceScene:
+    def resolved(self, friction: SpatialVariant, give: SpatialVariant, bounce: SpatialVariant) -> SpaceScene:
         """The scene without conditions, with numbers of its entries of contacts from these worlds."""
         bounces = (
             bounce.bound.laws[:, BOUNCE] if bounce.effective(RESTITUTION) else np.zeros(len(self.bound.laws))
@@ -107,6 +108,12 @@ class SpaceWorld:
             for k, entry in enumerate(self.scene.file.contacts, start=1)
         )  # fmt: skip
         return self.scene.changed(contacts=contacts, **dict.fromkeys(CONDITIONS))
+
+    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """See `Variant.evidence`."""
+        from rungwise.world.spatial.evidence import evidence
+
+        return evidence(parting, causes)
 
     def loads_of(self, body: str) -> float:
         """The weight of a body, and of what hangs on it, that this world counts."""

@@ -1,14 +1,9 @@
-"""Worlds: a scene at its parameters on a rung, taken apart into ingredients, and put together from two.
-
-An ingredient is what a diagnosis changes alone: how motions are chosen, friction, restitution, the give of
-contacts, inertia, friction with supports, and all other numbers. Each has an effective value: restitution,
-for example, is 0 where bodies have no momentum to bounce with.
-"""
+"""A planar scene on a rung, taken apart into ingredients, and put together from two (see `Variant`)."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,23 +15,29 @@ from rungwise.scene import Scene, load
 from rungwise.scene.expression import STACK
 from rungwise.scene.numbers import evaluate_numbers
 from rungwise.scene.records import Records
+from rungwise.world.ingredients import (
+    ACCURACY,
+    BALANCE,
+    COMPLIANCE,
+    CONDITIONS,
+    FRICTION,
+    INERTIA,
+    OTHER,
+    RESTITUTION,
+    SUPPORT,
+    Parting,
+)
 
-BALANCE, FRICTION, SUPPORT, COMPLIANCE, INERTIA, RESTITUTION, ACCURACY, OTHER = (
-    "balance", "friction", "support", "compliance", "inertia", "restitution", "accuracy", "other numbers",
-)  # fmt: skip
-INGREDIENTS = (BALANCE, FRICTION, SUPPORT, COMPLIANCE, INERTIA, RESTITUTION, ACCURACY, OTHER)
 GIVE = (
     "stiffness", "damping", "tangential_stiffness", "tangential_damping", "coupling_stiffness",
     "coupling_damping",
 )  # fmt: skip
 RESISTS = ("damping", "dry_friction")
-CONDITIONS = ("goal", "unsafe", "doomed", "task")
-"""Fields of a scene that do not change how bodies move."""
 
 
 @dataclass(frozen=True)
-class World:
-    """A scene at its parameters, on a rung, at an accuracy (the error allowed per step)."""
+class PlanarVariant:
+    """See `Variant`."""
 
     scene: Scene
     parameters: dict[str, float]
@@ -78,21 +79,27 @@ class World:
         names, bodies = self.scene.template.coordinates, self.scene.file.bodies
         return np.flatnonzero([bodies[name.split(".")[0]].role == "object" for name in names])
 
-    def mixed(self, other: World, taken: frozenset[str]) -> World:
+    def mixed(self, other: PlanarVariant, taken: frozenset[str]) -> PlanarVariant:
         """This world, with the ingredients `taken` from the other, and without conditions."""
 
-        def of(ingredient: str) -> World:
+        def of(ingredient: str) -> PlanarVariant:
             return other if ingredient in taken else self
 
         base, tol = of(OTHER), of(ACCURACY).tol
         if of(BALANCE).model.metric:
-            return World(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
+            return PlanarVariant(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
         model = Rung(
             "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
             compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
         )  # fmt: skip
         scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
-        return World(scene, base.parameters, model, tol)
+        return PlanarVariant(scene, base.parameters, model, tol)
+
+    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """See `Variant.evidence`."""
+        from rungwise.world.planar.evidence import evidence
+
+        return evidence(parting, causes)
 
     def _support(self) -> Any:
         """What resists the motion of objects: friction of supports, damping and dry friction."""
@@ -112,7 +119,10 @@ class World:
         return [gravity, coordinates.tobytes(), *(getattr(records, kind).tobytes() for kind in kinds)]
 
 
-def _resolved(base: World, friction: World, support: World, give: World, bounce: World) -> Scene:
+def _resolved(
+    base: PlanarVariant, friction: PlanarVariant, support: PlanarVariant, give: PlanarVariant,
+    bounce: PlanarVariant,
+) -> Scene:  # fmt: skip
     """The scene of `base` without conditions, with numbers of contacts and supports from the others."""
     file: dict[str, Any] = json.loads(base.scene.file.model_dump_json(exclude_unset=True))
     for name in CONDITIONS:
@@ -132,7 +142,7 @@ def _resolved(base: World, friction: World, support: World, give: World, bounce:
     return load(file)
 
 
-def _put_support(bodies: dict[str, Any], base: World, world: World) -> None:
+def _put_support(bodies: dict[str, Any], base: PlanarVariant, world: PlanarVariant) -> None:
     """Write what resists the motion of objects, as numbers, into the bodies of a scene's mapping."""
     records, template, loads = world.records, base.scene.template, world.model.loads
     for support in records.supports:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.report.describe import stated
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.elements import equality, named
 from rungwise.scene.space.laws import touching
+from rungwise.world.description import stated
 
 if TYPE_CHECKING:
     import mujoco
@@ -24,7 +24,7 @@ LAW = (
 SHAPES = ("plane", "hfield", "sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh", "sdf")
 
 
-def describe_space(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, Any]:
+def describe(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, Any]:
     """Bodies with mass and coordinates, tendons, equalities, actuators, laws of contact, parameters, and
     conditions. Plain values."""
     bound = scene.bind(parameters)
@@ -109,7 +109,7 @@ def _law(row: Any) -> dict[str, Any]:
     return {name: None if np.isnan(x) else float(x) for name, x in zip(LAW, row, strict=True)}
 
 
-def describe_space_text(report: Mapping[str, Any]) -> str:
+def described(report: Mapping[str, Any]) -> str:
     """The description as lines of text."""
     lines = [f"{report['scene']}: {report['about']}", "bodies"]
     for name, body in report["bodies"].items():

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rungwise.scene import Scene
 from rungwise.scene.fields import Drive, Joint
 from rungwise.system.planar.place import turns
+from rungwise.world.description import stated
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -103,7 +104,7 @@ def _freedom(joint: Joint, measures: NDArray[np.void]) -> dict[str, Any]:
     }
 
 
-def describe_text(report: Mapping[str, Any]) -> str:
+def described(report: Mapping[str, Any]) -> str:
     """The description as lines of text."""
     lines = [f"{report['scene']}: {report['about']}", "bodies"]
     for name, body in report["bodies"].items():
@@ -143,20 +144,6 @@ def describe_text(report: Mapping[str, Any]) -> str:
         )
     lines += stated(report, 12)
     return "\n".join(lines)
-
-
-def stated(report: Mapping[str, Any], width: int) -> list[str]:
-    """Lines of the parameters, whose names have this width, of the conditions, and of times and tolerance."""
-    lines = ["parameters"]
-    for name, p in report["parameters"].items():
-        unit = "" if p["unit"] == "1" else f" {p['unit']}"
-        within = "" if p["range"] is None else f", {p['range'][0]:g} to {p['range'][1]:g}"
-        lines.append(f"  {name:{width}s} {p['value']:.6g}{unit}{within}  {p['about']}")
-    lines += [f"{field}: {report[field]}" for field in ("goal", "unsafe", "doomed") if report[field]]
-    told = (
-        f"tolerance {report['tolerance']:.3g}, duration {report['duration']:.6g}, step {report['step']:.3g}"
-    )
-    return [*lines, told]
 
 
 def _travel(coordinate: Mapping[str, Any], unit: str) -> str:

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.evidence import TOUCHES, Motion, Parting, accuracy, parameters, speeds
-from rungwise.planning.space_worlds import SLIP, SpaceWorld
-from rungwise.planning.worlds import (
+from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world.contract import OBSTACLE
+from rungwise.world.find import world_of
+from rungwise.world.ingredients import (
     ACCURACY,
     BALANCE,
     COMPLIANCE,
@@ -23,10 +24,15 @@ from rungwise.planning.worlds import (
     INERTIA,
     OTHER,
     RESTITUTION,
+    TOUCHES,
+    Motion,
+    Parting,
+    accuracy,
+    of_body,
+    parameters,
+    speeds,
 )
-from rungwise.simulation.spatial.result import SpaceRun
-from rungwise.world.contract import OBSTACLE
-from rungwise.world.find import world_of
+from rungwise.world.spatial.variant import SLIP, SpatialVariant
 
 MODES = ("open", "stick", "slip")
 OPEN = 0
@@ -36,7 +42,7 @@ MOST = 3
 """Contacts that are named."""
 
 
-def space_evidence(parting: Parting[SpaceWorld], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name."""
     known = {
         BALANCE: _balance, FRICTION: _contact, COMPLIANCE: _overlap, INERTIA: _coasting,
@@ -45,7 +51,7 @@ def space_evidence(parting: Parting[SpaceWorld], causes: Sequence[str]) -> dict[
     return {cause: known[cause](parting) for cause in causes if cause in known}
 
 
-def space_end(run: SpaceRun) -> dict[str, Any]:
+def end(run: SpaceRun) -> dict[str, Any]:
     """How a run ended: outcome, time, and the certificate: its kind, the contacts of the last step, their
     bodies, and for a missing support the velocities that give way."""
     found: dict[str, Any] = {"outcome": str(run.outcome), "time": run.time}
@@ -66,10 +72,10 @@ def space_end(run: SpaceRun) -> dict[str, Any]:
     return found
 
 
-def _balance(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+def _balance(parting: Parting) -> dict[str, Any]:
     """How fast the body is where the motions part, its weight in both worlds, and contacts that one of them
     has alone."""
-    weights = [world.loads_of(parting.body) for world in parting.worlds]
+    weights = [variant.loads_of(parting.body) for variant in parting.variants]
     return speeds(parting) | {"weight": weights, "alone": _alone(parting)}
 
 
@@ -80,7 +86,7 @@ def _modes(motion: Motion, times: Reals) -> dict[str, NDArray[np.int8]]:
     return {str(pair): values[:, k] for k, pair in enumerate(motion.data.pair.values)}
 
 
-def _alone(parting: Parting[SpaceWorld]) -> list[list[str]]:
+def _alone(parting: Parting) -> list[list[str]]:
     """Contacts of the body that are closed where the motions part in one of them alone."""
     at = np.array([parting.time])
     closed = [
@@ -90,17 +96,17 @@ def _alone(parting: Parting[SpaceWorld]) -> list[list[str]]:
     return [sorted(closed[k] - closed[1 - k])[:MOST] for k in (0, 1)]
 
 
-def _bodies(parting: Parting[SpaceWorld], pair: str) -> list[str]:
+def _bodies(parting: Parting, pair: str) -> list[str]:
     """The bodies of a pair of geoms."""
-    labels, model = parting.worlds[0].scene.labels, parting.worlds[0].bound.model
+    labels, model = parting.variants[0].scene.labels, parting.variants[0].bound.model
     return [labels.bodies[int(model.geom_bodyid[labels.geoms.index(name)])] for name in pair.split("|")]
 
 
-def _has(parting: Parting[SpaceWorld], pair: str) -> bool:
+def _has(parting: Parting, pair: str) -> bool:
     return parting.body in _bodies(parting, pair)
 
 
-def _contact(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+def _contact(parting: Parting) -> dict[str, Any]:
     """The contact whose modes differ, and since when: one of the body that is closed in both where the
     motions part, else one that is closed in one of them there, else the one that differs for longest before;
     where none does, one that was closed in both."""
@@ -129,21 +135,21 @@ def _contact(parting: Parting[SpaceWorld]) -> dict[str, Any]:
     return {"contact": pair, "modes": modes, "since": float(grid[row]), "friction": _frictions(parting, pair)}
 
 
-def _frictions(parting: Parting[SpaceWorld], pair: str) -> list[float]:
+def _frictions(parting: Parting, pair: str) -> list[float]:
     """Friction of a contact in both worlds."""
     found = []
-    for world in parting.worlds:
-        model, names = world.bound.model, world.scene.labels.geoms
+    for variant in parting.variants:
+        model, names = variant.bound.model, variant.scene.labels.geoms
         a, b = (names.index(name) for name in pair.split("|"))
-        given = float(world.bound.laws[world.bound.law[a, b], SLIP][0])
+        given = float(variant.bound.laws[variant.bound.law[a, b], SLIP][0])
         own = float(max(model.geom_friction[a, 0], model.geom_friction[b, 0]))
-        found.append((own if math.isnan(given) else given) if world.model.friction else 0.0)
+        found.append((own if math.isnan(given) else given) if variant.model.friction else 0.0)
     return found
 
 
-def _overlap(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+def _overlap(parting: Parting) -> dict[str, Any]:
     """The deepest overlap where contacts yield, and whose."""
-    yields, deepest, whose = [world.model.compliant for world in parting.worlds], [], []
+    yields, deepest, whose = [variant.model.compliant for variant in parting.variants], [], []
     for motion, soft in zip(parting.motions, yields, strict=True):
         gaps = np.fmin.reduce(motion.data["gap"].values, axis=0, initial=0.0)
         pairs = [str(pair) for pair in motion.data.pair.values]
@@ -152,36 +158,34 @@ def _overlap(parting: Parting[SpaceWorld]) -> dict[str, Any]:
     return {"contact": whose[int(np.argmax(deepest))], "overlap": deepest, "yields": yields}
 
 
-def _coasting(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+def _coasting(parting: Parting) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
-    roles = world_of(parting.worlds[0].scene).roles(parting.worlds[0].parameters)
+    roles = world_of(parting.variants[0].scene).roles(parting.variants[0].parameters)
     energy, coasted = [], []
-    for world, motion in zip(parting.worlds, parting.motions, strict=True):
+    for variant, motion in zip(parting.variants, parting.motions, strict=True):
         driven = np.zeros(len(motion.times), bool)
         for pair, mode in _modes(motion, motion.times).items():
             others = [name for name in _bodies(parting, pair) if name != parting.body]
             if _has(parting, pair) and all(roles[name] != OBSTACLE for name in others):
                 driven |= mode != OPEN
-        own = [
-            k for k, name in enumerate(world.scene.template.coordinates) if name.split(".")[0] == parting.body
-        ]
+        own = of_body(parting)
         ways = np.linalg.norm(np.diff(motion.places[:, own], axis=0), axis=1)
         before = motion.times[1:] <= parting.time
-        energy.append(_energy(world, motion, parting.body) if world.model.inertia > 0.0 else 0.0)
+        energy.append(_energy(variant, motion, parting.body) if variant.model.inertia > 0.0 else 0.0)
         way = float(ways[~driven[1:] & ~before].sum())
-        coasts = world.model.inertia > 0.0 and way > TOUCHES * parting.size
+        coasts = variant.model.inertia > 0.0 and way > TOUCHES * parting.size
         coasted.append(way if coasts else 0.0)
     return {"energy": energy, "coasted": coasted}
 
 
-def _energy(world: SpaceWorld, motion: Motion, body: str) -> float:
+def _energy(variant: SpatialVariant, motion: Motion, body: str) -> float:
     """The greatest kinetic energy of a body's own velocities."""
     import mujoco
 
-    model = world.bound.model
+    model = variant.bound.model
     data, product = mujoco.MjData(model), np.zeros(model.nv)
-    names = world.scene.template.velocities
+    names = variant.scene.template.velocities
     own = np.array([name.split(".")[0] == body for name in names])
     most, stride = 0.0, max(1, len(motion.times) // LOOKS)
     places, rates = motion.data["position"].values, motion.data["velocity"].values
@@ -194,7 +198,7 @@ def _energy(world: SpaceWorld, motion: Motion, body: str) -> float:
     return most
 
 
-def _bounce(parting: Parting[SpaceWorld]) -> dict[str, Any]:
+def _bounce(parting: Parting) -> dict[str, Any]:
     """The hardest impact after which bodies parted, of either run: whose, how fast they met, and parted."""
     found: list[tuple[float, Mapping[str, Any]]] = []
     for run, motion in enumerate(parting.motions):

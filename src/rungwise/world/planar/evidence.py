@@ -7,72 +7,40 @@ Each pair of numbers is of the first and of the second run.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
-from rungwise.kernel import Reals
-from rungwise.planning.space_worlds import SpaceWorld
-from rungwise.planning.worlds import (
+from rungwise.simulation.result import Run
+from rungwise.world.ingredients import (
     ACCURACY,
     BALANCE,
     COMPLIANCE,
     FRICTION,
     INERTIA,
     OTHER,
-    RESISTS,
     RESTITUTION,
     SUPPORT,
-    World,
+    TOUCHES,
+    Motion,
+    Parting,
+    accuracy,
+    of_body,
+    parameters,
+    speeds,
 )
-from rungwise.simulation.result import Run
+from rungwise.world.planar.variant import RESISTS, PlanarVariant
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
-TOUCHES = 1e-3
-"""Bodies that come nearer than this part of the size of what moves count as having met."""
 ACTS = 1e-6
 """Entries of a certificate below this part of the greatest take no part in it."""
 
 
-@dataclass(frozen=True)
-class Motion:
-    """Where objects were (k, n), weighted, at times (k,), and all else that was recorded then."""
-
-    times: Reals
-    places: Reals
-    data: xarray.Dataset
-
-    def at(self, times: Reals) -> Reals:
-        """Places (m, n) at these times; at rest after the end."""
-        columns = [np.interp(times, self.times, column) for column in self.places.T]
-        return np.stack(columns, axis=1)
-
-    def modes(self, times: Reals) -> NDArray[np.int8]:
-        """Modes (m, points) of contact points in the steps that hold these times."""
-        rows = np.searchsorted(self.times, times).clip(0, len(self.times) - 1)
-        return np.asarray(self.data["mode"].values[rows])
-
-
-W = TypeVar("W", World, SpaceWorld)
-
-
-@dataclass(frozen=True)
-class Parting(Generic[W]):
-    """Two worlds, their motions, when and at which body they part, and the size of what moves."""
-
-    worlds: tuple[W, W]
-    motions: tuple[Motion, Motion]
-    time: float
-    body: str
-    size: float
-
-
-def evidence(parting: Parting[World], causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name."""
     known = {
         BALANCE: speeds, FRICTION: _contact, SUPPORT: _support, COMPLIANCE: _overlap, INERTIA: _coasting,
@@ -124,24 +92,7 @@ def _giving(run: Run) -> list[str]:
     return [run.scene.template.coordinates[int(k)] for k in at]
 
 
-def _of_body(parting: Parting[Any]) -> NDArray[np.bool_]:
-    names = parting.worlds[0].scene.template.coordinates
-    return np.array([name.split(".")[0] == parting.body for name in names])
-
-
-def speeds(parting: Parting[Any]) -> dict[str, Any]:
-    """How fast the body is where the motions part."""
-    own = _of_body(parting)
-    found = []
-    for motion in parting.motions:
-        k = int(np.searchsorted(motion.times, parting.time).clip(1, max(1, len(motion.times) - 1)))
-        step = motion.times[k:][:1] - motion.times[k - 1]
-        way = np.linalg.norm((motion.places[k:][:1] - motion.places[k - 1])[:, own])
-        found.append(float(way / step[0]) if len(step) and step[0] > 0.0 else 0.0)
-    return {"speed": found}
-
-
-def _contact(parting: Parting[World]) -> dict[str, Any]:
+def _contact(parting: Parting) -> dict[str, Any]:
     """The contact that was in different modes for longest before the motions part, and since when; or, where
     none was, one that was closed. The parted body's own count twice."""
     labels = [str(label) for label in parting.motions[0].data.point.values]
@@ -166,21 +117,21 @@ def _contact(parting: Parting[World]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _frictions(parting: Parting[World], label: str) -> list[float]:
+def _frictions(parting: Parting, label: str) -> list[float]:
     """Friction of a contact in both worlds; 1 for a travel limit, which has none to speak of."""
-    names = ["|".join(pair) for pair in parting.worlds[0].scene.template.contacts]
+    names = ["|".join(pair) for pair in parting.variants[0].scene.template.contacts]
     if label not in names:
         return [1.0, 1.0]
     return [
-        float(world.records.contacts["friction"][names.index(label)]) if world.model.friction else 0.0
-        for world in parting.worlds
+        float(variant.records.contacts["friction"][names.index(label)]) if variant.model.friction else 0.0
+        for variant in parting.variants
     ]
 
 
-def _support(parting: Parting[World]) -> dict[str, Any]:
+def _support(parting: Parting) -> dict[str, Any]:
     """What of the support of the body differs: its greatest force, its lever of torque, its centre, damping
     and dry friction."""
-    found = [_resistance(world, parting.body) for world in parting.worlds]
+    found = [_resistance(variant, parting.body) for variant in parting.variants]
     return {
         name: [each.get(name, 0.0) for each in found]
         for name in dict.fromkeys([*found[0], *found[1]])
@@ -188,10 +139,10 @@ def _support(parting: Parting[World]) -> dict[str, Any]:
     }
 
 
-def _resistance(world: World, body: str) -> dict[str, float]:
-    if not world.model.loads:
+def _resistance(variant: PlanarVariant, body: str) -> dict[str, float]:
+    if not variant.model.loads:
         return {}
-    records, template = world.records, world.scene.template
+    records, template = variant.records, variant.scene.template
     number, found = template.bodies.index(body), dict[str, float]()
     for support in records.supports[records.supports["body"] == number]:
         for name, field in (("force", "force"), ("lever", "ratio"), ("x", "centre_x"), ("y", "centre_y")):
@@ -202,10 +153,10 @@ def _resistance(world: World, body: str) -> dict[str, float]:
     return found
 
 
-def _overlap(parting: Parting[World]) -> dict[str, Any]:
+def _overlap(parting: Parting) -> dict[str, Any]:
     """The deepest overlap where contacts yield, and whose."""
     deepest, whose = [], []
-    yields = [world.model.compliant for world in parting.worlds]
+    yields = [variant.model.compliant for variant in parting.variants]
     for motion, soft in zip(parting.motions, yields, strict=True):
         least = motion.data["gap"].values.min(axis=0, initial=0.0)
         whose.append(int(least.argmin()))
@@ -214,13 +165,13 @@ def _overlap(parting: Parting[World]) -> dict[str, Any]:
     return {"contact": contacts[whose[int(np.argmax(deepest))]], "overlap": deepest, "yields": yields}
 
 
-def _coasting(parting: Parting[World]) -> dict[str, Any]:
+def _coasting(parting: Parting) -> dict[str, Any]:
     """The greatest kinetic energy of the body, and the way that it went while nothing that moves touched
     it."""
     energies, ways = [], []
-    for world, motion in zip(parting.worlds, parting.motions, strict=True):
-        own, data = _of_body(parting), motion.data
-        mass = world.records.coordinates["mass"] * world.model.inertia
+    for variant, motion in zip(parting.variants, parting.motions, strict=True):
+        own, data = of_body(parting), motion.data
+        mass = variant.records.coordinates["mass"] * variant.model.inertia
         energy = 0.5 * (data["velocity"].values[:, own] ** 2 * mass[own]).sum(axis=1)
         alone = ~_is_driven(parting, motion)
         ways.append(float(np.linalg.norm(np.diff(motion.places[:, own], axis=0), axis=1)[alone[1:]].sum()))
@@ -228,9 +179,9 @@ def _coasting(parting: Parting[World]) -> dict[str, Any]:
     return {"energy": energies, "coasted": ways}
 
 
-def _is_driven(parting: Parting[World], motion: Motion) -> NDArray[np.bool_]:
+def _is_driven(parting: Parting, motion: Motion) -> NDArray[np.bool_]:
     """For each frame (k,) whether a robot or an object touches the body."""
-    data, bodies = motion.data, parting.worlds[0].scene.file.bodies
+    data, bodies = motion.data, parting.variants[0].scene.file.bodies
     columns = []
     for k, label in enumerate(data.point.values):
         pair = _pair(str(label)).split("|")
@@ -240,7 +191,7 @@ def _is_driven(parting: Parting[World], motion: Motion) -> NDArray[np.bool_]:
     return np.asarray((data["mode"].values[:, columns] != OPEN).any(axis=1))
 
 
-def _bounce(parting: Parting[World]) -> dict[str, Any]:
+def _bounce(parting: Parting) -> dict[str, Any]:
     """The hardest impact after which bodies parted, of either run and before the motions part, if there is
     one: whose, how fast they met, and parted. Bodies that touch from the start have no speed at which they
     met."""
@@ -264,13 +215,3 @@ def _bounce(parting: Parting[World]) -> dict[str, Any]:
     time, run, contact, hit, rebound = max(known, key=lambda each: each[4])
     speeds = {"met": hit} if hit else {}
     return {"contact": contacts[contact], "time": time, "run": run, **speeds, "left": rebound}
-
-
-def accuracy(parting: Parting[Any]) -> dict[str, Any]:
-    return {"tol": [world.tol for world in parting.worlds]}
-
-
-def parameters(parting: Parting[Any]) -> dict[str, Any]:
-    """Parameters that differ."""
-    one, other = (world.parameters for world in parting.worlds)
-    return {name: [one[name], other[name]] for name in one if name in other and one[name] != other[name]}

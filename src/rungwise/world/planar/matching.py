@@ -1,80 +1,28 @@
-"""Matched parameters: what one model says by one number, and another by another.
-
-Restitution on the rigid rungs and the damping ratio of compliant contacts; the weight of turning in the
-slowest motion, rho^2 = I/m, and what a support resists turning with. The matched scene has parameters for
-them, so that any run of a comparison is a run of that one scene.
-"""
+"""Matched parameters of a planar scene (see `world.matching`)."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
-from rungwise.models.ladder import DYNAMIC_RIGID, Rung
-from rungwise.planning.worlds import CONDITIONS, GIVE, World
+from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
 from rungwise.scene.records import Records
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.inputs import Segment
-from rungwise.world.run import simulate
-
-STIFFNESS, DAMPING, BOUNCE, TURN = "match_stiffness", "match_damping", "match_bounce_{}", "match_inertia_{}"
-"""Parameters of a matched scene: factors of all stiffnesses and dampings, restitution of each contact, and
-moment of inertia of each body whose turning is matched."""
-
-
-@dataclass(frozen=True)
-class Matched:
-    """A scene whose contacts have restitution and damping that belong together; values of its parameters,
-    those that the kinematic rung takes in place, and what was matched, in words.
-
-    bare: the scene without conditions, whose runs go on; ratios: damping ratio of each contact, nan where
-    none is matched.
-    """
-
-    scene: Scene | SpaceScene
-    bare: Scene | SpaceScene
-    parameters: dict[str, float]
-    kinematic: dict[str, float]
-    notes: tuple[str, ...]
-    ratios: tuple[float, ...]
-
-    def values(self, model: Rung) -> dict[str, float]:
-        """Parameters for a run on this rung."""
-        return self.parameters | (self.kinematic if model.metric else {})
-
-    def bouncing(self, restitution: float | None) -> dict[str, float]:
-        """Restitution of all matched contacts, by the parameters' names; None: as matched."""
-        names = {BOUNCE.format(k): r for k, r in enumerate(self.ratios) if not math.isnan(r)}
-        return {} if restitution is None else dict.fromkeys(names, restitution)
-
-
-def restitution(ratio: float) -> float:
-    """Newton's restitution of one impact on a spring and a damper that cannot pull (a force that stays
-    pressing), at this damping ratio."""
-    if ratio < 1.0:
-        angle = math.acos(ratio)
-        return math.exp(-2.0 * ratio * angle / math.sin(angle))
-    angle = math.acosh(ratio)
-    return math.exp(-2.0 * ratio * (angle / math.sinh(angle) if angle > 0.0 else 1.0))
-
-
-def damping_ratio(bounce: float) -> float:
-    """The damping ratio whose impact has this restitution, in (0, 1]."""
-    if bounce >= 1.0:
-        return 0.0
-    return float(brentq(lambda ratio: restitution(ratio) - bounce, 0.0, 1.0 / math.sqrt(bounce)))
+from rungwise.simulation.result import Run
+from rungwise.simulation.run import Simulation
+from rungwise.world.ingredients import CONDITIONS
+from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, damping_ratio, restitution
+from rungwise.world.planar.variant import GIVE, PlanarVariant
 
 
 def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matched:
     """The scene with matched parameters: where a contact has restitution, its damping follows from that,
     otherwise its restitution follows from its damping."""
-    records = World(scene, parameters, DYNAMIC_RIGID, 0.0).records
+    records = PlanarVariant(scene, parameters, DYNAMIC_RIGID, 0.0).records
     names, masses = scene.template.contacts, _masses(scene, parameters, duration)
     extra: dict[str, float] = {STIFFNESS: 1.0, DAMPING: 1.0}
     contacts, notes, ratios = [], [], []
@@ -128,9 +76,9 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
     bare = load(file)
     for k, (a, b) in enumerate(scene.template.contacts):
         until = Segment({}, duration, f"gap({a}, {b}) <= tolerance")
-        run = simulate(bare, DYNAMIC_RIGID, parameters=parameters, inputs=[until], frames=3)
+        run = _run(bare, parameters=parameters, inputs=[until])
         if run.steps == 0:  # closed from the start: a first step, for its terms
-            run = simulate(bare, DYNAMIC_RIGID, parameters=parameters, duration=1e-6 * duration, frames=3)
+            run = _run(bare, parameters=parameters, duration=1e-6 * duration)
         if run.workspace is None or run.time >= duration:
             continue
         terms, state, clock = run.workspace.terms, run.workspace.state, run.workspace.state.clock[0]
@@ -143,6 +91,13 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
                 if flexibility > 0.0:
                     found.setdefault(k, 1.0 / flexibility)
     return found
+
+
+def _run(scene: Scene, **options: Any) -> Run:
+    simulation = Simulation(scene, DYNAMIC_RIGID, frames=3, **options)
+    while simulation.advance():
+        pass
+    return simulation.result()
 
 
 def _turning(scene: Scene, records: Records) -> tuple[dict[str, float], dict[str, float], list[str]]:

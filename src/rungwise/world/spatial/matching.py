@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.hierarchy.matching import BOUNCE, DAMPING, STIFFNESS, Matched, damping_ratio, restitution
 from rungwise.kernel import Reals
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.outcome import Code
-from rungwise.planning.worlds import CONDITIONS
 from rungwise.scene.space import SpaceBound, SpaceScene, load_space
 from rungwise.scene.space.fields import ENTRIES
 from rungwise.scene.space.laws import FROM
 from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.world.ingredients import CONDITIONS
+from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, Matched, damping_ratio, restitution
 
 FIELDS = ("stiffness", "tangential_stiffness", "damping", "tangential_damping")
 """What the first columns of a scene's laws are."""
@@ -31,7 +31,7 @@ KEPT = "rho^2 = I/m of the kinematic rung stays each body's own in space"
 Pair = tuple[int, int]
 
 
-def matched_in_space(scene: SpaceScene, parameters: dict[str, float], duration: float) -> Matched:
+def matched(scene: SpaceScene, parameters: dict[str, float], duration: float) -> Matched:
     """The scene with matched parameters: where a contact has restitution, its damping follows from that,
     otherwise its restitution follows from its damping."""
     bound, file = scene.bind(parameters), json.loads(scene.stored)

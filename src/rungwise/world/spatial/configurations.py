@@ -7,20 +7,19 @@ turn about the body's own axes, as velocities are.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.task import Task
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching, touching_pairs
 from rungwise.simulation.core.march import OVERLAP
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.contract import OBJECT
-from rungwise.world.find import world_of
-from rungwise.world.spatial.instance import BALL, FREE, SLIDE
+from rungwise.world.spatial.instance import BALL, FREE, SLIDE, roles_in_space
 
 if TYPE_CHECKING:
     import mujoco
@@ -29,21 +28,23 @@ FAR = 10.0
 """Gaps are no longer than this many times the model's extent."""
 
 
-class SpaceRoom:
-    """Where the bodies of a scene in space may be placed (see `room.Room`)."""
+class SpatialConfigurations:
+    """See `Configurations`."""
 
-    def __init__(self, task: Task, scene: SpaceScene, without: str = "") -> None:
+    def __init__(
+        self, scene: SpaceScene, parameters: Mapping[str, float], size: float, without: str = ""
+    ) -> None:
         import mujoco
 
-        bound = scene.bind(task.parameters)
+        bound = scene.bind(parameters)
         self._mujoco, self.model = mujoco, bound.model
         m, self._data = bound.model, mujoco.MjData(bound.model)
-        self.names, self.size = scene.template.bodies, task.size
+        self.names, self.size = scene.template.bodies, size
         touches, halves = touching(m) & (m.geom_rbound > 0.0), m.geom_aabb[:, 3:]
-        self.thin = float(2.0 * halves[touches].min(initial=0.5 * task.size))
+        self.thin = float(2.0 * halves[touches].min(initial=0.5 * size))
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
-        self.rounding = OVERLAP * float(m.geom_rbound[moving].min(initial=task.size))
-        self._describe(world_of(scene).roles(task.parameters))
+        self.rounding = OVERLAP * float(m.geom_rbound[moving].min(initial=size))
+        self._describe(dict(zip(self.names, roles_in_space(bound), strict=True)))
         self.far = FAR * float(m.stat.extent)
         self.geoms: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for a, b in touching_pairs(m).tolist():

@@ -1,0 +1,71 @@
+"""Where the bodies of a planar scene may be placed, how places change, and what is between the bodies there.
+
+The geometric rung asks nothing else of a scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene import Scene
+from rungwise.system.planar.place import turns
+from rungwise.world.contract import OBJECT
+from rungwise.world.planar.instance import roles_in_plane
+from rungwise.world.planar.place import PlanarPlace
+
+ROUNDING = 1e-9
+"""Overlap that counts as rounding, in parts of the size of what is moved."""
+
+
+class PlanarConfigurations:
+    """See `Configurations`: changes are differences of places."""
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], size: float, without: str) -> None:
+        records = scene.bind(parameters).records
+        self._place = PlanarPlace(scene, parameters)
+        coordinates, reach = records.coordinates, records.shapes["reach"]
+        self.names, self.size, self.rounding = scene.template.bodies, size, ROUNDING * size
+        self.bound = "bodies are joined" if scene.template.joints else ""
+        self.turning = np.array(
+            [turns(records.bodies[c["body"]], i) for i, c in enumerate(coordinates)], bool
+        )
+        self.unit = self.units = np.where(self.turning, 1.0, size)
+        self.low, self.high = coordinates["lower"].copy(), coordinates["upper"].copy()
+        self.numbers = self.of_numbers = np.arange(len(coordinates), dtype=np.int64)
+        self.turns = np.zeros((0, 4), np.int64)
+        widths = records.shapes["width"]
+        self.thin = float(widths[np.isfinite(widths) & (widths > 0.0)].min(initial=size))
+        self._reach = np.zeros(len(records.bodies))
+        for shape, far in zip(records.shapes, np.where(np.isfinite(reach), reach, 0.0), strict=True):
+            self._reach[shape["body"]] = max(self._reach[shape["body"]], far)
+        contacts = scene.template.contacts
+        self._kept = [k for k, pair in enumerate(contacts) if without not in pair]
+        pairs = [[self.names.index(name) for name in contacts[k]] for k in self._kept]
+        self.pairs = np.array(pairs, np.int64).reshape(-1, 2)
+        owners, roles = coordinates["body"].tolist(), roles_in_plane(scene)
+        self.objects = np.array([roles[self.names[body]] == OBJECT for body in owners], bool)
+        self.bodies = [[i for i, owner in enumerate(owners) if owner == body] for body in set(owners)]
+
+    def look(self, rows: Reals) -> tuple[Reals, Reals]:
+        gaps, _, poses = self._place.geometry(rows)
+        return gaps[:, self._kept], poses
+
+    def moved(self, marks: Reals) -> Reals:
+        moved = np.linalg.norm(np.diff(marks[..., :2], axis=0), axis=-1)
+        return np.asarray(moved + self._reach * np.abs(_wrapped(np.diff(marks[..., 2], axis=0))))
+
+    def changed(self, rows: Reals, change: Reals) -> Reals:
+        return np.asarray(rows + change)
+
+    def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
+        return np.asarray(a + at[:, None] * (b - a))
+
+    def lengths(self, way: Reals) -> Reals:
+        return np.asarray(np.linalg.norm(np.diff(way / self.unit, axis=0), axis=1))
+
+
+def _wrapped(angles: Reals) -> Reals:
+    return (angles + np.pi) % (2.0 * np.pi) - np.pi

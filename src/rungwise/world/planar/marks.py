@@ -1,0 +1,38 @@
+"""Places by which motions in the plane are compared: coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.models.ladder import KINEMATIC
+from rungwise.scene import Scene, SceneError
+from rungwise.simulation.run import Simulation
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The coordinates of a planar scene, each a place on a line."""
+
+    names: tuple[str, ...]
+
+    def __call__(self, q: Reals) -> Reals:
+        """Places (..., n, 1) of states q (..., n)."""
+        return q[..., None]
+
+
+def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+    """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
+    reach; 0 for robots, unless there are no objects. Raises SceneError where no run can begin."""
+    simulation = Simulation(scene, KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3)
+    while simulation.advance():
+        pass
+    run = simulation.result()
+    if run.workspace is None:
+        raise SceneError(run.reason)
+    clock, names = run.workspace.state.clock[0], scene.template.coordinates
+    objects = np.array([scene.file.bodies[name.split(".")[0]].role == "object" for name in names], bool)
+    levers = np.array([float(clock["reach"]) if name.endswith("angle") else 1.0 for name in names])
+    return float(clock["extent"]), levers * objects if objects.any() else levers
