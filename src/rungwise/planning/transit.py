@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.carriers import Carrier
 from rungwise.planning.task import Task
 from rungwise.planning.ways import CHECKS, always, grown, shortened
+from rungwise.world.carriers import Carrier
 from rungwise.world.questions import Question
 
 NEAR = 0.25
