@@ -31,7 +31,6 @@ from .models.ladder import (
     Rung,
 )
 from .outcome import OUTCOMES, Code, Outcome
-from .planning.carriers import TaskError
 from .planning.climb import plan
 from .planning.design import Design, design
 from .planning.diagnose import Diagnosis, diagnose
@@ -68,6 +67,7 @@ from .viewing.parting import draw_parting
 from .viewing.view import view
 from .viewing.write import ViewError
 from .world.batch import Batch, Results
+from .world.carriers import TaskError
 from .world.planar.rollouts import Rollouts
 from .world.questions import Answers, Geometry, ask, geometry
 from .world.rollout import rollout

@@ -14,9 +14,10 @@ from scipy.optimize import minimize_scalar
 import rungwise as rw
 from rungwise.hierarchy.drives import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
-from rungwise.hierarchy.motions import Bench, measures
+from rungwise.hierarchy.motions import Bench
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
 from rungwise.hierarchy.walking import exponent
+from rungwise.world.find import world_of
 from rungwise.world.matching import damping_ratio, restitution
 from rungwise.world.planar.matching import matched
 
@@ -41,7 +42,7 @@ def compared(scene: rw.Scene, model: str | None = None, **parameters: float) -> 
 
 def benched(scene: rw.Scene, **parameters: float) -> Bench:
     values = scene.parameters({"v2": 0.6, "mu": 0.0, **parameters})
-    extent, levers = measures(scene, values, ENDS)
+    extent, levers = world_of(scene).measures(values, ENDS)
     return Bench(matched(scene, values, ENDS), inputs_of(scene, values), ENDS, extent, levers, None)
 
 

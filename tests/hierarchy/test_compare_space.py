@@ -12,7 +12,7 @@ import pytest
 import rungwise as rw
 from rungwise.hierarchy.drives import inputs_of
 from rungwise.hierarchy.limits import SAME, STAYS, TENDS, Fit, fit
-from rungwise.hierarchy.motions import Bench, apart, measures
+from rungwise.hierarchy.motions import Bench, apart
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, Path
 from rungwise.scene.space import load_space
 from rungwise.world.find import world_of
@@ -38,7 +38,7 @@ FORCE, DRAG, MASS = 0.8, 4.0, 0.5
 
 def benched(scene: rw.SpaceScene, duration: float, **parameters: float) -> Bench:
     values = scene.parameters(parameters)
-    extent, levers = measures(scene, values, duration)
+    extent, levers = world_of(scene).measures(values, duration)
     match = matched_in_space(scene, values, duration)
     return Bench(match, inputs_of(scene, values), duration, extent, levers, 1)
 

@@ -14,12 +14,12 @@ import yaml
 from scipy.stats import beta
 
 import rungwise as rw
-from rungwise.planning import execute
 from rungwise.planning.guard import guarded
 from rungwise.planning.predict import Budget
 from rungwise.planning.robust import made_robust
 from rungwise.planning.verify import bound_below
 from rungwise.scene.scene import LIBRARY
+from rungwise.world.planar.world import PlanarWorld
 
 STRAIGHT = {"offset": 0.0, "goal_x": 0.06, "goal_y": 0.0, "goal_angle": 0.0, "near": 0.01, "aligned": 0.1}
 """A push through the middle of the box: whatever the friction, the box ends where the rod ends."""
@@ -126,7 +126,7 @@ def test_re_planning_where_blind_execution_does_not_do(tmp_path: Path) -> None:
 
 def test_a_rate_out_of_reach_is_no_plan(plan: rw.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
     """Posts that may stand in the way of the box: nothing helps, and samples end early."""
-    monkeypatch.setattr(execute, "STEPS", 10_000)
+    monkeypatch.setattr(PlanarWorld, "replanning_steps", 10_000)
     blocked = replace(
         plan, scene=push({"post1_x": {"uniform": [0.0, 0.2]}, "post1_y": {"uniform": [-0.1, 0.1]}})
     )

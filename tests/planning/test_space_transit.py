@@ -173,7 +173,8 @@ def test_a_gantry_goes_around_a_post_to_push_a_can(tmp_path: Path) -> None:
 
 def test_gaps_shrink_by_no_more_than_is_said() -> None:
     scene = arm()
-    room = SpaceRoom(task_of(scene), scene)
+    task = task_of(scene)
+    room = SpaceRoom(scene, task.parameters, task.size)
     rng, q = np.random.default_rng(0), rw.State.of(scene).q
     for _ in range(50):
         a, b = (q + np.r_[np.zeros(7), rng.uniform(-1.0, 1.0, 3)] for _ in range(2))
