@@ -17,7 +17,8 @@ from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
 from .errors import InputError
-from .hierarchy.compare import Comparison, compare
+from .hierarchy.compare import compare
+from .hierarchy.comparison import Comparison
 from .hierarchy.counterexample import Counterexample, load_counterexample
 from .keywords import KeywordError
 from .models.ladder import (

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 from functools import cached_property
+from importlib import import_module
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -54,9 +55,7 @@ class Block:
 
     @cached_property
     def _numba_type_(self) -> Any:
-        from rungwise.compilation.blocks import block_type
-
-        return block_type(*self._layout)  # type: ignore[attr-defined]
+        return import_module("rungwise.compilation.blocks").block_type(*self._layout)  # type: ignore[attr-defined]
 
 
 def _rebuilt(kind: type[Block], fields: dict[str, Any]) -> Block:

@@ -53,15 +53,12 @@ class Kernel:
 
     @cached_property
     def _call(self) -> Callable[..., object]:
-        from rungwise.compilation.calls import call
-
+        call: Callable[..., object] = _calls().call
         return call
 
     @cached_property
     def _outside(self) -> Any:
-        from rungwise.compilation.calls import KernelDispatcher
-
-        return KernelDispatcher(self.function, "outside", **self.options)
+        return _calls().KernelDispatcher(self.function, "outside", **self.options)
 
     def code_for(self, arguments: tuple[object, ...]) -> Callable[..., object]:
         """What calls the machine code for the types of arguments with which the kernel has been called."""
@@ -72,16 +69,12 @@ class Kernel:
     @cached_property
     def inside(self) -> Any:
         """Numba's dispatcher for calls from compiled code."""
-        from rungwise.compilation.calls import KernelDispatcher
-
         kind = "part" if self.is_part else "called"
-        return KernelDispatcher(self.function, kind, no_cpython_wrapper=True, **self.options)
+        return _calls().KernelDispatcher(self.function, kind, no_cpython_wrapper=True, **self.options)
 
     @cached_property
     def _numba_type_(self) -> Any:
-        from rungwise.compilation.calls import type_of
-
-        return type_of(self)
+        return _calls().type_of(self)
 
 
 def kernel(function: F) -> F:
@@ -153,6 +146,11 @@ def linking_time() -> float:
     """Seconds that this thread has spent, within compiled code, on loading and compiling called kernels."""
     calls = sys.modules.get("rungwise.compilation.calls")
     return 0.0 if calls is None else float(calls.thread.seconds)
+
+
+def _calls() -> Any:
+    """The module that knows numba, named and not imported: it is loaded when the first kernel is called."""
+    return import_module("rungwise.compilation.calls")
 
 
 def _is_private(function: Callable[..., object]) -> bool:

@@ -25,6 +25,8 @@ from numba.core.serialize import dumps
 from rungwise.compilation.progress import compiling
 
 _PACKAGE = Path(__file__).parent.parent
+_COMPILER = ("rungwise.compilation.calls", "rungwise.compilation.blocks")
+"""Modules that kernels need and name, but do not import."""
 _IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 
 
@@ -64,13 +66,13 @@ def _sources(module: str) -> frozenset[Path]:
     For a module outside the package: every file of the package, and the files beside the module's own file.
     """
     found: set[Path] = set()
-    waiting = [module]
+    waiting = [module, *_COMPILER]
     while waiting:
         source = _file(waiting.pop())
         if source is not None and source not in found:
             found.add(source)
             waiting += _imports(source)
-    if found:
+    if _file(module) in found:
         return frozenset(found)
     own = getattr(sys.modules.get(module), "__file__", None)
     beside = Path(own).resolve().parent.glob("*.py") if own else ()

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 
+from rungwise.hierarchy.comparison import Comparison, Measured
 from rungwise.hierarchy.counterexample import Counterexample, levers, side
-from rungwise.hierarchy.drives import Inputs, inputs_of
-from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit, first, fit
+from rungwise.hierarchy.drives import inputs_of
+from rungwise.hierarchy.limits import INDEPENDENT, STAYS, first, fit
 from rungwise.hierarchy.motions import MOVING, Bench
-from rungwise.hierarchy.nearest import Nearest, nearest
+from rungwise.hierarchy.nearest import nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
 from rungwise.hierarchy.settling import Settled, settle
-from rungwise.hierarchy.stages import Cost, cheapest, costs
-from rungwise.hierarchy.words import table
+from rungwise.hierarchy.stages import cheapest, costs
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
-from rungwise.plain import cut, json_text
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.options import ModelError, check_options, count, moving_rung
@@ -32,136 +30,6 @@ PART = 1e-2
 
 Progress = Callable[[str, int, int], None]
 HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A pair of models: how near the richer one comes to the simpler (see `Nearest`), and the fits along the
-    paths from one to the other."""
-
-    pair: Pair
-    nearest: Nearest
-    fits: tuple[Fit, ...]
-    accuracy: float
-
-    @property
-    def first(self) -> str:
-        """Definition 1, within the accuracy."""
-        if not self.nearest.told:
-            return UNDECIDED
-        return HOLDS if self.nearest.value <= self.accuracy else FAILS
-
-    @property
-    def second(self) -> str:
-        """Definition 2, along one of the paths."""
-        found = {fit.verdict for fit in self.fits}
-        if TENDS in found:
-            return HOLDS
-        if found & {STAYS, INDEPENDENT}:
-            return FAILS
-        return SAME if found == {SAME} else UNDECIDED
-
-    @property
-    def verdict(self) -> str:
-        """Whether what the paper's table says of the pair holds; of pairs that it does not have, Definition
-        2."""
-        return self.first if self.pair.definition == 1 else self.second
-
-    def summary(self) -> dict[str, Any]:
-        near = self.nearest
-        return {
-            "from": self.pair.richer.name, "to": self.pair.simpler.name,
-            "paper": f"Def. {self.pair.definition}" if self.pair.definition else None,
-            "distances": near.same.tolist(),
-            "definition_1": {"value": near.value, "least": near.least.tolist(), "verdict": self.first},
-            "definition_2": {
-                "verdict": self.second,
-                "paths": [
-                    {
-                        "path": fit.path.words, "parameter": fit.path.name, "values": list(fit.values),
-                        "distances": list(fit.distances), "floors": list(fit.floors), "order": fit.order,
-                        "standard_error": fit.error, "verdict": fit.verdict, "why": fit.why,
-                        "until": fit.until, "sample": fit.sample, "equal_steps": fit.step is not None,
-                    }
-                    for fit in self.fits
-                ],
-            },
-            "verdict": self.verdict,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """The hierarchy between the models, measured on a scene.
-
-    Distances are parts of the `extent`: the greatest difference of a coordinate of an object along the run,
-    angles times the longest lever; in space, of its centre and of the tips of its axes. `inputs` and
-    `samples` (m, k): what was run, the scene's own inputs first; `until` (m,): when the last rung had come to
-    an end; `notes`: what was matched; `ends`: how each rung's runs ended (m,), and `errors` of its motions
-    (m,), infinite where none is known; `pairs`; `costs` of all stages, and `cheapest`, the one of fewest
-    solves within `accuracy` of the richest.
-    """
-
-    scene: AnyScene
-    parameters: dict[str, float]
-    accuracy: float
-    extent: float
-    inputs: Inputs
-    samples: Reals
-    until: Reals
-    notes: tuple[str, ...]
-    ends: dict[str, list[str]]
-    errors: dict[str, Reals]
-    pairs: tuple[Measured, ...]
-    costs: tuple[Cost, ...]
-    cheapest: Cost | None
-    counterexamples: tuple[Counterexample, ...]
-
-    @property
-    def ok(self) -> bool:
-        """Whether the scene bears out what the paper's table says of each pair that was measured."""
-        return all(each.verdict in (HOLDS, SAME) for each in self.pairs if each.pair.definition)
-
-    def __repr__(self) -> str:
-        told = ", ".join(
-            f"{each.pair.richer.name} -> {each.pair.simpler.name} {each.verdict}" for each in self.pairs
-        )
-        return f"<Comparison of {cut(self.scene.name)}: {cut(told, 400)}>"
-
-    def __str__(self) -> str:
-        return "\n".join(table(self))
-
-    def save(self, folder: str | File) -> list[File]:
-        """Write the answer into a folder, and each counterexample into a file that `load_counterexample` and
-        `rungwise compare` take; returns the files. Raises OSError."""
-        target = File(folder)
-        target.mkdir(parents=True, exist_ok=True)
-        whole = target / "comparison.json"
-        whole.write_text(json_text(self.summary(), indent=1) + "\n", "utf-8")
-        parts = enumerate(self.counterexamples, 1)
-        return [whole, *(each.save(target / f"counterexample-{k}.json") for k, each in parts)]
-
-    def summary(self) -> dict[str, Any]:
-        """Plain values, as `rungwise compare --json` prints them."""
-        return {
-            "scene": self.scene.name, "parameters": self.parameters, "accuracy": self.accuracy,
-            "extent": self.extent, "matched": list(self.notes),
-            "inputs": [self.inputs.named(row) for row in self.samples], "until": self.until.tolist(),
-            "ends": self.ends, "errors": {name: each.tolist() for name, each in self.errors.items()},
-            "pairs": [each.summary() for each in self.pairs],
-            "stages": [_cost(each) for each in self.costs],
-            "cheapest": None if self.cheapest is None else _cost(self.cheapest),
-            "counterexamples": [each.summary() for each in self.counterexamples],
-            "ok": self.ok,
-        }  # fmt: skip
-
-
-def _cost(cost: Cost) -> dict[str, Any]:
-    stage = cost.stage
-    return {
-        "model": stage.model.name, "tol": stage.tol, "distance": cost.distance, "steps": cost.steps,
-        "solves": cost.solves,
-    }  # fmt: skip
 
 
 @keywords

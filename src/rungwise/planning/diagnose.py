@@ -163,7 +163,7 @@ def compare(
         causes, left = _least(a, b, names, inputs, weights, motions, distance, until, look)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
-    details = a.evidence(Parting((a, b), (first, last), time, body, size), causes)
+    details = world_of(a.scene).evidence(Parting((a, b), (first, last), time, body, size), causes)
     return Diagnosis(
         before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
         distance=distance, details=details, ends=tuple(world_of(a.scene).end(run) for run in runs),

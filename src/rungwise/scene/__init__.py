@@ -2,8 +2,8 @@
 
 from rungwise.scene import parts
 from rungwise.scene.draft import SceneBuilder
+from rungwise.scene.errors import SceneError
 from rungwise.scene.scene import Bound, InvalidScene, Scene, load, schema, shipped
-from rungwise.scene.template import SceneError
 
 __all__ = [
     "Bound",

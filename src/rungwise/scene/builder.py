@@ -8,6 +8,7 @@ from itertools import chain, islice
 import numpy as np
 
 from rungwise.scene import records as rec
+from rungwise.scene.errors import SceneError
 from rungwise.scene.expression import STACK, Programs
 from rungwise.scene.fields import Contact, Coordinate, Hinge, SceneFile, Slide
 from rungwise.scene.joints import write_joint
@@ -19,7 +20,7 @@ from rungwise.scene.shapes import Box, Capsule, Disc, HalfPlane, Outline, Polygo
 from rungwise.scene.supports import spot_count, supports, write_supports
 from rungwise.scene.task import numbers_of
 from rungwise.scene.tasks import write_task
-from rungwise.scene.template import SceneError, Template, block_of
+from rungwise.scene.template import Template, block_of
 from rungwise.scene.values import Number, Pair, shown
 from rungwise.scene.writer import INF, Writer
 from rungwise.wording import choices, listed

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from rungwise.keywords import keywords
+from rungwise.scene.errors import SceneError
 from rungwise.scene.parts import Number, Pair, Part, part
 from rungwise.scene.scene import Scene, load
 from rungwise.scene.symbol import Symbol
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 
 DRIVES = ("speed", "servo", "force")

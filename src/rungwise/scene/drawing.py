@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.fields import Body, SceneFile
 from rungwise.scene.paths import METRES, Drawn, File, Place, read_drawing
 from rungwise.scene.shapes import Drawing, Outline, Shape
-from rungwise.scene.template import SceneError
 from rungwise.wording import listed
 
 if TYPE_CHECKING:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rungwise.scene import records as rec
+from rungwise.scene.errors import SceneError
 from rungwise.scene.fields import JointCoordinate, SceneFile
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.scene.writer import INF, Writer
 from rungwise.wording import choices

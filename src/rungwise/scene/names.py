@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
-from rungwise.scene.template import SceneError
 from rungwise.wording import choices
 
 OF_CONTACTS = ("gap", "force", "impulse")

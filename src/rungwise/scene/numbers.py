@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, kernel
+from rungwise.scene.errors import MAY_BE_INFINITE, STRICT
 from rungwise.scene.expression import evaluate
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Bounds, Numbers
+from rungwise.scene.template import Bounds, Numbers
 
 
 @kernel

@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.fields import Contact, SceneFile
 from rungwise.scene.shapes import HalfPlane, Shape
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.wording import choices
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.scene.template import SceneError
+from rungwise.scene.errors import SceneError
 from rungwise.scene.values import shown
 from rungwise.wording import choices
 

@@ -9,9 +9,10 @@ from typing import Any
 from rungwise.keywords import keywords
 from rungwise.scene import scene as planar
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.errors import SceneError
+from rungwise.scene.scene import Scene
 from rungwise.scene.space import is_space, load_space
 from rungwise.scene.space.read import shipped_in_space
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 
 
@@ -30,3 +31,11 @@ def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
     if is_space(source):
         return load_space(source)
     return planar.read(source, sorted((*planar.shipped(), *shipped_in_space())))
+
+
+def load_planar(source: AnyScene | str | Path | Mapping[str, Any]) -> Scene:
+    """A planar scene. Raises SceneError as `load` does, and for scenes of other worlds."""
+    scene = load(source)
+    if not isinstance(scene, Scene):
+        raise SceneError("scene: is in space, and what is asked is known of planar scenes only")
+    return scene

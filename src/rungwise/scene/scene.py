@@ -23,11 +23,12 @@ from rungwise.scene import records as rec
 from rungwise.scene.bind import bind
 from rungwise.scene.builder import build
 from rungwise.scene.drawing import with_outlines
+from rungwise.scene.errors import SceneError, out_of_range
 from rungwise.scene.expression import STACK
 from rungwise.scene.fields import Parameter, SceneFile
 from rungwise.scene.shapes import MANY, ONE
 from rungwise.scene.task import numbers_of
-from rungwise.scene.template import SceneError, Template, out_of_range
+from rungwise.scene.template import Template
 from rungwise.scene.values import finite, shown
 from rungwise.wording import choices
 
@@ -188,9 +189,8 @@ def parameter_values(known: Mapping[str, Parameter], given: Mapping[str, float] 
 
 @keywords
 def load(source: Scene | str | Path | Mapping[str, Any]) -> Scene:
-    """Read a planar scene (see `read.load`). Raises SceneError: one line that names the field and its valid
-    values."""
-    _refuse_space(source)
+    """Read a planar scene (see `read.load`, which tells scenes in space). Raises SceneError: one line that
+    names the field and its valid values."""
     return read(source, shipped())
 
 
@@ -209,13 +209,6 @@ def read(source: Scene | str | Path | Mapping[str, Any], known: Sequence[str]) -
     except RecursionError:
         raise SceneError("scene: nested too deeply") from None
     return Scene(file, build(file))
-
-
-def _refuse_space(source: object) -> None:
-    from rungwise.scene.space import is_space
-
-    if is_space(source):
-        raise SceneError("scene: is in space, and what is asked is known of planar scenes only")
 
 
 def shipped() -> tuple[str, ...]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rungwise.scene import records as rec
+from rungwise.scene.errors import SceneError
 from rungwise.scene.fields import Body, Free, Points, Ratio, Ring, SceneFile, Support
-from rungwise.scene.template import SceneError
 from rungwise.scene.writer import Writer
 
 _PRESSURES = {"uniform": rec.UNIFORM, "ring": rec.RING, "points": rec.POINTS, "ratio": rec.RATIO}

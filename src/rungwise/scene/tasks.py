@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.fields import Free, SceneFile
 from rungwise.scene.names import Names
 from rungwise.scene.task import Task, numbers_of
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.scene.writer import Writer
 from rungwise.wording import choices

@@ -2,40 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.expression import Programs
-
-if TYPE_CHECKING:
-    from rungwise.scene.names import Names
-
-STRICT, MAY_BE_INFINITE = 1, 2
-
-
-class SceneError(InputError):
-    """A scene, or a value given for it, is wrong; the text is one line that names the field."""
-
-
-def out_of_range(value: float, low: float, high: float, kinds: int) -> str | None:
-    """What is wrong with a number, in words; None for one that keeps its bounds."""
-    if math.isnan(value):
-        return "must be a number, not nan"
-    if math.isinf(value) and not kinds & MAY_BE_INFINITE:
-        return f"must be finite, not {value:g}"
-    if low <= value <= high and not (kinds & STRICT and value == low):
-        return None
-    sign = ">" if kinds & STRICT else ">="
-    bounds = f"{sign} {low:g}" + (f" and <= {high:g}" if math.isfinite(high) else "")
-    return f"{value:g} must be {bounds}"
+from rungwise.scene.names import Names
 
 
 class Numbers(Block):
@@ -102,8 +78,6 @@ class Template:
 
     def names(self) -> Names:
         """The names that expressions may use."""
-        from rungwise.scene.names import Names
-
         return Names(self.parameters, self.coordinates, self.contacts)
 
     @property

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.scene import records as rec
+from rungwise.scene.errors import MAY_BE_INFINITE, STRICT, SceneError, out_of_range
 from rungwise.scene.expression import STACK, Code, Programs, evaluate
 from rungwise.scene.fields import Drive, Force, Servo, Speed
 from rungwise.scene.names import Names
-from rungwise.scene.template import MAY_BE_INFINITE, STRICT, Checks, SceneError, out_of_range
+from rungwise.scene.template import Checks
 from rungwise.scene.values import Number
 
 INF = float("inf")

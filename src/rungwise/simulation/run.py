@@ -20,7 +20,8 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
-from rungwise.scene import InvalidScene, Scene, load
+from rungwise.scene import InvalidScene, Scene
+from rungwise.scene.read import load_planar
 from rungwise.simulation.inputs import Schedule, Segment, compile_segments, read_schedule
 from rungwise.simulation.options import (
     MANY,
@@ -100,7 +101,7 @@ class Simulation:
         stride: int | None = None,
         save_hard: str | Path | None = None,
     ) -> None:
-        self.scene = load(scene)
+        self.scene = load_planar(scene)
         self.model = moving_rung(model)
         step, tol, duration, theta = check_options(step, tol, duration, theta)
         span = None if span is None else positive("span", span)

@@ -24,7 +24,7 @@ from rungwise.simulation.state import State
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
     from rungwise.world.carriers import Carrier
-    from rungwise.world.ingredients import Variant
+    from rungwise.world.ingredients import Parting, Variant
     from rungwise.world.matching import Matched
     from rungwise.world.rolled import Rolled
 
@@ -274,6 +274,9 @@ class World(Protocol):
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> Variant:
         """The scene on a rung, taken apart into ingredients."""
+
+    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        """Numbers for each cause why the motions of two variants part."""
 
     def end(self, run: Any) -> dict[str, Any]:
         """How a run ended: outcome, time, and the certificate that proves a jam or a missing support."""

@@ -7,7 +7,6 @@ no momentum to bounce with.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -48,9 +47,6 @@ class Variant(Protocol):
 
     def mixed(self, other: Self, taken: frozenset[str]) -> Self:
         """This variant, with the ingredients `taken` from the other, and without conditions."""
-
-    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Numbers for each cause why two motions part, the first of this variant."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,6 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.state import Memory, State, digest
-from rungwise.world.run import simulate
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,7 +50,7 @@ class Rolled:
     speed: Reals
     faults: dict[int, str]
     memory: Reals = field(repr=False)
-    _options: Callable[[int], dict[str, Any]] = field(repr=False)
+    _again: Callable[[int], Any] = field(repr=False)
     _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
     _theta: float = field(repr=False)
 
@@ -113,7 +112,7 @@ class Rolled:
     def run(self, sample: int) -> Any:
         """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
         for a sample with wrong values."""
-        return simulate(self.scene, self.model, **self._options(sample))
+        return self._again(sample)
 
     def reason(self, sample: int) -> str:
         """Why the run of this sample ended as it did, in one line."""

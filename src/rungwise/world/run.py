@@ -14,6 +14,7 @@ from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
+from rungwise.world.finish import finished
 
 if TYPE_CHECKING:
     pass
@@ -54,7 +55,4 @@ def simulate(
         theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
         stride=stride, save_hard=save_hard,
     )  # fmt: skip
-    while simulation.advance():
-        if on_progress is not None:
-            on_progress(simulation)
-    return simulation.result()
+    return finished(simulation, on_progress)

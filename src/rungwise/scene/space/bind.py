@@ -5,29 +5,49 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
+from rungwise.scene.errors import SceneError
 from rungwise.scene.expression import STACK, Programs, evaluate
 from rungwise.scene.names import Names
 from rungwise.scene.scene import InvalidScene
+from rungwise.scene.space.fields import SpaceFile
+from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import contact_laws, sides_of
 from rungwise.scene.space.model import change, compiled, model_path, read_spec, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
-from rungwise.scene.template import SceneError
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import mujoco
 
-    from rungwise.scene.space.scene import SpaceScene
 
 ROUNDED = 1e-12
 """Quaternions of a run are unit ones up to this."""
+
+
+class Source(Protocol):
+    """What binding asks of a scene: its file, the folder that it lies in, names, and programs that follow
+    time."""
+
+    @property
+    def file(self) -> SpaceFile: ...
+    @property
+    def folder(self) -> Path: ...
+    @property
+    def template(self) -> Any: ...
+    @property
+    def labels(self) -> Labels: ...
+    @property
+    def told(self) -> Told: ...
+    @property
+    def conditions(self) -> Mapping[str, object]: ...
 
 
 class Told(NamedTuple):
@@ -37,7 +57,7 @@ class Told(NamedTuple):
     targets: tuple[tuple[str, int], ...]
 
     @classmethod
-    def of(cls, scene: SpaceScene) -> Told:
+    def of(cls, scene: Source) -> Told:
         """Raises SceneError for unknown names."""
         names, codes, found = scene.template.names(), [], list[tuple[str, int]]()
         for kind, given, known in (
@@ -87,7 +107,7 @@ class SpaceBound:
             target[index] = value
 
 
-def bind(scene: SpaceScene, values: Reals) -> SpaceBound:
+def bind(scene: Source, values: Reals) -> SpaceBound:
     """The scene at parameters and t (p + 1,). Raises InvalidScene, naming the field, where it is impossible
     there."""
     file = scene.file
@@ -114,7 +134,7 @@ def bind(scene: SpaceScene, values: Reals) -> SpaceBound:
     return bound
 
 
-def check_names(scene: SpaceScene, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def check_names(scene: Source, spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """Raise SceneError for a name that the scene's parameters or its model do not have, wherever the scene
     speaks of it, and for numbers that are no expressions."""
     file, template, names = scene.file, scene.template, scene.template.names()
@@ -171,7 +191,7 @@ class Numbers:
         return value
 
 
-def _start(scene: SpaceScene, model: mujoco.MjModel, number: Numbers) -> tuple[Reals, Reals, Reals]:
+def _start(scene: Source, model: mujoco.MjModel, number: Numbers) -> tuple[Reals, Reals, Reals]:
     """q (n_q,), v (n_v,) and controls (a,) at the start."""
     start, template, key = scene.file.start, scene.template, _keyframe(scene, model)
     q, v, control = model.qpos0.copy(), np.zeros(model.nv), np.zeros(model.nu)
@@ -190,7 +210,7 @@ def _start(scene: SpaceScene, model: mujoco.MjModel, number: Numbers) -> tuple[R
     return q, v, control
 
 
-def _keyframe(scene: SpaceScene, model: mujoco.MjModel) -> int | None:
+def _keyframe(scene: Source, model: mujoco.MjModel) -> int | None:
     """The number of the keyframe with which the scene starts."""
     name = scene.file.start.keyframe
     if name is None:
@@ -207,7 +227,7 @@ def _number_of(name: str, known: Sequence[str], path: str) -> int:
     return known.index(name)
 
 
-def normalise(q: Reals, scene: SpaceScene, path: str, error: type[InputError]) -> None:
+def normalise(q: Reals, scene: Source, path: str, error: type[InputError]) -> None:
     """Make the quaternions in q (n_q,) unit ones, where they are not within rounding. Raises the error, in
     one line that names the field, for one that says no direction."""
     for at in scene.template.turns:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
+from rungwise.scene.errors import SceneError
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import Contact
 from rungwise.scene.space.labels import Labels
-from rungwise.scene.template import SceneError
 
 if TYPE_CHECKING:
     import mujoco

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from rungwise.errors import InputError
+from rungwise.scene.errors import SceneError
 from rungwise.scene.space.fields import Changes, Numbers
 from rungwise.scene.space.numbers import check_numbers
-from rungwise.scene.template import SceneError
 from rungwise.scene.values import shown
 from rungwise.wording import choices
 

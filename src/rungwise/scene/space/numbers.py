@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.scene.template import SceneError
+from rungwise.scene.errors import SceneError
 
 if TYPE_CHECKING:
     import mujoco

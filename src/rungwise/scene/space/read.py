@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.expression import CONSTANTS, FUNCTIONS
 from rungwise.scene.names import OF_CONTACTS
 from rungwise.scene.scene import explain, read_yaml
@@ -18,7 +19,6 @@ from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, r
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene, SpaceTemplate
 from rungwise.scene.tasks import check_task
-from rungwise.scene.template import SceneError
 
 if TYPE_CHECKING:
     import mujoco

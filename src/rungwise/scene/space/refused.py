@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.scene.errors import SceneError
 from rungwise.scene.space.ranges import shared_ranges
-from rungwise.scene.template import SceneError
 
 if TYPE_CHECKING:
     import mujoco

@@ -22,7 +22,8 @@ from rungwise.contact.step import solve_planar, trim
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
-from rungwise.scene import Scene, load
+from rungwise.scene import Scene
+from rungwise.scene.read import load_planar
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
@@ -118,7 +119,7 @@ def prepared(
     names: Sequence[str] | None,
 ) -> tuple[Assembly, Changes]:
     """The objects that differentiate steps of a scene. Raises ModelError."""
-    scene = load(scene)
+    scene = load_planar(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
     for name in chosen:

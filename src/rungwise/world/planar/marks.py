@@ -10,6 +10,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene, SceneError
 from rungwise.simulation.run import Simulation
+from rungwise.world.finish import finished
 
 
 @dataclass(frozen=True)
@@ -26,10 +27,7 @@ class Coordinates:
 def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
     """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
     reach; 0 for robots, unless there are no objects. Raises SceneError where no run can begin."""
-    simulation = Simulation(scene, KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3)
-    while simulation.advance():
-        pass
-    run = simulation.result()
+    run = finished(Simulation(scene, KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3))
     if run.workspace is None:
         raise SceneError(run.reason)
     clock, names = run.workspace.state.clock[0], scene.template.coordinates

@@ -14,6 +14,7 @@ from rungwise.scene.records import Records
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
+from rungwise.world.finish import finished
 from rungwise.world.ingredients import CONDITIONS
 from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, damping_ratio, restitution
 from rungwise.world.planar.variant import GIVE, PlanarVariant
@@ -94,10 +95,8 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
 
 
 def _run(scene: Scene, **options: Any) -> Run:
-    simulation = Simulation(scene, DYNAMIC_RIGID, frames=3, **options)
-    while simulation.advance():
-        pass
-    return simulation.result()
+    run: Run = finished(Simulation(scene, DYNAMIC_RIGID, frames=3, **options))
+    return run
 
 
 def _turning(scene: Scene, records: Records) -> tuple[dict[str, float], dict[str, float], list[str]]:

@@ -21,6 +21,7 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
+from rungwise.world.finish import finished
 from rungwise.world.rolled import Rolled
 
 
@@ -78,13 +79,17 @@ def rollout(
         keeps=keep, chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)
+
+    def again(i: int) -> Any:
+        return finished(Simulation(scene, rung, **of_sample(i)))
+
     return Rollouts(
         scene=scene, model=rung, outcome=found["outcome"].copy(), margin=found["margin"].copy(),
         time=found["time"].copy(), steps=found["steps"].copy(), attempts=found["attempts"].copy(),
         solves=found["solves"].copy(),
         switches=found["switches"].copy(), worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
-        memory=samples.kept, _like=crew.workspace.state, _options=of_sample, _schedules=schedule,
+        memory=samples.kept, _like=crew.workspace.state, _again=again, _schedules=schedule,
         _theta=crew.theta,
     )  # fmt: skip
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,6 @@ from rungwise.world.ingredients import (
     OTHER,
     RESTITUTION,
     SUPPORT,
-    Parting,
 )
 
 GIVE = (
@@ -94,12 +93,6 @@ class PlanarVariant:
         )  # fmt: skip
         scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
         return PlanarVariant(scene, base.parameters, model, tol)
-
-    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """See `Variant.evidence`."""
-        from rungwise.world.planar.evidence import evidence
-
-        return evidence(parting, causes)
 
     def _support(self) -> Any:
         """What resists the motion of objects: friction of supports, damping and dry friction."""

@@ -15,6 +15,7 @@ from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told
+from rungwise.world.ingredients import Parting
 from rungwise.world.matching import Matched
 from rungwise.world.planar import description, evidence, matching
 from rungwise.world.planar.configurations import PlanarConfigurations
@@ -68,6 +69,9 @@ class PlanarWorld:
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> PlanarVariant:
         return PlanarVariant(self.scene, parameters, model, tol)
+
+    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        return evidence.evidence(parting, causes)
 
     def end(self, run: Run) -> dict[str, Any]:
         return evidence.end(run)

@@ -13,6 +13,7 @@ from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import OBJECT
+from rungwise.world.finish import finished
 from rungwise.world.spatial.instance import reaches_of, roles_in_space
 
 if TYPE_CHECKING:
@@ -56,12 +57,9 @@ def measures(scene: SpaceScene, parameters: Mapping[str, float], duration: float
     """The extent of a scene, the longest edge of the box around all geoms of finite size at the start, and
     levers (4 b,) of the places of `Bodies`: of objects 1, and for axes how far the body reaches; 0 for
     robots, unless there are no objects. Raises SceneError where no run can begin."""
-    simulation = SpaceSimulation(
-        scene, "kinematic", parameters=parameters, duration=1e-6 * duration, frames=3
+    run = finished(
+        SpaceSimulation(scene, "kinematic", parameters=parameters, duration=1e-6 * duration, frames=3)
     )
-    while simulation.advance():
-        pass
-    run = simulation.result()
     if run.space is None or not run.frames:
         raise SceneError(run.reason)
     space = run.space

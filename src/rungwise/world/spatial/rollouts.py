@@ -17,7 +17,9 @@ from rungwise.simulation.crew import BUDGET, threads_of
 from rungwise.simulation.options import ModelError, check_options, count
 from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
 from rungwise.simulation.spatial.frames import WORK
+from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.arguments import Asked
+from rungwise.world.finish import finished
 from rungwise.world.rolled import Rolled
 
 
@@ -67,6 +69,9 @@ def rollout(
     def of_sample(i: int) -> dict[str, Any]:
         return options | wanted.options(scene, i)
 
+    def again(i: int) -> Any:
+        return finished(SpaceSimulation(scene, model, **of_sample(i)))
+
     return SpaceRollouts(
         scene=scene, model=model, outcome=np.array([each.outcome for each in found], np.int64),
         margin=np.array([each.margin for each in found]), time=np.array([each.time for each in found]),
@@ -76,7 +81,7 @@ def rollout(
         switches=np.array([each.switches for each in found], np.int64),
         worst_residual=np.array([each.residual for each in found]),
         final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
-        faults=faults, memory=ends.memory, _options=of_sample,
+        faults=faults, memory=ends.memory, _again=again,
         _schedules=partial(wanted.schedule, scene), _theta=options["theta"], _ends=ends,
     )  # fmt: skip
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,7 +23,6 @@ from rungwise.world.ingredients import (
     OTHER,
     RESTITUTION,
     SUPPORT,
-    Parting,
 )
 
 GIVE, BOUNCE, SLIP = slice(0, 4), 4, slice(5, 8)
@@ -108,12 +106,6 @@ class SpatialVariant:
             for k, entry in enumerate(self.scene.file.contacts, start=1)
         )  # fmt: skip
         return self.scene.changed(contacts=contacts, **dict.fromkeys(CONDITIONS))
-
-    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """See `Variant.evidence`."""
-        from rungwise.world.spatial.evidence import evidence
-
-        return evidence(parting, causes)
 
     def loads_of(self, body: str) -> float:
         """The weight of a body, and of what hangs on it, that this world counts."""

@@ -14,6 +14,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told
+from rungwise.world.ingredients import Parting
 from rungwise.world.matching import Matched
 from rungwise.world.spatial import description, evidence, matching
 from rungwise.world.spatial.configurations import SpatialConfigurations
@@ -64,6 +65,9 @@ class SpatialWorld:
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> SpatialVariant:
         return SpatialVariant(self.scene, parameters, model, tol)
+
+    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
+        return evidence.evidence(parting, causes)
 
     def end(self, run: SpaceRun) -> dict[str, Any]:
         return evidence.end(run)
