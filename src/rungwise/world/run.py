@@ -14,7 +14,6 @@ from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
-from rungwise.world.finish import finished
 
 if TYPE_CHECKING:
     pass
@@ -23,6 +22,15 @@ if TYPE_CHECKING:
 def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any) -> Any:
     """A run of a scene that is taken in turns."""
     return world_of(load(scene)).simulation(model, **options)
+
+
+def finished(simulation: Any, on_progress: Callable[[Any], None] | None = None) -> Any:
+    """The result of a run that is taken in turns, after its last; `on_progress` is called after each other
+    turn."""
+    while simulation.advance():
+        if on_progress is not None:
+            on_progress(simulation)
+    return simulation.result()
 
 
 @keywords

@@ -10,7 +10,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene, SceneError
 from rungwise.simulation.run import Simulation
-from rungwise.world.finish import finished
+from rungwise.world.run import finished
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from rungwise.scene.records import Records
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
-from rungwise.world.finish import finished
+from rungwise.world.run import finished
 from rungwise.world.ingredients import CONDITIONS
 from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, damping_ratio, restitution
 from rungwise.world.planar.variant import GIVE, PlanarVariant

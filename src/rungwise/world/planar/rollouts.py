@@ -21,7 +21,7 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
-from rungwise.world.finish import finished
+from rungwise.world.run import finished
 from rungwise.world.rolled import Rolled
 
 

@@ -13,7 +13,7 @@ from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import OBJECT
-from rungwise.world.finish import finished
+from rungwise.world.run import finished
 from rungwise.world.spatial.instance import reaches_of, roles_in_space
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothi
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.arguments import Asked
-from rungwise.world.finish import finished
+from rungwise.world.run import finished
 from rungwise.world.rolled import Rolled
 
 
