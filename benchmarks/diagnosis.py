@@ -19,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 
 import rungwise as rw
-from rungwise.planning.diagnose import APART, CLOSES, NOTHING
+from rungwise.planning.diagnosis.diagnose import APART, CLOSES, NOTHING
 
 Change = tuple[dict[str, float], dict[str, float], str, str]
 SINGLES = ("friction", "support", "compliance", "inertia", "restitution")

@@ -18,10 +18,10 @@ from scipy.optimize import minimize
 import rungwise as rw
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.predict import GOES_ON, Budget, Places, Stage
-from rungwise.planning.schedule import COARSE
-from rungwise.planning.task import instances, task_of
-from rungwise.planning.work import Work, begin
+from rungwise.planning.lift.stages import COARSE
+from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Stage
+from rungwise.planning.search.problem import Work, begin
+from rungwise.planning.task.task import instances, task_of
 
 ROOM = 0.5
 """How far drawn states lie beyond start and goals, as a part of their greatest distance."""

@@ -22,8 +22,8 @@ import numpy as np
 from ompl_rrt import rrt
 
 import rungwise as rw
-from rungwise.planning.climb import TENTH
-from rungwise.planning.schedule import COARSE, FINE, SCHEDULES, Schedule
+from rungwise.planning.lift.lift import TENTH
+from rungwise.planning.lift.stages import COARSE, FINE, SCHEDULES, Schedule
 
 TASKS = ("push", "two_finger", "four_finger", "grasp")
 FIRST_SEED = 1000

@@ -13,7 +13,7 @@ import statistics
 import time
 
 import rungwise as rw
-from rungwise.planning.guard import guarded
+from rungwise.planning.execution.guards import guarded
 
 RATE = 0.9
 MODES = ("open loop", "guarded moves", "re-planning")

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.viewing.strata import Space
+from rungwise.viewing.plane.strata import Space
 
 STEP = 1e-4
 RATIOS = tuple(float(r) for r in np.geomspace(0.05, 1.0, 40))
@@ -220,7 +220,7 @@ def draw_if_possible(path: Path, ratios: Sequence[float], bisections: int) -> bo
     except ImportError:
         print("No figure: matplotlib is not installed (pip install -e .[view])", file=sys.stderr)
         return False
-    from rungwise.viewing.family import Family, draw_families
+    from rungwise.viewing.plane.family import Family, draw_families
 
     families = []
     for panel in PANELS:

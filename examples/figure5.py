@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rungwise as rw
-from rungwise.viewing.slices import draw_surface
+from rungwise.viewing.sets.slices import draw_surface
 
 Reals = NDArray[np.float64]
 BOX = {"v1": (0.1, 2.0), "v2": (0.1, 2.0), "mu": (0.0, 1.5)}

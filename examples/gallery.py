@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.viewing.clip import Clip, clip
-from rungwise.viewing.draw import INK, ROLES, placed, pose_at, rounded
-from rungwise.viewing.extent import bounds
+from rungwise.viewing.plane.clip import Clip, clip
+from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.extent import bounds
 
 if TYPE_CHECKING:
     from PIL.Image import Image

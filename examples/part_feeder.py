@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import rungwise as rw
-from rungwise.viewing.clip import Clip, clip
-from rungwise.viewing.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.clip import Clip, clip
+from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

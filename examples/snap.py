@@ -26,8 +26,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 import rungwise as rw
-from rungwise.viewing.clip import clip
-from rungwise.viewing.draw import INK, ROLES, placed, pose_at, rounded
+from rungwise.viewing.plane.clip import clip
+from rungwise.viewing.plane.draw import INK, ROLES, placed, pose_at, rounded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

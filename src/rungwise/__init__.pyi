@@ -32,23 +32,23 @@ from .models.ladder import (
     Rung,
 )
 from .outcome import OUTCOMES, Code, Outcome
-from .planning.climb import plan
-from .planning.design import Design, design
-from .planning.diagnose import Diagnosis, diagnose
+from .planning.design.design import Design, design
+from .planning.diagnosis.diagnose import Diagnosis, diagnose
+from .planning.execution.verify import Verification, verify
+from .planning.lift.lift import plan
+from .planning.motion.propagate import Stage
 from .planning.plan import Plan, PlanError, load_plan
-from .planning.predict import Stage
 from .planning.squeeze import SqueezeFunction, SqueezePlan, squeeze_plan
-from .planning.task import instances
-from .planning.verify import Verification, verify
+from .planning.task.task import instances
 from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema, shipped
 from .scene.read import load
 from .scene.space import SpaceScene
 from .scene.space.read import shipped_in_space
-from .sets.between import Between, between
-from .sets.doomed import DoomedSet, doomed_set, load_doomed_set
-from .sets.feasible import FeasibleSet, feasible_set, load_set
-from .sets.labels import Label
-from .sets.solution_sets import SolutionSets, solution_sets
+from .sets.cells.labels import Label
+from .sets.doomed.doomed import DoomedSet, doomed_set, load_doomed_set
+from .sets.feasible.difference import Between, between
+from .sets.feasible.feasible import FeasibleSet, feasible_set, load_set
+from .sets.feasible.solution_sets import SolutionSets, solution_sets
 from .sets.store import SetError
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
@@ -64,7 +64,7 @@ from .simulation.state import State, StateError, load_state
 from .simulation.touching import Touching, touching
 from .simulation.trajectory import load_run
 from .viewing.inline import PictureError, plot, to_html
-from .viewing.parting import draw_parting
+from .viewing.plane.parting import draw_parting
 from .viewing.view import view
 from .viewing.write import ViewError
 from .world.batch import Batch, Results

@@ -12,11 +12,11 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 import rungwise as rw
-from rungwise.hierarchy.drives import inputs_of
+from rungwise.hierarchy.along_paths import exponent
+from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, TENDS, UNDECIDED, Fit, fit
 from rungwise.hierarchy.motions import Bench
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, UNDAMPED, Path
-from rungwise.hierarchy.walking import exponent
 from rungwise.world.find import world_of
 from rungwise.world.matching import damping_ratio, restitution
 from rungwise.world.planar.matching import matched

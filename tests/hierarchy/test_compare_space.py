@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.hierarchy.drives import inputs_of
+from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import SAME, STAYS, TENDS, Fit, fit
 from rungwise.hierarchy.motions import Bench, apart
 from rungwise.hierarchy.paths import LIGHT, PROPORTIONAL, RATIO, Path

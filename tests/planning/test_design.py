@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.scene import parts
+from rungwise.scene.builder import parts
 
 SPEEDS = {"v1": (0.2, 2.2), "v2": (0.2, 2.2)}
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.diagnose import NOTHING, differing
+from rungwise.planning.diagnosis.diagnose import NOTHING, differing
 from rungwise.world.planar.variant import PlanarVariant as World
 
 PUSH = rw.load("push")

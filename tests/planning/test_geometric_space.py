@@ -14,7 +14,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.task import task_of
+from rungwise.planning.task.task import task_of
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching_pairs
 from rungwise.world.contract import Configurations

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning import climb
-from rungwise.planning.predict import Budget, TimeOver
+from rungwise.planning.lift import lift as climb
+from rungwise.planning.motion.propagate import Budget, TimeOver
 from tests.planning.members import push
 
 LATE = 2.5

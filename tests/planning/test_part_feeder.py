@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning import design, tune
+from rungwise.planning.design import design, tune
 
 TOL = 1e-4
 

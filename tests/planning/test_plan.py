@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning import work as planning
+from rungwise.planning.motion.propagate import Budget, Predictor
 from rungwise.planning.plan import Stage
-from rungwise.planning.predict import Budget, Predictor
-from rungwise.planning.task import task_of
-from rungwise.planning.tighten import tightened
+from rungwise.planning.search import problem as planning
+from rungwise.planning.task.reserve import tightened
+from rungwise.planning.task.task import task_of
 
 PUSH = rw.load("push")
 

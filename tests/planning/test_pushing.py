@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning import lift, schedule, stops, tree, work
-from rungwise.planning.predict import Budget, Stage
-from rungwise.planning.rest import rested
-from rungwise.planning.shoot import run_moves
-from rungwise.planning.task import task_of
-from rungwise.planning.transit import Transit
+from rungwise.planning.lift import repair as lift
+from rungwise.planning.lift import stages as schedule
+from rungwise.planning.motion import early_stops as stops
+from rungwise.planning.motion.propagate import Budget, Stage
+from rungwise.planning.motion.settle import rested
+from rungwise.planning.motion.transit import Transit
+from rungwise.planning.search import problem as work
+from rungwise.planning.search import tree
+from rungwise.planning.search.shooting import run_moves
+from rungwise.planning.task.task import task_of
 from tests.planning.members import lifted_block, push, two_boxes
 
 QUASISTATIC = Stage(rw.QUASISTATIC_RIGID, 1e-3)

@@ -14,10 +14,10 @@ import yaml
 from scipy.stats import beta
 
 import rungwise as rw
-from rungwise.planning.guard import guarded
-from rungwise.planning.predict import Budget
-from rungwise.planning.robust import made_robust
-from rungwise.planning.verify import bound_below
+from rungwise.planning.execution.guards import guarded
+from rungwise.planning.execution.robust import made_robust
+from rungwise.planning.execution.verify import bound_below
+from rungwise.planning.motion.propagate import Budget
 from rungwise.scene.scene import LIBRARY
 from rungwise.world.planar.world import PlanarWorld
 
@@ -187,7 +187,7 @@ def test_no_scheduler_is_one_line(plan: rw.Plan, monkeypatch: pytest.MonkeyPatch
 
 def test_points_are_drawn_as_the_task_says(plan: rw.Plan) -> None:
     from rungwise.models.ladder import QUASISTATIC_RIGID
-    from rungwise.planning.trials import Trials
+    from rungwise.planning.execution.trials import Trials
 
     trials = Trials(plan, QUASISTATIC_RIGID, plan.tol, "open loop", 0)
     points = trials.draw(500)

@@ -14,10 +14,10 @@ import pytest
 import rungwise as rw
 from rungwise import cli
 from rungwise.outcome import Code
-from rungwise.planning.execute import Replanner
-from rungwise.planning.predict import Budget, Places, Predictor
-from rungwise.planning.task import task_of
-from rungwise.planning.work import begin
+from rungwise.planning.execution.feedback import Replanner
+from rungwise.planning.motion.propagate import Budget, Places, Predictor
+from rungwise.planning.search.problem import begin
+from rungwise.planning.task.task import task_of
 from rungwise.scene.space import SpaceScene
 from rungwise.world.find import world_of
 from rungwise.world.spatial.variant import SpatialVariant as SpaceWorld
@@ -176,7 +176,7 @@ def test_verification_counts_samples_that_come_to_the_goal(plan: rw.Plan) -> Non
 
 
 def test_a_guarded_move_ends_at_the_touch(plan: rw.Plan) -> None:
-    from rungwise.planning.guard import guarded
+    from rungwise.planning.execution.guards import guarded
 
     unramped = rw.Plan(
         scene=plan.scene, parameters=plan.parameters, segments=(rw.Segment({"aim": 0.2}, 0.8),),

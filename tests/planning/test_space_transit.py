@@ -11,9 +11,9 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.planning.predict import Budget, Places
-from rungwise.planning.task import task_of
-from rungwise.planning.work import Work, begin
+from rungwise.planning.motion.propagate import Budget, Places
+from rungwise.planning.search.problem import Work, begin
+from rungwise.planning.task.task import task_of
 from rungwise.scene.space import SpaceScene
 from rungwise.world.spatial.configurations import SpatialConfigurations as SpaceRoom
 

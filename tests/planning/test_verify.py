@@ -11,7 +11,7 @@ import yaml
 from scipy.stats import binom
 
 import rungwise as rw
-from rungwise.planning.execute import Replanner
+from rungwise.planning.execution.feedback import Replanner
 from rungwise.scene.scene import LIBRARY
 
 
@@ -107,7 +107,7 @@ def test_without_uncertainty_the_plan_is_run_as_it_is() -> None:
 def test_draws_keep_the_ranges_of_parameters() -> None:
     given = PUSH.parameters()
     rng = np.random.default_rng(0)
-    from rungwise.planning.task import drawn
+    from rungwise.planning.task.task import drawn
 
     wide = scene({"mu": {"normal": [0, 100]}})
     found = [drawn(wide, "uncertain", given, rng) for _ in range(200)]

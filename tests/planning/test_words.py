@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.diagnose import APART, NOTHING, table
-from rungwise.planning.words import UNTOUCHED, WORDS, Told, sentence
+from rungwise.planning.diagnosis.diagnose import APART, NOTHING, table
+from rungwise.planning.diagnosis.sentences import UNTOUCHED, WORDS, Told, sentence
 from rungwise.world.ingredients import INGREDIENTS
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely import Geometry
 
 from rungwise.scene import InvalidScene, SceneError, load
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 
 TRIANGLE = [[0.0, 0.0], [3.0, 0.0], [1.0, 2.0]]
 TRAPEZE = [[-1.0, -0.4], [1.2, -0.5], [0.7, 0.6], [-0.3, 0.8]]

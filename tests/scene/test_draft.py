@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.scene import draft, fields, parts, shapes
-from rungwise.scene.symbol import Symbol
+from rungwise.scene.builder import builder as draft
+from rungwise.scene.builder import parts
+from rungwise.scene.builder.symbol import Symbol
+from rungwise.scene.fields import fields, shapes
 
 
 def gripper() -> rw.SceneBuilder:

@@ -14,7 +14,7 @@ import shapely
 from ezdxf.layouts import Modelspace
 
 import rungwise as rw
-from rungwise.scene.shapes import Drawing, Outline
+from rungwise.scene.fields.shapes import Drawing, Outline
 
 MM = 'width="100mm" height="100mm" viewBox="0 0 100 100"'
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rungwise.scene.expression import (
+from rungwise.scene.language.expression import (
     FUNCTIONS,
     MAX_LENGTH,
     MAX_NODES,

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import rungwise as rw
-from rungwise.scene.outline import convex_pieces
+from rungwise.scene.drawings.outline import convex_pieces
 
 L_SHAPE = [[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]]
 

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from rungwise.scene import InvalidScene, SceneError, fields, load, shapes, shipped, task, values
+from rungwise.scene import InvalidScene, SceneError, load, shipped
+from rungwise.scene.fields import fields, shapes, task, values
 
 WHOLE: dict[str, Any] = {
     "name": "whole",

@@ -10,7 +10,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.kernel import Reals
-from rungwise.sets.backward import around, backward
+from rungwise.sets.doomed.backward import around, backward
 
 
 def slider(**more: Any) -> dict[str, Any]:

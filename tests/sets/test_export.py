@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import rungwise as rw
-from rungwise.sets.surface import Mesh, boundary
+from rungwise.sets.cells.surface import Mesh, boundary
 
 RADIUS = 0.73
 

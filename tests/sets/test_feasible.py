@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.sets.labels import labels
+from rungwise.sets.cells.labels import labels
 from rungwise.sets.request import box_of
 
 BOX = {"v1": (0.2, 2.2), "v2": (0.2, 2.2), "mu": (0.0, 0.9)}

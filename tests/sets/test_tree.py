@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rungwise.kernel import Ints, Reals
-from rungwise.sets.crossings import solve
-from rungwise.sets.tree import BudgetSpent, Tree
+from rungwise.sets.cells.crossings import solve
+from rungwise.sets.cells.tree import BudgetSpent, Tree
 
 
 class Oracle:

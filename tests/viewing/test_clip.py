@@ -11,9 +11,9 @@ from shapely import Point, Polygon
 
 import rungwise as rw
 from rungwise.simulation import trajectory
-from rungwise.viewing.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip, still
-from rungwise.viewing.draw import placed, pose_at, rounded
-from rungwise.viewing.extent import bounds, receives_first
+from rungwise.viewing.plane.clip import SHOWN_SLIP, SHOWN_STICK, Clip, Outline, clip, still
+from rungwise.viewing.plane.draw import placed, pose_at, rounded
+from rungwise.viewing.plane.extent import bounds, receives_first
 
 PUSHER = {
     "name": "pusher",

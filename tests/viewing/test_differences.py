@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.sets.labels import Label
-from rungwise.viewing.differences import differences
+from rungwise.sets.cells.labels import Label
+from rungwise.viewing.sets.differences import differences
 
 F, D, J = Label.FEASIBLE, Label.DOOMED, Label.JAMMED
 
@@ -34,8 +34,8 @@ def test_picture_of_sets_shades_where_they_differ(tmp_path: Path) -> None:
     from matplotlib.colors import to_rgb
     from PIL import Image
 
-    from rungwise.viewing.differences import SHADES
-    from rungwise.viewing.slices import feasible_slices
+    from rungwise.viewing.sets.differences import SHADES
+    from rungwise.viewing.sets.slices import feasible_slices
 
     found = [
         rw.feasible_set(

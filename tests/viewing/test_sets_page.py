@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing import sets
+from rungwise.viewing.sets import page as sets
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import browser as driver

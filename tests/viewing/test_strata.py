@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing.strata import Space, Strata, strata
+from rungwise.viewing.plane.strata import Space, Strata, strata
 
 LOW, HIGH = (0.0, 0.0, -2.0), (2.0, 2.0, 2.0)
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing.arrows import arrows_at, short, view_of
-from rungwise.viewing.clip import Clip, clip
+from rungwise.viewing.plane.arrows import arrows_at, short, view_of
+from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.units import common_units
 
 matplotlib = pytest.importorskip("matplotlib")
-from rungwise.viewing.strip import strip  # noqa: E402
+from rungwise.viewing.plane.strip import strip  # noqa: E402
 
 RUNGS = ("quasistatic-compliant", "dynamic-rigid")
 

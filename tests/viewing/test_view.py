@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 
 import rungwise as rw
 from rungwise.cli import app
-from rungwise.viewing import strip
-from rungwise.viewing.clip import Clip, clip
-from rungwise.viewing.html import page
+from rungwise.viewing.plane import strip
+from rungwise.viewing.plane.clip import Clip, clip
+from rungwise.viewing.plane.html import page
 
 RUNGS = ("quasistatic-rigid", "dynamic-rigid", "dynamic-compliant")
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from rungwise.cli import (
+from rungwise.cli.commands import (
     check,
     compare,
     design,
@@ -25,7 +25,7 @@ from rungwise.cli import (
     solve,
     verify,
     view,
-)  # fmt: skip
+)
 from rungwise.cli.terminal import INTERRUPTED, refuse, show
 
 app = typer.Typer(

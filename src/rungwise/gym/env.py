@@ -17,11 +17,10 @@ from rungwise.gym.settings import GymError, Options, Settings, read_settings
 from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
+from rungwise.world.contract import AnyRun
 from rungwise.world.find import world_of
 
 RENDER_MODES = ("rgb_array",)
@@ -129,7 +128,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         """The inputs of the episode so far, as `rungwise.simulate` takes them."""
         return self._episodes.schedule(0)
 
-    def replay(self) -> Run | SpaceRun:
+    def replay(self) -> AnyRun:
         """The episode so far once more as one run, bit for bit, with trajectory, reason and certificate."""
         return self._episodes.replay(0)
 

@@ -16,12 +16,11 @@ from rungwise.gym.spaces import Observed, action_space, observed
 from rungwise.gym.starts import Starts
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State
 from rungwise.wording import choices
+from rungwise.world.contract import AnyRun
 from rungwise.world.run import simulate
 
 RESET = ("state", "parameters")
@@ -221,12 +220,12 @@ class Episodes:
             for levels in self._levels[row]
         ]
 
-    def replay(self, row: int) -> Run | SpaceRun:
+    def replay(self, row: int) -> AnyRun:
         """The episode once more by `simulate`, in one run. Raises GymError before the first step."""
         begun, s, inputs = self._of(row), self.settings, self.schedule(row)
         if not inputs:
             raise GymError("replay: nothing has moved yet; call step first")
-        run: Run | SpaceRun = simulate(
+        run: AnyRun = simulate(
             s.scene, s.model, parameters=begun.parameters, state=begun.state, inputs=inputs, step=s.step,
             tol=s.tol, theta=s.theta, span=s.horizon,
         )  # fmt: skip

@@ -15,10 +15,10 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.planning.task import Task, guarded_scene, task_of
+from rungwise.planning.task.task import Task, guarded_scene, task_of
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.read import load
-from rungwise.scene.values import finite, shown
 from rungwise.simulation.options import check_options, count, moving_rung
 from rungwise.wording import choices, listed
 from rungwise.world.find import world_of

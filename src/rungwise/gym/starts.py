@@ -10,7 +10,7 @@ from rungwise.gym.copies import Copies, Standing
 from rungwise.gym.settings import TABLES, GymError, Settings
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.task import DRAWS, drawn
+from rungwise.planning.task.task import DRAWS, drawn
 from rungwise.world.carriers import TaskError
 
 

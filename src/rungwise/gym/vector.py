@@ -19,7 +19,7 @@ from rungwise.gym.settings import GymError, Options, read_settings
 from rungwise.kernel import Ints
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from rungwise.hierarchy.comparison import Comparison, Measured
 from rungwise.hierarchy.counterexample import Counterexample, levers, side
-from rungwise.hierarchy.drives import inputs_of
+from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, STAYS, first, fit
 from rungwise.hierarchy.motions import MOVING, Bench
 from rungwise.hierarchy.nearest import nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
-from rungwise.hierarchy.settling import Settled, settle
+from rungwise.hierarchy.refine import Settled, settle
 from rungwise.hierarchy.stages import cheapest, costs
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rungwise.hierarchy.counterexample import Counterexample
-from rungwise.hierarchy.drives import Inputs
+from rungwise.hierarchy.inputs import Inputs
 from rungwise.hierarchy.limits import INDEPENDENT, SAME, STAYS, TENDS, Fit
 from rungwise.hierarchy.nearest import Nearest
 from rungwise.hierarchy.pairs import Pair

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rungwise.errors import InputError
+from rungwise.hierarchy.distance import farthest
 from rungwise.hierarchy.motions import MOMENTS, Bench
-from rungwise.hierarchy.places import farthest
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
@@ -20,9 +20,7 @@ from rungwise.plain import brief, json_text
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
-from rungwise.world.contract import Marks
+from rungwise.world.contract import AnyRun, Marks
 from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 
@@ -42,9 +40,9 @@ class Side:
     tol: float | None
     step: float | None = None
 
-    def replay(self, scene: AnyScene) -> Run | SpaceRun:
+    def replay(self, scene: AnyScene) -> AnyRun:
         chosen = rung(self.model)
-        run: Run | SpaceRun = simulate(
+        run: AnyRun = simulate(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
             step=self.step,
@@ -70,11 +68,11 @@ class Counterexample:
 
     __repr__ = brief
 
-    def replay(self) -> tuple[Run | SpaceRun, Run | SpaceRun]:
+    def replay(self) -> tuple[AnyRun, AnyRun]:
         """Both runs, anew."""
         return self.richer.replay(self.scene), self.simpler.replay(self.scene)
 
-    def apart(self, richer: Run | SpaceRun, simpler: Run | SpaceRun) -> float:
+    def apart(self, richer: AnyRun, simpler: AnyRun) -> float:
         """How far two runs are apart, as the distance was measured."""
         times = self.richer.duration * np.arange(1, MOMENTS + 1)[MOMENTS // 2 if self.late else 0 :] / MOMENTS
         places = world_of(self.scene).marks(self.richer.parameters)
@@ -136,7 +134,7 @@ def _side(data: Mapping[str, Any]) -> Side:
     return Side(**{**data, "inputs": segments})
 
 
-def _along(run: Run | SpaceRun, places: Marks, times: Reals) -> Reals:
+def _along(run: AnyRun, places: Marks, times: Reals) -> Reals:
     """Places (s, p, d) at times (s,)."""
     known = places(np.asarray(run.trajectory.position.values, float))
     at, columns = run.trajectory.time.values, known.reshape(len(known), -1).T

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rungwise.hierarchy.along_paths import FLOOR, LEVELS, Walk
 from rungwise.hierarchy.motions import Bench, Motions, apart
 from rungwise.hierarchy.paths import Path
-from rungwise.hierarchy.walking import FLOOR, LEVELS, Walk
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.hierarchy.drives import Inputs
-from rungwise.hierarchy.places import farthest
+from rungwise.hierarchy.distance import farthest
+from rungwise.hierarchy.inputs import Inputs
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import Code

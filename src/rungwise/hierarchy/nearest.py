@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rungwise.hierarchy.distance import farthest
 from rungwise.hierarchy.motions import Bench, Motions, apart
-from rungwise.hierarchy.places import farthest
-from rungwise.hierarchy.settling import settle
+from rungwise.hierarchy.refine import settle
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 

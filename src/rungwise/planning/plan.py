@@ -22,16 +22,15 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut, json_text
-from rungwise.planning.diagnose import Diagnosis, table
-from rungwise.planning.predict import Stage
+from rungwise.planning.diagnosis.diagnose import Diagnosis, table
+from rungwise.planning.motion.propagate import Stage
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
-from rungwise.scene.values import shown
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.state import State, digest
+from rungwise.world.contract import AnyRun
 from rungwise.world.find import world_of
 from rungwise.world.questions import geometry
 from rungwise.world.run import simulate
@@ -146,7 +145,7 @@ class Plan:
         stride: int | None = None,
         save_hard: str | Path | None = None,
         on_progress: Callable[[Any], None] | None = None,
-    ) -> Run | SpaceRun:
+    ) -> AnyRun:
         """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
         options as for `simulate`. Raises PlanError where there is no plan, or one of places only, and what
         `simulate` raises."""
@@ -154,7 +153,7 @@ class Plan:
             raise PlanError(f"plan: there is none. {self.reason}")
         if not self.stage.model.moves:
             raise PlanError(f"plan: {PLACES_ONLY}")
-        run: Run | SpaceRun = simulate(
+        run: AnyRun = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
             frames=frames, stride=stride, save_hard=save_hard, on_progress=on_progress,
@@ -358,7 +357,7 @@ def with_record(plan: Plan, record: Record) -> Plan:
     return replace(plan, records=tuple(records))
 
 
-def is_reached(run: Run | SpaceRun) -> bool:
+def is_reached(run: AnyRun) -> bool:
     return run.outcome.code == Code.GOAL
 
 

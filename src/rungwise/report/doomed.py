@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rungwise.models.ladder import LADDER
-from rungwise.sets.doomed import DoomedSet
+from rungwise.sets.doomed.doomed import DoomedSet
 
 
 def summary(found: DoomedSet) -> dict[str, Any]:

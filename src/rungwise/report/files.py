@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from rungwise.sets.export import check_mesh
-from rungwise.sets.feasible import FeasibleSet
+from rungwise.sets.feasible.export import check_mesh
+from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.sets.store import SetError
 
 WRITERS: dict[str, Callable[[FeasibleSet, Path], Path]] = {

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
-from rungwise.sets.between import between
-from rungwise.sets.feasible import FeasibleSet
+from rungwise.sets.feasible.difference import between
+from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import chosen
 

@@ -1,7 +1,7 @@
 """Scenes: descriptions of manipulation tasks, read from YAML, checked, and bound to numbers."""
 
-from rungwise.scene import parts
-from rungwise.scene.draft import SceneBuilder
+from rungwise.scene.builder import parts
+from rungwise.scene.builder.builder import SceneBuilder
 from rungwise.scene.errors import SceneError
 from rungwise.scene.scene import Bound, InvalidScene, Scene, load, schema, shipped
 

@@ -10,10 +10,10 @@ from rungwise.keywords import keywords
 from rungwise.scene import scene as planar
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import Scene
 from rungwise.scene.space import is_space, load_space
 from rungwise.scene.space.read import shipped_in_space
-from rungwise.scene.values import shown
 
 
 @keywords

@@ -18,18 +18,18 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
-from rungwise.scene import faults
-from rungwise.scene import records as rec
-from rungwise.scene.bind import bind
-from rungwise.scene.builder import build
-from rungwise.scene.drawing import with_outlines
+from rungwise.scene.bind.bind import bind
+from rungwise.scene.drawings.drawing import with_outlines
 from rungwise.scene.errors import SceneError, out_of_range
-from rungwise.scene.expression import STACK
-from rungwise.scene.fields import Parameter, SceneFile
-from rungwise.scene.shapes import MANY, ONE
-from rungwise.scene.task import numbers_of
-from rungwise.scene.template import Template
-from rungwise.scene.values import finite, shown
+from rungwise.scene.fields.fields import Parameter, SceneFile
+from rungwise.scene.fields.shapes import MANY, ONE
+from rungwise.scene.fields.task import numbers_of
+from rungwise.scene.fields.values import finite, shown
+from rungwise.scene.language.expression import STACK
+from rungwise.scene.template import faults
+from rungwise.scene.template import records as rec
+from rungwise.scene.template.build import build
+from rungwise.scene.template.template import Template
 from rungwise.wording import choices
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
-from rungwise.scene import records as rec
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
+from rungwise.scene.template import records as rec
 from rungwise.simulation.inputs import compiled
 from rungwise.simulation.options import ModelError, check_options, count, preferences
 from rungwise.simulation.planar.loop import STOPPED

@@ -14,8 +14,8 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.expression import Code, Programs
-from rungwise.scene.values import finite, shown
+from rungwise.scene.fields.values import finite, shown
+from rungwise.scene.language.expression import Code, Programs
 from rungwise.simulation.planar.inputs import Inputs
 from rungwise.wording import choices
 

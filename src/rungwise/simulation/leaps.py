@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rungwise.scene import Scene
-from rungwise.scene.expression import STACK
-from rungwise.scene.numbers import evaluate_numbers
-from rungwise.scene.records import ANGLE, SERVO
+from rungwise.scene.language.expression import STACK
 from rungwise.scene.scene import Bound
+from rungwise.scene.template.numbers import evaluate_numbers
+from rungwise.scene.template.records import ANGLE, SERVO
 from rungwise.simulation.planar.workspace import Workspace, time_slot
 from rungwise.system.planar.joints import measure
 from rungwise.system.planar.terms import target

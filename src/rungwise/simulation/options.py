@@ -12,7 +12,7 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung, rung
 from rungwise.scene import Scene
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
 from rungwise.wording import choices
 
 MANY = 10**9

@@ -9,7 +9,7 @@ import numpy as np
 from rungwise.kernel import Reals, RecordArray
 from rungwise.outcome import Code
 from rungwise.scene import Scene, SceneError
-from rungwise.scene.records import ANGLE, SERVO, Records
+from rungwise.scene.template.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs, set_all

@@ -18,7 +18,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
 from rungwise.plain import cut
 from rungwise.scene import Scene
-from rungwise.scene import records as rec
+from rungwise.scene.template import records as rec
 from rungwise.simulation import trajectory
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.workspace import Workspace, in_memory

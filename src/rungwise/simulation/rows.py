@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
+from rungwise.scene.language.terms import Dimension
 from rungwise.scene.scene import FARTHEST
-from rungwise.scene.terms import Dimension
 from rungwise.simulation.state import State, StateError
 
 States: TypeAlias = "State | Sequence[State] | Reals"

@@ -21,8 +21,8 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
 from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.read import load
-from rungwise.scene.values import finite, shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar import workspace as planar
 from rungwise.simulation.planar.workspace import in_memory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rungwise.planning.design import Design
+from rungwise.planning.design.design import Design
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,18 +12,18 @@ from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.outcome import Outcome
 from rungwise.plain import cut, table
-from rungwise.planning.design import Design
+from rungwise.planning.design.design import Design
 from rungwise.planning.plan import Plan
-from rungwise.scene.values import shown
-from rungwise.sets.doomed import DoomedSet
-from rungwise.sets.feasible import FeasibleSet
+from rungwise.scene.fields.values import shown
+from rungwise.sets.doomed.doomed import DoomedSet
+from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
-from rungwise.viewing.clip import clip
 from rungwise.viewing.designs import design_bars
-from rungwise.viewing.html import page
-from rungwise.viewing.slices import doomed_slices, feasible_slices
-from rungwise.viewing.strip import strip
+from rungwise.viewing.plane.clip import clip
+from rungwise.viewing.plane.html import page
+from rungwise.viewing.plane.strip import strip
+from rungwise.viewing.sets.slices import doomed_slices, feasible_slices
+from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,9 +62,9 @@ def plot(result: Shown, *, frames: int = 6) -> Figure:
         if not result.found:
             raise PictureError(f"plot: there is no plan: {result.reason}")
         run = result.replay()
-        if isinstance(run, SpaceRun):
+        if world_of(run.scene).dimension == 3:
             raise PictureError("plot: runs in space are drawn by rungwise.view, as html")
-        return strip([clip(run)], frames)
+        return strip([clip(cast(Run, run))], frames)
     if result.outcome == Outcome.INVALID:
         raise PictureError(f"plot: the run did not begin: {result.reason}")
     return strip([clip(result)], frames)

@@ -10,21 +10,23 @@ from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.planning.plan import Plan, load_plan
 from rungwise.scene import SceneError
-from rungwise.scene.values import shown
-from rungwise.sets.feasible import FeasibleSet, load_set
+from rungwise.scene.fields.values import shown
+from rungwise.sets.feasible.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
-from rungwise.simulation.result import Run
-from rungwise.simulation.spatial.result import SpaceRun
-from rungwise.viewing import sets, slices, strip
-from rungwise.viewing.clip import Clip, clip
-from rungwise.viewing.html import page
+from rungwise.viewing.plane import strip
+from rungwise.viewing.plane.clip import Clip, clip
+from rungwise.viewing.plane.html import page
+from rungwise.viewing.sets import page as sets
+from rungwise.viewing.sets import slices
 from rungwise.viewing.space.html import page as space_page
 from rungwise.viewing.space.runs import film_of, holds_space
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
+from rungwise.world.contract import AnyRun
+from rungwise.world.find import world_of
 
-Source = Run | SpaceRun | Plan | FeasibleSet | str | Path
+Source = AnyRun | Plan | FeasibleSet | str | Path
 
 
 @keywords
@@ -69,7 +71,7 @@ def view(
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
         return _sets(found, html, png)
     try:
-        clips = [clip(source) for source in sources if not isinstance(source, FeasibleSet | SpaceRun)]
+        clips = [clip(source) for source in sources if not _is_in_space(source)]
     except SceneError as error:
         raise ViewError(str(error)) from None
     _same_bodies(clips)
@@ -88,8 +90,10 @@ def view(
     return [write(*one) for one in made]
 
 
-def _is_in_space(source: object) -> bool:
-    return isinstance(source, SpaceRun) or (isinstance(source, Path) and holds_space(source))
+def _is_in_space(source: Source) -> bool:
+    if isinstance(source, Path):
+        return holds_space(source)
+    return not isinstance(source, FeasibleSet | str) and world_of(source.scene).dimension == 3
 
 
 def _in_space(

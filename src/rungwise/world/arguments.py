@@ -14,7 +14,7 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
 from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.inputs import ScheduleError, Segment, condition
 from rungwise.simulation.rows import States, rows_of

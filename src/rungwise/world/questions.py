@@ -15,10 +15,10 @@ from rungwise.keywords import keywords
 from rungwise.plain import brief
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
-from rungwise.scene.expression import STACK, Programs
+from rungwise.scene.fields.values import shown
+from rungwise.scene.language.expression import STACK, Programs
+from rungwise.scene.language.terms import Combination, Term, terms_of
 from rungwise.scene.read import load
-from rungwise.scene.terms import Combination, Term, terms_of
-from rungwise.scene.values import shown
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States
 from rungwise.simulation.state import State

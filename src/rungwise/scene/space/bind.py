@@ -13,8 +13,8 @@ import numpy as np
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.errors import SceneError
-from rungwise.scene.expression import STACK, Programs, evaluate
-from rungwise.scene.names import Names
+from rungwise.scene.language.expression import STACK, Programs, evaluate
+from rungwise.scene.language.names import Names
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels

@@ -11,11 +11,11 @@ from typing import Annotated
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from rungwise.scene.fields import Parameter
-from rungwise.scene.shapes import MANY, ONE
-from rungwise.scene.strict import Strict
-from rungwise.scene.task import Task
-from rungwise.scene.values import Name, Number, Pattern, Text
+from rungwise.scene.fields.fields import Parameter
+from rungwise.scene.fields.shapes import MANY, ONE
+from rungwise.scene.fields.strict import Strict
+from rungwise.scene.fields.task import Task
+from rungwise.scene.fields.values import Name, Number, Pattern, Text
 
 Numbers = Annotated[
     Annotated[Number, Tag(ONE)] | Annotated[tuple[Number, ...], Tag(MANY)],

@@ -14,9 +14,9 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
 from rungwise.scene.space.fields import Changes, Numbers
 from rungwise.scene.space.numbers import check_numbers
-from rungwise.scene.values import shown
 from rungwise.wording import choices
 
 if TYPE_CHECKING:

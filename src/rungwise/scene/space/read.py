@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from rungwise.scene.errors import SceneError
-from rungwise.scene.expression import CONSTANTS, FUNCTIONS
-from rungwise.scene.names import OF_CONTACTS
+from rungwise.scene.language.expression import CONSTANTS, FUNCTIONS
+from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.scene import explain, read_yaml
 from rungwise.scene.space.bind import check_names
 from rungwise.scene.space.fields import SpaceFile
@@ -18,7 +18,7 @@ from rungwise.scene.space.labels import Labels, label, labels
 from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene, SpaceTemplate
-from rungwise.scene.tasks import check_task
+from rungwise.scene.template.task import check_task
 
 if TYPE_CHECKING:
     import mujoco

@@ -16,8 +16,9 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import cut
 from rungwise.scene.errors import STRICT, out_of_range
-from rungwise.scene.expression import Code
-from rungwise.scene.names import OF_CONTACTS, Names
+from rungwise.scene.fields.task import numbers_of
+from rungwise.scene.language.expression import Code
+from rungwise.scene.language.names import OF_CONTACTS, Names
 from rungwise.scene.scene import InvalidScene, as_yaml, parameter_values
 from rungwise.scene.space.bind import Numbers, SpaceBound, Told, bind, normalise
 from rungwise.scene.space.fields import SpaceFile
@@ -25,7 +26,6 @@ from rungwise.scene.space.labels import Labels
 from rungwise.scene.space.laws import smallest
 from rungwise.scene.space.model import LIBRARY, model_path
 from rungwise.scene.space.numbers import FARTHEST
-from rungwise.scene.task import numbers_of
 
 if TYPE_CHECKING:
     import rungwise

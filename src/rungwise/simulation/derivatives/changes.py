@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene.records import FREE, HINGE
+from rungwise.scene.template.records import FREE, HINGE
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.planar.workspace import ROUNDING
 

@@ -12,7 +12,7 @@ from rungwise.contact.step import ContactProblem, trim
 from rungwise.models.assemble import Step, assemble
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene.records import SPEED
+from rungwise.scene.template.records import SPEED
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar import drives
 from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen

@@ -7,7 +7,7 @@ import math
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import approach
-from rungwise.scene.records import HINGE, SERVO, Records
+from rungwise.scene.template.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
 from rungwise.simulation.planar.blame import blame

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Record, RecordArray, copy, kernel, rare_kernel
-from rungwise.scene.records import NO_DRIVE, Records
+from rungwise.scene.template.records import NO_DRIVE, Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.planar.workspace import ROUNDING, State, Workspace
 from rungwise.system.planar.place import coordinate_count, turns

@@ -10,7 +10,7 @@ import math
 
 from rungwise.contact.step import OPEN
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.crawl import MEETING
 from rungwise.simulation.planar.attempt import TAKEN, TOO_COARSE, UNDEFINED, attempt
 from rungwise.simulation.planar.blame import vote

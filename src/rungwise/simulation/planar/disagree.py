@@ -7,7 +7,7 @@ import math
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step import OPEN, STICK
 from rungwise.kernel import Reals, RecordArray, kernel, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.nearby import join, swing
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.seams import mode_before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, kernel
-from rungwise.scene.records import SERVO, Records
+from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.inputs import Inputs, set_numbers
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.workspace import Workspace

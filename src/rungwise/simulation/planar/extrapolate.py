@@ -6,7 +6,7 @@ import math
 
 from rungwise.contact.step import OPEN
 from rungwise.kernel import RecordArray, kernel, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.attempt import tolerated
 from rungwise.simulation.planar.memory import bring_back, remember
 from rungwise.simulation.planar.nearby import look

@@ -12,7 +12,7 @@ from rungwise.contact.step import OPEN, SOLVED
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import carried
 from rungwise.models.limit import greatest_load
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
 from rungwise.simulation.planar.choice import choose_motion
 from rungwise.simulation.planar.leaps import HEAVIER, LEFT, displacement, solve_again

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.workspace import Frames, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar.terms import potential_energy

@@ -6,9 +6,9 @@ import math
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
-from rungwise.scene.expression import evaluate
-from rungwise.scene.numbers import evaluate_numbers
-from rungwise.scene.template import Numbers
+from rungwise.scene.language.expression import evaluate
+from rungwise.scene.template.numbers import evaluate_numbers
+from rungwise.scene.template.template import Numbers
 from rungwise.simulation.planar.workspace import State, Workspace, time_slot
 
 LOCATED = 1e-3

@@ -12,7 +12,7 @@ import math
 
 from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.planar.nearby import gather
 from rungwise.simulation.planar.workspace import Workspace

@@ -21,7 +21,7 @@ import math
 
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.limit import LIMIT
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import solve_step
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.terms import Terms

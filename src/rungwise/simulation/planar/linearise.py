@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rungwise.kernel import RecordArray, copy, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.middle import take_means
 from rungwise.simulation.planar.nearby import gather, join
 from rungwise.simulation.planar.workspace import Scratch, Workspace

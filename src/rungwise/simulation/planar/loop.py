@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
-from rungwise.scene.records import ANGLE, SERVO, SPEED, Records
+from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
 from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.blame import crawls
 from rungwise.simulation.planar.controlled import LEAPT, controlled_step, until_contact

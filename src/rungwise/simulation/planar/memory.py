@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.nearby import look
 from rungwise.simulation.planar.verdicts import RUNNING
 from rungwise.simulation.planar.workspace import ROUNDING, Snapshot, State, Workspace

@@ -17,7 +17,7 @@ import math
 
 from rungwise.contact.step import OPEN
 from rungwise.kernel import RecordArray, copy, kernel, rare_kernel
-from rungwise.scene.records import HINGE, Records
+from rungwise.scene.template.records import HINGE, Records
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.workspace import State, Workspace
 from rungwise.system.planar import joints

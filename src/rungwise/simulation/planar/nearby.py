@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
-from rungwise.scene.records import HINGE, Records
+from rungwise.scene.template.records import HINGE, Records
 from rungwise.simulation.planar.workspace import State, Workspace
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar

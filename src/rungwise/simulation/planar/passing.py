@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Record, kernel
-from rungwise.scene.records import FREE, HALFPLANE, HINGE, Records
+from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, manifold
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, copy, kernel
-from rungwise.scene.expression import evaluate
-from rungwise.scene.records import Records
+from rungwise.scene.language.expression import evaluate
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.nearby import look
 from rungwise.simulation.planar.workspace import Conditions, Workspace, time_slot
 from rungwise.system.planar.manifold import ABSENT

@@ -6,10 +6,10 @@ import math
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, copy, kernel, record_type
-from rungwise.scene.bind import bind
-from rungwise.scene.faults import BOUND
-from rungwise.scene.records import Records
-from rungwise.scene.template import Bounds, Numbers
+from rungwise.scene.bind.bind import bind
+from rungwise.scene.template.faults import BOUND
+from rungwise.scene.template.records import Records
+from rungwise.scene.template.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand
 from rungwise.simulation.planar.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.loop import STOPPED, begin, first_verdict, run_step

@@ -11,7 +11,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import carried
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED
 from rungwise.simulation.planar.drives import set_speeds
 from rungwise.simulation.planar.inputs import Inputs

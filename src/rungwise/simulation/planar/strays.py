@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, inner_kernel, rare_kernel
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, VERTICES, height
 

@@ -6,8 +6,8 @@ import math
 
 from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
-from rungwise.scene.expression import evaluate, holds
-from rungwise.scene.records import FORCE, SERVO, Records
+from rungwise.scene.language.expression import evaluate, holds
+from rungwise.scene.template.records import FORCE, SERVO, Records
 from rungwise.simulation.planar.inputs import Inputs, until_margin
 from rungwise.simulation.planar.nearby import swing
 from rungwise.simulation.planar.passing import thickness

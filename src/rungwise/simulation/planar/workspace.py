@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.contact.step import STICK, ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
-from rungwise.scene.expression import STACK
-from rungwise.scene.records import Records
-from rungwise.scene.template import Template
+from rungwise.scene.language.expression import STACK
+from rungwise.scene.template.records import Records
+from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
 from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds

@@ -14,9 +14,9 @@ from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.outcome import Code
 from rungwise.plain import cut
+from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
-from rungwise.scene.values import shown
 from rungwise.simulation.inputs import condition
 from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame

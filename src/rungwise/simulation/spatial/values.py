@@ -8,9 +8,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.scene.expression import STACK, Programs, evaluate, holds
-from rungwise.scene.expression import Code as Program
-from rungwise.scene.names import OF_CONTACTS
+from rungwise.scene.language.expression import STACK, Programs, evaluate, holds
+from rungwise.scene.language.expression import Code as Program
+from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.simulation.core.march import March
 from rungwise.system.spatial.space import Space
@@ -19,8 +19,8 @@ from rungwise.system.spatial.space import Space
 @dataclass
 class Values:
     """Values (p + 2 + n_q + n_v + 3 c,) that programs read: parameters, t, q, v, gaps, normal forces and
-    impulses of pairs of bodies, tolerance (see `scene.names`); gaps, forces and impulses of the pairs that
-    conditions ask for."""
+    impulses of pairs of bodies, tolerance (see `scene.language.names`); gaps, forces and impulses of the
+    pairs that conditions ask for."""
 
     scene: SpaceScene
     bound: SpaceBound

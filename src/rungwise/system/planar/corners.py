@@ -17,7 +17,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
-from rungwise.scene.records import HALFPLANE, Records
+from rungwise.scene.template.records import HALFPLANE, Records
 from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import (
     ABSENT,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Reals, Record, kernel, rare_kernel
-from rungwise.scene.records import HALFPLANE, Records
+from rungwise.scene.template.records import HALFPLANE, Records
 from rungwise.system.planar.corners import Course, crosses, set_course, touching_face
 from rungwise.system.planar.joined import joined_manifold
 from rungwise.system.planar.manifold import (

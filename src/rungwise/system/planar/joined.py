@@ -12,7 +12,7 @@ import math
 from typing import TypeAlias
 
 from rungwise.kernel import Ints, Reals, Record, kernel
-from rungwise.scene.records import HALFPLANE
+from rungwise.scene.template.records import HALFPLANE
 from rungwise.system.planar.manifold import (
     ABSENT,
     GAP,

@@ -10,7 +10,18 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
-from rungwise.scene.records import ALONG, ANGLE, FIXED, FORCE, FREE, HINGE, NO_DRIVE, SERVO, SPEED, Records
+from rungwise.scene.template.records import (
+    ALONG,
+    ANGLE,
+    FIXED,
+    FORCE,
+    FREE,
+    HINGE,
+    NO_DRIVE,
+    SERVO,
+    SPEED,
+    Records,
+)
 from rungwise.system.planar.place import COS, SIN, X, Y, coordinate_count, lever
 from rungwise.system.planar.terms import stop
 from rungwise.system.terms import APART, DRIVE, JOINT, SUPPORT, Terms

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
-from rungwise.scene.records import HALFPLANE, Records
+from rungwise.scene.template.records import HALFPLANE, Records
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.block import Block
 from rungwise.kernel import Reals, Record, inner_kernel, kernel
-from rungwise.scene.records import FIXED, FREE, HINGE, SLIDE, Records
+from rungwise.scene.template.records import FIXED, FREE, HINGE, SLIDE, Records
 
 X, Y, COS, SIN = 0, 1, 2, 3
 """Columns of `Placement.pose`."""

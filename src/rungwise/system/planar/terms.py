@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
-from rungwise.scene.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
+from rungwise.scene.template.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.place import COS, SIN, X, Y

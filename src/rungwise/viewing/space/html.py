@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.viewing.html import CURVES, LARGEST, Part, bytes_of, fill, kept, numbered, quantised
+from rungwise.viewing.plane.html import CURVES, LARGEST, Part, bytes_of, fill, kept, numbered, quantised
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film, FilmError, Solid
 from rungwise.viewing.space.shapes import scale, shape

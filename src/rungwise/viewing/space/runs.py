@@ -11,7 +11,6 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import is_space, load_space
 from rungwise.scene.space.model import library
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.trajectory import SUMMARY, load_run
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
 from rungwise.viewing.space.mjcf import film_of_model
@@ -25,10 +24,10 @@ if TYPE_CHECKING:
 UNITS = {"length": "m", "time": "s", "force": "N"}
 
 
-def film_of(source: SpaceRun | str | Path) -> Film:
+def film_of(source: Any) -> Film:
     """The film of a run, or of a folder of one: poses, contacts, and curves of gaps and normal forces of the
     bodies that met. Raises FilmError for a run that never began."""
-    if not isinstance(source, SpaceRun):
+    if isinstance(source, str | Path):
         data, told = load_run(source)
         scene = load_space(json.loads(data.attrs["scene_file"]))
         return _film(scene, scene.bind(told["parameters"]).model, data, tuple(told["notes"]))

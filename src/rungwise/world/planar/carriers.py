@@ -8,9 +8,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene import Bound, Scene
-from rungwise.scene.expression import STACK
-from rungwise.scene.numbers import evaluate_numbers
-from rungwise.scene.records import SERVO, SPEED
+from rungwise.scene.language.expression import STACK
+from rungwise.scene.template.numbers import evaluate_numbers
+from rungwise.scene.template.records import SERVO, SPEED
 from rungwise.world.carriers import Carrier, TaskError, pushes_of
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.scene import Scene
-from rungwise.scene.fields import Drive, Joint
+from rungwise.scene.fields.fields import Drive, Joint
 from rungwise.system.planar.place import turns
 from rungwise.world.description import stated
 

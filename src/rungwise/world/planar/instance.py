@@ -11,7 +11,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene import Bound, Scene
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.system.planar.place import start
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT, Moved

@@ -10,14 +10,14 @@ import numpy as np
 
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
-from rungwise.scene.records import Records
+from rungwise.scene.template.records import Records
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
-from rungwise.world.run import finished
 from rungwise.world.ingredients import CONDITIONS
 from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, damping_ratio, restitution
 from rungwise.world.planar.variant import GIVE, PlanarVariant
+from rungwise.world.run import finished
 
 
 def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matched:

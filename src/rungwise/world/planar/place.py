@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene
-from rungwise.scene.expression import Programs
-from rungwise.scene.terms import ANGLE, LENGTH, TIME, Dimension, Term
-from rungwise.scene.values import shown
+from rungwise.scene.fields.values import shown
+from rungwise.scene.language.expression import Programs
+from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
 from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory

@@ -21,8 +21,8 @@ from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
-from rungwise.world.run import finished
 from rungwise.world.rolled import Rolled
+from rungwise.world.run import finished
 
 
 @dataclass(frozen=True, repr=False)

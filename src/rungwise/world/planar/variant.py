@@ -12,9 +12,9 @@ import numpy as np
 from rungwise.kernel import Ints
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.scene import Scene, load
-from rungwise.scene.expression import STACK
-from rungwise.scene.numbers import evaluate_numbers
-from rungwise.scene.records import Records
+from rungwise.scene.language.expression import STACK
+from rungwise.scene.template.numbers import evaluate_numbers
+from rungwise.scene.template.records import Records
 from rungwise.world.ingredients import (
     ACCURACY,
     BALANCE,

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.scene import records as rec
+from rungwise.scene.template import records as rec
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.world.arguments import Asked

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
-from rungwise.scene.expression import STACK, Programs
+from rungwise.scene.fields.values import shown
+from rungwise.scene.language.expression import STACK, Programs
+from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.bind import normalise
-from rungwise.scene.terms import ANGLE, LENGTH, TIME, Dimension, Term
-from rungwise.scene.values import shown
 from rungwise.simulation.core.march import OVERLAP, March
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of

@@ -19,8 +19,8 @@ from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothi
 from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.arguments import Asked
-from rungwise.world.run import finished
 from rungwise.world.rolled import Rolled
+from rungwise.world.run import finished
 
 
 @dataclass(frozen=True, repr=False)

@@ -1,0 +1,125 @@
+"""`rungwise plan`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rungwise.cli import progress
+from rungwise.cli.arguments import (
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    given_values,
+    load_plan_file,
+    load_scene,
+    number,
+    writable_file,
+)
+from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+
+RUNGS = (
+    "geometric", "kinematic", "quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid",
+    "dynamic-compliant",
+)  # fmt: skip
+
+
+def plan(
+    scene: SceneArgument,
+    from_: Annotated[
+        str | None, typer.Option("--from", help="First rung; the plan climbs from it, rung by rung.")
+    ] = None,
+    to: Annotated[str, typer.Option("--to", help="Rung on which the plan must hold.")] = "dynamic-compliant",
+    schedule: Annotated[
+        str | None,
+        typer.Option(
+            "--schedule",
+            help="coarse-fine, quasistatic, climb or direct; or stages RUNG[@ACCURACY], by commas."
+            " Default: the task's own.",
+        ),
+    ] = None,
+    budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            "--limit",
+            parser=number,
+            metavar="SECONDS",
+            help="The search ends after this time, wherever it is.",
+        ),
+    ] = None,
+    improve: Annotated[
+        int, typer.Option("--improve", min=0, help="Simulated steps spent on plans of less cost.")
+    ] = 0,
+    robust: Annotated[
+        float | None,
+        typer.Option(
+            "--robust",
+            parser=number,
+            metavar="RATE",
+            help="Rate of success: open loop, with guarded moves or re-planning; the first that suffices.",
+        ),
+    ] = None,
+    samples: Annotated[int, typer.Option("--samples", min=1, help="Samples that prove the rate.")] = 200,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the searches.")] = 0,
+    task_seed: Annotated[
+        int | None, typer.Option("--task-seed", min=0, help="Draw the instance by the task's rules.")
+    ] = None,
+    values: SetOption = None,
+    initial: Annotated[Path | None, typer.Option("--initial", help="A saved plan to begin with.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="File for the plan (JSON).")] = None,
+    table: Annotated[Path | None, typer.Option("--csv", help="File for the time table of inputs.")] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Plan the task of a scene on one model after the other; says what breaks on the way.
+
+    Ctrl-C keeps the plan of the last stage that was finished."""
+    from rungwise.planning.lift.lift import INTERRUPTED as STOPPED
+    from rungwise.planning.lift.lift import plan as search
+    from rungwise.planning.plan import PLACES_ONLY
+
+    for file in (out, table):
+        if file is not None:
+            writable_file(file)
+    with plain_errors(), progress.line(as_json or not sys.stderr.isatty()) as told:
+        loaded = load_scene(scene)
+        found = search(
+            loaded, from_=from_, to=to, schedule=_stages(schedule), budget=budget, limit=limit,
+            improve=improve, robust=robust, samples=samples, seed=seed, task_seed=task_seed,
+            parameters=given_values(loaded, values),
+            initial=None if initial is None else load_plan_file(initial),
+            on_progress=told,
+        )  # fmt: skip
+    try:
+        if out is not None:
+            found.save(out)
+        if table is not None and found.segments:
+            table.write_text(found.timetable(), "utf-8")
+        elif table is not None and found.found:
+            refuse(f"csv: {PLACES_ONLY}")
+    except OSError as error:
+        refuse(f"out: {error.filename} cannot be written ({error.strerror or error})")
+    show_json(found.summary()) if as_json else show(str(found))
+    if found.reason.startswith(STOPPED):
+        return INTERRUPTED
+    return 0 if found.found else 1
+
+
+def _stages(text: str | None) -> str | list[str | tuple[str, float]] | None:
+    """A schedule's name, or its stages."""
+    if text is None:
+        return None
+    parts = [part.strip().partition("@") for part in text.split(",")]
+    if len(parts) == 1 and not parts[0][1] and parts[0][0] not in RUNGS:
+        return text
+    return [name if not at else (name, _accuracy(accuracy)) for name, at, accuracy in parts]
+
+
+def _accuracy(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        refuse(f"schedule: an accuracy must be a number, not {text[:60]!r}")

@@ -1,0 +1,107 @@
+"""`rungwise replay`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rungwise.cli.arguments import (
+    JsonOption,
+    SetOption,
+    load_plan_file,
+    load_scene,
+    number,
+    parameters_of,
+)
+from rungwise.cli.terminal import plain_errors, refuse, show, show_json
+
+if TYPE_CHECKING:
+    pass
+
+PLANAR = "scene: is planar; only scenes in space are replayed in another simulator"
+
+
+def replay(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENE|PLAN",
+            help="Name of a scene that ships, path of a YAML, MJCF or URDF file, or a saved plan (JSON).",
+        ),
+    ],
+    judge: Annotated[str, typer.Option("--in", help="The other simulator: mujoco.")] = "mujoco",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model",
+            help="Rung of the run that is replayed; the plan's own, or dynamic-compliant, if not given.",
+        ),
+    ] = None,
+    values: SetOption = None,
+    duration: Annotated[
+        float | None, typer.Option("--time", parser=number, metavar="NUMBER", help="End of the run.")
+    ] = None,
+    tol: Annotated[
+        float | None,
+        typer.Option("--tol", parser=number, metavar="NUMBER", help="Error allowed per step of the run."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step", parser=number, metavar="NUMBER", help="The judge's step; the model's own if not given."
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Run a scene or a plan in space, give the same inputs to another simulator, and say where and why the
+    two part."""
+    from rungwise.simulation.spatial.replay import replay as judged
+
+    with plain_errors():
+        run = _planned(scene, model, values, duration, tol)
+        if run is None:
+            run = _run(scene, model, values, duration, tol)
+        if run.outcome.name == "invalid":
+            refuse(run.reason)
+        found = judged(run, in_=judge, step=step)
+    show_json(found.summary()) if as_json else show(str(found))
+    return 0 if found.ok else 1
+
+
+def _planned(
+    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
+) -> AnyRun | None:
+    """The run of a saved plan; None for a scene."""
+    from rungwise.world.find import world_of
+
+    if Path(source).suffix.lower() != ".json":
+        return None
+    if values:
+        refuse("set: a plan has its own parameters")
+    plan = load_plan_file(Path(source))
+    run = plan.replay(model, tol=tol, duration=duration)
+    if world_of(run.scene).dimension != 3:
+        refuse(PLANAR)
+    return run
+
+
+def _run(
+    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
+) -> AnyRun:
+    """The run of a scene."""
+    from rungwise.world.find import world_of
+    from rungwise.world.run import simulate
+
+    loaded = load_scene(source)
+    if world_of(loaded).dimension != 3:
+        refuse(PLANAR)
+    run: AnyRun = simulate(
+        loaded,
+        model or "dynamic-compliant",
+        parameters=parameters_of(loaded, values),
+        duration=duration,
+        tol=tol,
+    )
+    return run

@@ -1,0 +1,150 @@
+"""`rungwise sets`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rungwise.cli import progress
+from rungwise.cli.arguments import (
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    intervals,
+    load_scene,
+    number,
+    parameters_of,
+    writable,
+)
+from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.wording import choices
+
+
+def sets(
+    scene: SceneArgument,
+    model: Annotated[str, typer.Option("--model", help="Rung of the ladder, or all.")],
+    over: Annotated[
+        str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
+    ],
+    values: SetOption = None,
+    solutions: Annotated[
+        str,
+        typer.Option(
+            "--solutions", help="Of several motions: the slowest, possible, guaranteed, or all three sets."
+        ),
+    ] = "slowest",
+    lift: Annotated[
+        bool,
+        typer.Option("--lift", help="With --model all: look for a boundary where the rung below has it."),
+    ] = False,
+    tol: Annotated[
+        float,
+        typer.Option(
+            "--tol", parser=number, metavar="NUMBER", help="Accuracy of the boundary, as a part of the box."
+        ),
+    ] = 0.01,
+    accuracy: Annotated[
+        float | None,
+        typer.Option("--accuracy", parser=number, metavar="NUMBER", help="Error allowed per step of a run."),
+    ] = None,
+    probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
+    budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            "--limit",
+            parser=number,
+            metavar="SECONDS",
+            help="Each set ends after this time, with the cells that are known.",
+        ),
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
+    ] = None,
+    certify: Annotated[
+        int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
+    ] = 0,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for batches, sets and the figure.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the batches kept in --out.")] = False,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Surfaces, slices and runs in one file, for a browser.")
+    ] = None,
+    table: Annotated[
+        Path | None, typer.Option("--csv", help="Table of all runs and boundary points.")
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
+    from importlib.util import find_spec
+
+    from rungwise.models.ladder import LADDER
+    from rungwise.report import files
+    from rungwise.report import sets as report
+    from rungwise.sets.feasible.feasible import BUDGET, FeasibleSet, feasible_set
+    from rungwise.sets.motions import SLOWEST, SOLUTIONS
+    from rungwise.viewing.sets.slices import feasible_slices, write_figure
+    from rungwise.viewing.view import view
+
+    if resume and out is None:
+        refuse("resume: needs --out, the folder to go on in")
+    if solutions not in (*SOLUTIONS, "all"):
+        refuse(f"solutions: unknown {solutions[:60]!r}{choices(solutions, (*SOLUTIONS, 'all'))}")
+    if lift and model != "all":
+        refuse("lift: needs --model all, rungs to climb")
+    names, box = intervals("over", over)
+    rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
+    wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
+    per_rung = len(wanted) // len(rungs)
+    found: list[FeasibleSet] = []
+    exports = {"csv": table, "mesh": mesh}
+    try:
+        with plain_errors():
+            files.check(exports, len(names))
+            loaded = load_scene(scene)
+            parameters = parameters_of(loaded, values)
+            if out is not None:
+                writable(out)
+            for name, each in wanted:
+                below = found[-per_rung] if lift and name != rungs[0] else None
+                folder = name if each == SLOWEST else f"{name}-{each}"
+                with progress.counting(folder, quiet=as_json or not sys.stderr.isatty()) as on_progress:
+                    found.append(
+                        feasible_set(
+                            loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
+                            near=below, accuracy=accuracy, probes=probes,
+                            budget=BUDGET if budget is None else budget,
+                            limit=limit, threads=threads, cluster=cluster,
+                            out=None if out is None else out / folder, resume=resume, on_progress=on_progress,
+                        )
+                    )  # fmt: skip
+            summary = report.summary(found, certify, box)
+            written = files.write(found, exports)
+            if html is not None:
+                written += view(found, html=html)
+            if out is not None and find_spec("matplotlib") is not None:
+                write_figure(feasible_slices(found), out / "sets.png")
+    except KeyboardInterrupt:
+        kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
+        print(f"rungwise: stopped; {kept}", file=sys.stderr)
+        return INTERRUPTED
+    except OSError as error:
+        refuse(
+            f"out: {out} cannot be written ({error.strerror or error});"
+            " finished batches are kept, and --resume goes on from them"
+        )
+    summary["files"] = [str(file) for file in written]
+    show_json(summary) if as_json else show(report.text(summary))
+    return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1

@@ -1,0 +1,139 @@
+"""`rungwise sim`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rungwise.cli import progress
+from rungwise.cli.arguments import (
+    JsonOption,
+    SceneArgument,
+    SetOption,
+    load_scene,
+    number,
+    parameters_of,
+    writable,
+)
+from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.world.contract import AnyRun
+
+if TYPE_CHECKING:
+    pass
+
+
+def sim(
+    scene: SceneArgument,
+    model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
+    values: SetOption = None,
+    step: Annotated[
+        float | None,
+        typer.Option(
+            "--step", parser=number, metavar="NUMBER", help="Length of a step; the scene's own if not given."
+        ),
+    ] = None,
+    tol: Annotated[
+        float | None,
+        typer.Option(
+            "--tol", parser=number, metavar="NUMBER", help="Error allowed per step: step lengths are chosen."
+        ),
+    ] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            "--time", parser=number, metavar="NUMBER", help="End of the run; the scene's own if not given."
+        ),
+    ] = None,
+    theta: Annotated[
+        float,
+        typer.Option(
+            "--theta",
+            parser=number,
+            metavar="NUMBER",
+            help="Theta rule on the dynamic-compliant rung, 0.5 to 1.",
+        ),
+    ] = 1.0,
+    inertia: Annotated[
+        float | None,
+        typer.Option(
+            "--inertia",
+            parser=number,
+            metavar="NUMBER",
+            help="The paper's epsilon, 0 to 1, in place of the rung's own.",
+        ),
+    ] = None,
+    inputs: Annotated[
+        Path | None,
+        typer.Option("--inputs", help="YAML file: a list of segments for the scene's inputs over time."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
+    save_hard: Annotated[
+        Path | None,
+        typer.Option("--save-hard", help="Folder for the problems of hard steps, at most 101 (FCLIB)."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> int:
+    """Run a scene on one rung to its outcome."""
+    from rungwise.models.ladder import rung
+    from rungwise.simulation.options import ModelError
+    from rungwise.world.run import simulation_of
+
+    if step is not None and tol is not None:
+        refuse("step and tol: give one of the two")
+    with plain_errors():
+        loaded = load_scene(scene)
+        try:
+            chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
+        except ValueError as error:
+            raise ModelError(str(error)) from None
+        parameters = parameters_of(loaded, values)
+        if out is not None:
+            writable(out)
+        simulation = simulation_of(
+            loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
+            inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
+        )  # fmt: skip
+        try:
+            interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())
+        except OSError as error:
+            refuse(f"save_hard: {save_hard} cannot be written ({error.strerror or error})")
+    run = simulation.result()
+    if run.outcome.name == "invalid":
+        refuse(run.reason)
+    if out is not None:
+        try:
+            run.save(out)
+        except OSError as error:
+            refuse(f"out: {out} cannot be written ({error.strerror or error})")
+    show_json(run.summary()) if as_json else show(_sentence(run))
+    return INTERRUPTED if interrupted else run.outcome.exit_code
+
+
+def _sentence(run: AnyRun) -> str:
+    final = ", ".join(f"{b}.{c} = {x:.6g}" for b, many in run.final.items() for c, x in many.items())
+    lines = [
+        f"{run.scene.name} on {run.model.name}: {run.outcome}",
+        f"  {run.reason}",
+        f"  time {run.time:.6g} after {run.steps} steps, worst residual {run.worst_residual:.1e},"
+        f" {run.wall_s:.3f} s",
+        f"  {final}",
+    ]
+    if run.energy_gained > 0.0:
+        lines.append(
+            f"  contacts added {run.energy_gained:.3g} of energy: Newton's restitution with friction can;"
+            " a compliant rung cannot"
+        )
+    return "\n".join([*lines, *(f"  {note}" for note in run.notes)])
+
+
+def _schedule(path: Path) -> Any:
+    """What the file says of the inputs; an empty one, that says nothing, is refused."""
+    from rungwise.scene.scene import read_yaml
+
+    content = read_yaml("inputs", path)
+    if content is None:
+        refuse(f"inputs: {str(path)!r} is empty; it must be a list of segments")
+    return content

@@ -1,0 +1,181 @@
+"""`rungwise view`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rungwise.cli.arguments import (
+    JsonOption,
+    SetOption,
+    load_plan_file,
+    load_scene,
+    number,
+    parameters_of,
+)
+from rungwise.cli.terminal import plain_errors, refuse, show, show_json
+from rungwise.world.contract import AnyRun
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+def view(
+    sources: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DIR|SCENE|PLAN...",
+            help="Folders of runs or sets, or one scene, or one saved plan (JSON).",
+        ),
+    ],
+    model: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--model", help="Rung to run on; may be repeated. All that move, or the plan's own, if not given."
+        ),
+    ] = None,
+    values: SetOption = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Page in one file, for a browser.")] = None,
+    png: Annotated[Path | None, typer.Option("--png", help="Strip of frames; slices of sets.")] = None,
+    gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
+    frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
+    at: Annotated[
+        float | None,
+        typer.Option("--at", parser=number, metavar="NUMBER", help="Time of the one frame in the PNG."),
+    ] = None,
+    parting: Annotated[
+        Path | None,
+        typer.Option(
+            "--parting",
+            help="Still picture of where a plan's motions on two rungs part, the two of --model or those of"
+            " its diagnosis that come farthest apart.",
+        ),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="A page that is served, of runs in space (needs the extra watch).")
+    ] = False,
+    as_json: JsonOption = False,
+) -> int:
+    """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
+
+    Writes SCENE.html if no file is named."""
+    from rungwise.viewing.view import view as draw
+    from rungwise.viewing.write import ViewError
+
+    if parting is not None:
+        if html or png or gif or values:
+            refuse("view: --parting is a picture of its own; it goes with --model and --at alone")
+        return _parting(sources, model, parting, at, as_json)
+    folders = [Path(source) for source in sources if Path(source).is_dir()]
+    runs: list[AnyRun] = []
+    if folders and (len(folders) < len(sources) or model or values):
+        refuse("view: give folders of saved runs, or one scene with --model and --set")
+    if not folders:
+        if len(sources) > 1:
+            refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
+        is_plan = Path(sources[0]).suffix == ".json"
+        runs = _replays(sources[0], model, values) if is_plan else _runs(sources[0], model, values)
+    if live:
+        return _live(runs)
+    try:
+        written = draw(folders or runs, html=html, png=png, gif=gif, frames=frames, at=at)
+    except ViewError as error:
+        refuse(str(error))
+    outcomes = [{"model": run.model.name, "outcome": str(run.outcome)} for run in runs]
+    if as_json:
+        show_json({"files": [str(file) for file in written], "runs": outcomes})
+    else:
+        show(
+            "\n".join(
+                [*(f"{o['model']}: {o['outcome']}" for o in outcomes), *(f"wrote {f}" for f in written)]
+            )
+        )
+    return 0
+
+
+def _live(runs: Sequence[AnyRun]) -> int:
+    """Serve a page of runs in space until Ctrl-C."""
+    from rungwise.errors import InputError
+    from rungwise.viewing.space.live import open_live
+    from rungwise.viewing.space.runs import film_of
+    from rungwise.world.find import world_of
+
+    in_space = [run for run in runs if world_of(run.scene).dimension == 3]
+    if not in_space or len(in_space) < len(runs):
+        refuse("view: --live shows runs of one scene in space")
+    try:
+        with open_live([film_of(run) for run in in_space]) as page:
+            show(f"{page.url} (Ctrl-C ends it)")
+            page.wait()
+    except InputError as error:
+        refuse(str(error))
+    return 0
+
+
+def _parting(
+    sources: list[str], models: list[str] | None, file: Path, at: float | None, as_json: bool
+) -> int:
+    """Draw where the motions of a plan part on two rungs, and tell it."""
+    from rungwise.planning.diagnosis.diagnose import diagnose
+    from rungwise.planning.diagnosis.sentences import UNTOUCHED
+    from rungwise.planning.plan import PLACES_ONLY
+    from rungwise.scene import Scene
+    from rungwise.viewing.plane.parting import draw_parting
+    from rungwise.viewing.write import ViewError
+
+    if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
+        refuse("parting: needs one saved plan (JSON) and two rungs, or none")
+    with plain_errors():
+        plan = load_plan_file(Path(sources[0]))
+        if plan.stage is not None and not plan.stage.model.moves:
+            refuse(f"plan: {PLACES_ONLY}")
+        if models:
+            if not plan.found:
+                refuse(f"plan: there is none. {plan.reason}")
+            found = diagnose(
+                plan.scene, *models, inputs=plan.segments, parameters=plan.parameters, tol=plan.tol
+            )
+        elif moving := [each for each in plan.diagnosis if UNTOUCHED not in each.causes]:
+            found = max(moving, key=lambda each: each.distance)
+        else:
+            refuse("parting: the plan parts on none of its stages; name two rungs with --model")
+        if not isinstance(plan.scene, Scene):
+            refuse("parting: is drawn of planar plans only")
+        try:
+            written = draw_parting(found, plan.scene, file, parameters=plan.parameters, at=at)
+        except ViewError as error:
+            refuse(str(error))
+    if as_json:
+        show_json({"files": [str(written)], "diagnosis": found.summary()})
+    else:
+        show(f"{found}\nwrote {written}")
+    return 0
+
+
+def _replays(source: str, models: list[str] | None, values: list[str] | None) -> list[AnyRun]:
+    """The runs of a saved plan on its own rung, or on the rungs given."""
+    if values:
+        refuse("view: --set is for scenes; a plan has its parameters")
+    with plain_errors():
+        plan = load_plan_file(Path(source))
+        if not plan.found:
+            refuse(f"plan: there is none. {plan.reason}")
+        return [plan.replay(name) for name in models or [plan.summary()["model"]]]
+
+
+def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[AnyRun]:
+    """The scene's run on each of the rungs, for pictures."""
+    from rungwise.models.ladder import LADDER
+    from rungwise.world.run import simulate
+
+    with plain_errors():
+        scene = load_scene(source)
+        parameters = parameters_of(scene, values)
+        chosen = models or [rung.name for rung in LADDER if rung.moves]
+        runs = [simulate(scene, name, parameters=parameters) for name in chosen]
+    for run in runs:
+        if run.outcome.name == "invalid":
+            refuse(run.reason)
+    return runs

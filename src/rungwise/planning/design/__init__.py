@@ -1,0 +1,1 @@
+"""Parameters with which a scene succeeds best, and how far they may drift."""

@@ -1,0 +1,249 @@
+"""Why a plan that holds on one model fails, or drifts, on another: counterfactuals.
+
+Between two worlds (a scene on a rung) one ingredient at a time is changed; the cause is the least change with
+which the motion in the first becomes the motion in the second. Where no single change closes the gap, pairs
+and larger sets are tried: the cause is mixed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from itertools import combinations
+from pathlib import Path
+from textwrap import wrap
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung, rung
+from rungwise.plain import brief
+from rungwise.planning.diagnosis.sentences import Told, ending, places, sentence
+from rungwise.scene import SceneError
+from rungwise.scene.contract import AnyScene
+from rungwise.scene.read import load
+from rungwise.simulation.inputs import Segment
+from rungwise.world.find import world_of
+from rungwise.world.ingredients import BALANCE, INGREDIENTS, Motion, Parting, Variant
+from rungwise.world.run import simulate
+
+CLOSES = 0.2
+"""The part of the distance between two motions that may be left for a change to count as the cause."""
+APART = 0.01
+"""Motions differ where they are farther apart than this part of the size of what moves."""
+MOMENTS = 400
+"""Moments at which motions are compared."""
+NOTHING = "no difference"
+WIDE = 98
+"""Columns of a table."""
+_Look: TypeAlias = "Callable[[Any], None] | None"
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Where two motions part, and why.
+
+    before, after: the rungs; causes: the ingredients of the least change that closes the gap, empty where
+    there is no difference; left: for each change that was tried, the part of the distance that it left;
+    time, body, distance: where motions part, and how far they are from each other at most until both runs
+    have ended; details: numbers for each cause (see `world.ingredients`); ends: how the first and the second
+    run ended, with the certificate that proves a jam or a missing support; outcome: that of the second;
+    inputs, tols: of the runs, the same inputs for both, and the error allowed per step in each.
+    """
+
+    before: str
+    after: str
+    causes: tuple[str, ...]
+    left: dict[str, float]
+    time: float
+    body: str
+    distance: float
+    details: dict[str, dict[str, Any]]
+    ends: tuple[dict[str, Any], ...]
+    outcome: str
+    inputs: tuple[Segment, ...] = ()
+    tols: tuple[float, ...] = ()
+
+    __repr__ = brief
+
+    @property
+    def cause(self) -> str:
+        return " + ".join(self.causes) if self.causes else NOTHING
+
+    def __str__(self) -> str:
+        """A line on where motions part, and one for each cause and each end that a certificate proves."""
+        where = f"{self.body} parts at t = {self.time:.4g}, {self.distance:.3g} apart at most"
+        if not self.causes:
+            where = f"{NOTHING} ({self.distance:.2g} apart at most)"
+        head = f"{self.before} -> {self.after}: {where}; {self.outcome}"
+        return "\n".join([head, *(f"  {line}" for line in self.reasons)])
+
+    @property
+    def reasons(self) -> list[str]:
+        """A sentence for each cause, and one for each run whose end a certificate proves."""
+        on = places(self.before, self.after)
+        told = [(cause, Told(self.details.get(cause, {}), on, self.body)) for cause in self.causes]
+        return [f"{cause}: {sentence(cause, numbers)}" for cause, numbers in told] + [
+            ending(each, where) for each, where in zip(self.ends, on, strict=True) if "certificate" in each
+        ]
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Diagnosis:
+        """A diagnosis from its summary."""
+        kept = {each.name: values[each.name] for each in fields(cls)}
+        kept |= {name: tuple(kept[name]) for name in ("causes", "ends", "tols")}
+        return cls(**kept | {"inputs": tuple(Segment(**segment) for segment in kept["inputs"])})
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, with the cause and the whole in words."""
+        return asdict(self) | {"cause": self.cause, "words": str(self)}
+
+
+def table(found: Sequence[Diagnosis]) -> list[str]:
+    """Where a plan parts from stage to stage: a row for each diagnosis, with its sentences below it."""
+    lines = [f"{'parts on':29} {'at t':>8}  {'body':8} {'apart':>8}  {'ends':13}  why"]
+    for each in found:
+        row = f"{each.after:29} {each.time:8.4g}  {each.body:8} {each.distance:8.3g}  {each.outcome:13}  "
+        lines += wrap(row + each.cause, WIDE, subsequent_indent=" " * len(row))
+        for reason in each.reasons:
+            lines += wrap(reason, WIDE, initial_indent="  ", subsequent_indent="    ")
+    return lines
+
+
+@keywords
+def diagnose(
+    scene: AnyScene | str | Path | Mapping[str, Any],
+    before: Rung | str,
+    after: Rung | str,
+    *,
+    inputs: Sequence[Segment] = (),
+    parameters: Mapping[str, float] | None = None,
+    other_parameters: Mapping[str, float] | None = None,
+    tol: float | None = None,
+    other_tol: float | None = None,
+    on_progress: Callable[[Any], None] | None = None,
+) -> Diagnosis:
+    """Why the motion under these inputs differs between two rungs, two sets of parameters, or two accuracies.
+
+    `other_parameters` and `other_tol` belong to `after`, and are the same as before if not given; `tol` is
+    the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten
+    times a second with the run that is made. Raises SceneError for wrong input.
+    """
+    loaded = load(scene)
+    own = world_of(loaded).at(loaded.parameters(parameters)).moved
+    accuracy = 1e-4 * own.size if tol is None else tol
+    other_accuracy = accuracy if other_tol is None else other_tol
+    one = loaded.parameters(parameters)
+    other = one if other_parameters is None else loaded.parameters(other_parameters)
+    world = world_of(loaded)
+    a = world.variant(one, rung(before), accuracy)
+    b = world.variant(other, rung(after), other_accuracy)
+    return compare(a, b, inputs, own.weights, own.size, on_progress)
+
+
+def differing(a: Variant, b: Variant) -> tuple[str, ...]:
+    """The ingredients in which two worlds differ."""
+    return tuple(name for name in INGREDIENTS if a.effective(name) != b.effective(name))
+
+
+def compare(
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, size: float, look: _Look = None
+) -> Diagnosis:
+    """Why the motion in world b differs from the motion in world a; weights (n,) of coordinates, and the size
+    of what moves; `look` is called while runs go on."""
+    names = differing(a, b)
+    runs, (first, last), until = both(a, b, inputs, weights, look)
+    motions = {frozenset[str](): first, frozenset(names): last}
+    distance = distances(first, last, until)[0]
+    causes: tuple[str, ...] = ()
+    left: dict[str, float] = {}
+    if distance > APART * size:
+        causes, left = _least(a, b, names, inputs, weights, motions, distance, until, look)
+    time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
+    body = a.scene.template.coordinates[column].split(".")[0]
+    details = world_of(a.scene).evidence(Parting((a, b), (first, last), time, body, size), causes)
+    return Diagnosis(
+        before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
+        distance=distance, details=details, ends=tuple(world_of(a.scene).end(run) for run in runs),
+        outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol),
+    )  # fmt: skip
+
+
+def both(
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, look: _Look = None
+) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
+    """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
+    which they are compared, when both runs have ended."""
+    runs = _run(a, inputs, look), _run(b, inputs, look)
+    until = max(run.time for run in runs)
+    whole = frozenset(differing(a, b))
+    motions = [
+        _motion(a.mixed(b, taken), inputs, weights, until, look) for taken in (frozenset[str](), whole)
+    ]
+    return runs, (motions[0], motions[1]), until
+
+
+def _name(world: Variant, other: Variant) -> str:
+    """The rung, with the accuracy where the other world is on the same rung."""
+    same = world.model == other.model and world.tol != other.tol
+    return f"{world.model.name} @ {world.tol:g}" if same else world.model.name
+
+
+def _least(
+    a: Variant, b: Variant, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
+    motions: dict[frozenset[str], Motion], distance: float, until: float,
+    look: _Look,
+) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
+    """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals; and
+    what each set that was tried left."""
+    last, left = motions[frozenset(names)], dict[str, float]()
+    for size in range(1, len(names)):
+        found = []
+        for taken in combinations(names, size):
+            key = frozenset(taken)
+            if key not in motions:
+                motions[key] = _motion(a.mixed(b, key), inputs, weights, until, look)
+            part = distances(motions[key], last, until)[0] / distance
+            left[" + ".join(taken)] = part
+            if part <= CLOSES:
+                found.append((part, taken))
+        if found:
+            # The kinematic rung is rigid and knows no friction: to take it changes these, too.
+            return min(found, key=lambda each: (b.model.metric and BALANCE in each[1], *each))[1], left
+    return tuple(names), left
+
+
+def _run(world: Variant, inputs: Sequence[Segment], look: _Look) -> Any:
+    run = simulate(
+        world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol,
+        on_progress=look,
+    )  # fmt: skip
+    if not run.began:
+        raise SceneError(run.reason)
+    return run
+
+
+def _motion(world: Variant, inputs: Sequence[Segment], weights: Reals, until: float, look: _Look) -> Motion:
+    """The motion up to this time: what comes after both runs have ended, at their goals or elsewhere, does
+    not matter."""
+    data = _run(world, inputs, look).trajectory
+    data = data.isel(time=slice(int(np.searchsorted(data.time.values, until)) + 1))
+    return Motion(data.time.values, data.position.values * weights, data)
+
+
+def distances(a: Motion, b: Motion, until: float) -> tuple[float, Reals, Reals]:
+    """The greatest distance until a time, and distances (m,) over times (m,)."""
+    times = np.unique(np.concatenate([np.linspace(0.0, until, MOMENTS), a.times, b.times]))
+    times = times[times <= until]
+    away = np.linalg.norm(a.at(times) - b.at(times), axis=1)
+    return float(away.max()), times, away
+
+
+def _parting(a: Motion, b: Motion, until: float, threshold: float) -> tuple[float, int]:
+    """When motions part by more than the threshold, and in which coordinate most."""
+    _, times, away = distances(a, b, until)
+    first = int(np.argmax(away > threshold)) if (away > threshold).any() else int(np.argmax(away))
+    apart = np.abs(a.at(times[first : first + 1]) - b.at(times[first : first + 1]))[0]
+    return float(times[first]), int(np.argmax(apart))

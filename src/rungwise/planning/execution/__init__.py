@@ -1,0 +1,1 @@
+"""Plans executed in worlds that vary: guards, feedback, and how often they succeed."""

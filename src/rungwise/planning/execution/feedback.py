@@ -1,0 +1,141 @@
+"""Executing a plan with feedback: after each move the actual state is read, and the rest is planned anew.
+
+The planner knows the task's nominal parameters; the world has its own. The state is read without error, at
+the ends of moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Predictor, Stage
+from rungwise.planning.plan import Plan
+from rungwise.planning.search.layout import Course, lay
+from rungwise.planning.search.problem import Work, begin
+from rungwise.planning.search.shooting import Search, run_moves, shoot
+from rungwise.planning.search.tree import grow
+from rungwise.planning.task.task import task_of
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.state import State
+from rungwise.world.find import world_of
+
+COARSE = 1e-2
+"""Accuracy with which the rest is planned, as a part of the size of what is moved."""
+LOOKS = 2
+"""Moves that are made at most, for each that a plan of the task may have."""
+REPAIR = Search(population=48, generations=6)
+ROUNDS = 12
+"""Rounds of a tree that is grown anew."""
+
+
+class Replanner:
+    """Executes a plan in worlds with other parameters, re-planning at the ends of moves."""
+
+    def __init__(
+        self, plan: Plan, stage: Stage, tol: float, threads: int | None = None, time: Budget | None = None
+    ) -> None:
+        self._plan, self._stage, self._tol, self._threads = plan, stage, tol, threads
+        self._task = task_of(plan.scene, plan.parameters)
+        self._time = Budget() if time is None else time
+        self._work = begin(self._task, self._time.within(None), 0, threads)
+        self._nominal = self._work.predictor(Stage(stage.model, COARSE))
+        self._steps = world_of(plan.scene).replanning_steps
+
+    def execute(
+        self, parameters: dict[str, float], errors: dict[str, float], seed: int
+    ) -> tuple[Code, tuple[Segment, ...]]:
+        """How it ends in the world with these parameters and errors of inputs, and what was executed. Raises
+        TimeOver."""
+        work = replace(self._work, rng=np.random.default_rng(seed), seed=seed)
+        world = Predictor(
+            self._plan.scene, self._stage, self._tol, parameters, self._time.within(None), self._threads,
+            quick=False, span=self._task.span,
+        )  # fmt: skip
+        start = State.of(self._plan.scene, parameters=parameters)
+        now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
+        outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._plan.moves, self._task.before
+        for look in range(LOOKS * self._task.moves[1]):
+            self._time.look()
+            budget = self._nominal.budget = self._time.within(self._steps)
+            here = replace(work, start=self._read(now, levels), budget=budget, seed=seed + look)
+            course, rest = self._next(here, rest, levels)
+            if course is None:
+                self._time.look()  # none may have been found because the time is over
+                break
+            segments = self._disturbed(course.segments, errors)
+            outcome, now = _run(world, now, segments)
+            executed += segments
+            levels = course.levels
+            if outcome not in GOES_ON:
+                break
+        return outcome, tuple(executed)
+
+    def _read(self, now: Places, levels: Reals) -> Places:
+        """The state of the world as the planner takes it over: it knows places and speeds, and where bodies
+        touch, deformations, but not the world's parameters."""
+        if not len(now.memory):
+            return Places(now.q.copy(), now.v.copy(), np.zeros(1), np.zeros((0, 1)))
+        return self._nominal.taken_over(now, self._plan.scene, levels)
+
+    def _next(self, work: Work, rest: Reals, levels: Reals) -> tuple[Course | None, Reals]:
+        """The next move, laid out, and the moves (k, d) after it; None where there is none."""
+        for vectors in self._plans(work, rest, levels):
+            course = lay(
+                work.moves, work.transit, self._nominal, work.start, vectors[:1], work.seed, levels, True
+            )
+            if course.segments and not course.blocked and (course.reached or course.outcome in GOES_ON):
+                return course, vectors[1:]
+        return None, rest
+
+    def _plans(self, work: Work, rest: Reals, levels: Reals) -> Iterator[Reals]:
+        """Plans (k, d) from where the world is, as they are found: the rest of the plan if it comes to the
+        goal, plans near it, and new ones; last those that come nearest to the goal."""
+        if len(rest):
+            trial = run_moves(work.moves, self._nominal, work.start, rest[None], work.whole, levels)
+            if trial.reached[0]:
+                yield rest[: trial.reached[0]]
+            near = shoot(
+                work.moves, self._nominal, work.start, len(rest), work.whole, work.rng, REPAIR,
+                seeds=rest[None], spread=0.1, before=levels,
+            )  # fmt: skip
+            for vectors, reached in zip(near.vectors, near.reached, strict=True):
+                if reached:
+                    yield vectors[:reached]
+        nearest = list[tuple[float, Reals]]()
+        while work.budget.left:
+            most = max(2, len(rest))
+            tree, way = grow(
+                work.moves, self._nominal, work.start, levels, work.whole, most, ROUNDS, work.rng
+            )
+            if len(way):
+                yield way
+            if len(tree.parent) == 1:
+                break
+            node = int(tree.lack.argmin())
+            nearest.append((float(tree.lack[node]), tree.way(node)))
+        for _, vectors in sorted(nearest, key=lambda each: each[0]):
+            if len(vectors):
+                yield vectors
+
+    def _disturbed(self, segments: tuple[Segment, ...], errors: dict[str, float]) -> list[Segment]:
+        """The segments with errors added to their inputs, within the ranges of the parameters."""
+        found = []
+        for segment in segments:
+            values = {}
+            for name, value in segment.inputs.items():
+                low, high = self._plan.scene.file.parameters[name].range or (-np.inf, np.inf)
+                values[name] = float(np.clip(value + errors.get(name, 0.0), low, high))
+            found.append(replace(segment, inputs=values))
+        return found
+
+
+def _run(world: Predictor, now: Places, segments: list[Segment]) -> tuple[Code, Places]:
+    levels = np.array([[list(segment.inputs.values()) for segment in segments]])
+    durations = np.array([[segment.duration for segment in segments]])
+    ends = world.run(now, levels, durations, ramps=tuple(segment.ramp for segment in segments))
+    return Code(int(ends.outcome[0])), ends.places

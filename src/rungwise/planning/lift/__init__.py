@@ -1,0 +1,1 @@
+"""Plans lifted from stage to stage: replayed, repaired, or found anew."""

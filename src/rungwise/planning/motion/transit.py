@@ -1,0 +1,126 @@
+"""Robots on their way through free space, between pushes: the geometric rung, by OMPL.
+
+Straight ways that are free are taken as they are; others are grown by OMPL and pulled tight (`ways`). All
+other bodies hold still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Reals
+from rungwise.planning.motion.free_paths import CHECKS, always, grown, shortened
+from rungwise.planning.task.task import Task
+from rungwise.world.carriers import Carrier
+from rungwise.world.questions import Question
+
+NEAR = 0.25
+"""Part of the clearance that robots keep on their way."""
+DIRECTIONS = 32
+"""Directions tried away from what a robot touches."""
+
+
+class Transit:
+    """Ways of a task's carriers between places, with all else where it is."""
+
+    def __init__(self, task: Task, question: Question) -> None:
+        self._task, self._question = task, question
+        self._columns = [place for carrier in task.carriers for place in carrier.places]
+        contacts, names = task.scene.template.contacts, {carrier.body for carrier in task.carriers}
+        self._own = [k for k, pair in enumerate(contacts) if names & set(pair)]
+        self._clearance = min((carrier.clearance for carrier in task.carriers), default=0.0)
+
+    def way(self, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool] = always) -> Reals | None:
+        """Places (k, n) from q (n,) to the goal (n,), both included, sought while there is time; None where
+        no way was found."""
+        begun = self.away(q)
+        if begun is not q:
+            rest = self.way(begun, goal, seed, in_time)
+            return None if rest is None else np.vstack([q, rest])
+        ends = np.stack([q, goal])
+        least = min(NEAR * self._clearance, 0.5 * float(self._gaps(ends).min(initial=math.inf)))
+        if least <= 0.0:
+            return None
+        if self._is_free(q, goal, least):
+            return ends
+        low, high = self._room(q, goal)
+        found = grown(
+            q, goal[None], self._columns, low, high,
+            lambda a, b: self._is_free(a, b, least), seed, lambda asked: asked <= CHECKS and in_time(),
+        )  # fmt: skip
+        return None if found is None else shortened(found, lambda a, b: self._is_free(a, b, least))
+
+    def touches(self, rows: Reals) -> NDArray[np.bool_]:
+        """Whether something is as near to a carrier at places (m, n) as carriers do not come on their way."""
+        return np.asarray(self._gaps(rows).min(axis=1, initial=math.inf) < NEAR * self._clearance)
+
+    def away(self, q: Reals) -> Reals:
+        """The place q (n,); where something touches a carrier there, one at a distance straight away."""
+        if not self.touches(q[None])[0]:
+            return q
+        place, contacts = q.copy(), self._task.scene.template.contacts
+        turns = np.linspace(0.0, 2.0 * math.pi, DIRECTIONS, endpoint=False)
+        steps = self._clearance * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+        for carrier in self._task.carriers:
+            columns = list(carrier.places)
+            own = [k for k, contact in enumerate(self._own) if carrier.body in contacts[contact]]
+            trials = np.repeat(place[None], len(steps), axis=0)
+            trials[:, columns] = np.clip(trials[:, columns] + steps, *self.bounds(carrier))
+            place = trials[self._gaps(trials)[:, own].min(axis=1, initial=math.inf).argmax()]
+        apart = float(self._gaps(place[None]).min()) > max(0.0, float(self._gaps(q[None]).min()))
+        return place if apart else q
+
+    def time(self, a: Reals, b: Reals) -> float:
+        """How long the straight way takes."""
+        ways = [math.hypot(*(b - a)[list(carrier.places)]) / carrier.speed for carrier in self._task.carriers]
+        return max(ways, default=0.0)
+
+    def _gaps(self, q: Reals) -> Reals:
+        """Gaps (m, c) of the carriers at places (m, n)."""
+        return self._question.geometry(np.ascontiguousarray(q)).gaps[:, self._own]
+
+    def _moved(self, a: Reals, b: Reals) -> float:
+        """By how much a gap may shrink at most on the straight way."""
+        return sum(math.hypot(*(b - a)[list(carrier.places)]) for carrier in self._task.carriers)
+
+    def _is_free(self, a: Reals, b: Reals, least: float) -> bool:
+        """Whether the straight way keeps this gap. No gap shrinks by more than what the robots move, so a
+        part of the way is free if its length is less than what the gaps at its ends exceed the least one by;
+        other parts are halved, until they are as short as the least gap."""
+        length = self._moved(a, b)
+        at = np.array([0.0, 1.0])
+        gaps = self._gaps(np.stack([a, b])).min(axis=1)
+        while (gaps >= least * (1.0 - 1e-9)).all():
+            parts = length * np.diff(at)
+            unsure = np.flatnonzero((gaps[:-1] + gaps[1:] - parts < 2.0 * least) & (parts > least))
+            if not len(unsure):
+                return True
+            middle = 0.5 * (at[unsure] + at[unsure + 1])
+            asked = self._gaps(a + middle[:, None] * (b - a)).min(axis=1)
+            at, gaps = np.insert(at, unsure + 1, middle), np.insert(gaps, unsure + 1, asked)
+        return False
+
+    def _room(self, q: Reals, goal: Reals) -> tuple[Reals, Reals]:
+        """Least and greatest numbers (c,) of where robots may go: about all bodies, with room to pass."""
+        poses = self._question.geometry(np.stack([q, goal])).poses[..., :2].reshape(-1, 2)
+        low, high = poses.min(axis=0), poses.max(axis=0)
+        room = 0.5 * float(np.linalg.norm(high - low)) + 10.0 * self._clearance
+        bounds = np.array([self.bounds(carrier) for carrier in self._task.carriers])
+        ends = np.stack([q, goal])[:, self._columns]
+        least = np.maximum(low - room, bounds[:, 0]).ravel()
+        most = np.minimum(high + room, bounds[:, 1]).ravel()
+        return np.minimum(least, ends.min(axis=0)), np.maximum(most, ends.max(axis=0))
+
+    def bounds(self, carrier: Carrier) -> tuple[Reals, Reals]:
+        """Least and greatest places (2,) to which inputs within their bounds lead a carrier."""
+        if not carrier.by_place:
+            return np.full(2, -math.inf), np.full(2, math.inf)
+        columns = list(carrier.columns)
+        ends = np.stack([self._task.low[columns], self._task.high[columns]])
+        middle, half = carrier.matrix @ ends.mean(axis=0) + carrier.zero, np.ptp(ends, axis=0) / 2.0
+        reach = np.abs(carrier.matrix) @ half
+        return middle - reach, middle + reach

@@ -1,0 +1,175 @@
+"""What all stages of one planning share: the task, its moves, the budget, where it starts; plans laid out."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.motion.moves import Moves
+from rungwise.planning.motion.objective import Aim
+from rungwise.planning.motion.placements import GOALS, NEAREST, Placing
+from rungwise.planning.motion.propagate import Budget, Places, Predictor, Stage
+from rungwise.planning.motion.transit import Transit
+from rungwise.planning.search.layout import Course, lay
+from rungwise.planning.search.push_effects import Pushes
+from rungwise.planning.task.task import Task, guarded_scene
+from rungwise.simulation.state import State
+from rungwise.world.carriers import TaskError
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+from rungwise.world.questions import Question
+
+
+class Found(NamedTuple):
+    """A course that comes to the goal, and its moves (k, d)."""
+
+    course: Course
+    vectors: Reals
+
+
+class Group(NamedTuple):
+    """Parts of the goal (r,) that speak of the same objects, and these."""
+
+    parts: Ints
+    bodies: tuple[str, ...]
+
+
+@dataclass
+class Work:
+    """What all stages of one planning share. nearest: what the best plan so far lacks; unlaid: plans that
+    came to the goal where robots were placed by hand, and not when they were laid out; trees: how many were
+    grown on each stage; seen: what pushes did on each."""
+
+    task: Task
+    moves: Moves
+    transit: Transit
+    question: Question
+    budget: Budget
+    start: Places
+    size: float
+    threads: int | None
+    rng: np.random.Generator
+    seed: int
+    nearest: float = np.inf
+    unlaid: int = 0
+    trees: Counter[str] = field(default_factory=Counter)
+    seen: dict[str, Pushes] = field(default_factory=dict)
+
+    def pushes(self, stage: Stage) -> Pushes:
+        """What pushes were seen to do on a stage."""
+        return self.seen.setdefault(str(stage), Pushes(self.task))
+
+    @cached_property
+    def goals(self) -> Reals:
+        """Places (g, n) at the goal, the nearest first, as far as places decide it."""
+        placing = Placing(self.task, self.task.search, self.start.q[0])
+        if not placing.asks or placing.room.bound:
+            return self.start.q[:0]
+        rng = np.random.default_rng(self.seed)
+        return placing.goals(rng, self.budget.is_in_time, count=GOALS).places[:NEAREST]
+
+    def predictor(self, stage: Stage, *, reserve: bool = True) -> Predictor:
+        """Runs on a stage; without the reserve, of the goal as it is given."""
+        scene = self.task.search if reserve else guarded_scene(self.task.scene)
+        return Predictor(
+            scene, stage, stage.tol * self.size, self.task.parameters, self.budget, self.threads,
+            span=self.task.span,
+        )  # fmt: skip
+
+    def lack(self, places: Places) -> Reals:
+        """How much of the goal plans lack at their ends (m,)."""
+        return np.asarray(self._lacks(places).sum(axis=1))
+
+    @property
+    def whole(self) -> Aim:
+        """The goal."""
+        return Aim(self.lack)
+
+    def part(self, parts: Ints, bodies: tuple[str, ...]) -> Aim:
+        """Some parts (r,) of the goal, by pushes at these bodies."""
+        return Aim(lambda places: self._lacks(places)[:, parts].sum(axis=1), bodies, partial=True)
+
+    def _lacks(self, places: Places) -> Reals:
+        """How much of each part of the goal plans lack at their ends (m, p)."""
+        rows = np.hstack([places.q, places.v])
+        known = np.isfinite(rows).all(axis=1)
+        lacks = np.full((len(rows), len(self.question.parts)), np.inf)
+        if known.any():
+            lacks[known] = self.question.ask(rows[known]).lacks
+        return lacks
+
+    @cached_property
+    def groups(self) -> tuple[list[Group], list[Group]]:
+        """The parts of the goal that lack something at the start, and those that do not, by the objects of
+        which they speak; parts that name an object in common are one group."""
+        names = {
+            name
+            for name, role in world_of(self.task.scene).roles(self.task.parameters).items()
+            if role == OBJECT
+        }
+        groups = list[tuple[set[int], set[str]]]()
+        for number, texts in enumerate(self.question.parts):
+            parts, bodies = {number}, set().union(*(_named(text) & names for text in texts))
+            if bodies:
+                shared = [group for group in groups if group[1] & bodies]
+                groups = [group for group in groups if not group[1] & bodies]
+                groups.append((parts.union(*(g[0] for g in shared)), bodies.union(*(g[1] for g in shared))))
+        lacks = self._lacks(self.start)[0]
+        found = [Group(np.array(sorted(parts)), tuple(sorted(bodies))) for parts, bodies in groups]
+        lacking = [bool(lacks[group.parts].sum() > 0.0) for group in found]
+        open_ = [group for group, lacks_it in zip(found, lacking, strict=True) if lacks_it]
+        return open_, [group for group in found if not any(group is other for other in open_)]
+
+    def away(self, aim: Reals) -> Callable[[Places], Reals]:
+        """Distances (m,) from a place of the objects."""
+        return lambda places: self.task.away(places.q, aim)
+
+
+def _named(text: str) -> set[str]:
+    """The bodies whose coordinates, or contacts, an expression may name."""
+    return {node.id for node in ast.walk(ast.parse(text.strip(), mode="eval")) if isinstance(node, ast.Name)}
+
+
+def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
+    """Where planning starts. Raises TaskError where bodies overlap at the start."""
+    moves = _moves_of(task)
+    start = State.of(task.scene, parameters=task.parameters)
+    overlap = moves.question.overlap(start)
+    if overlap:
+        raise TaskError(f"start: {overlap}; change the parameters of the start")
+    return Work(
+        task=task, moves=moves, transit=moves.transit,
+        question=Question(task.search, "goal", task.parameters), budget=budget,
+        start=Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1))),
+        size=task.size, threads=threads, rng=np.random.default_rng(seed), seed=seed,
+    )  # fmt: skip
+
+
+def _moves_of(task: Task) -> Moves:
+    """Moves of a task."""
+    if world_of(task.scene).dimension == 3 and task.carriers:
+        from rungwise.planning.motion.joint_transit import SpaceMoves
+
+        return SpaceMoves(task)
+    return Moves(task)
+
+
+def known(work: Work) -> str:
+    """What is known where nothing was found."""
+    outcomes = work.budget.outcomes
+    parts = ", ".join(f"{name} {count / outcomes.total():.0%}" for name, count in outcomes.most_common(4))
+    nearest = f"; the nearest plan lacks {work.nearest:.3g} of the goal" if np.isfinite(work.nearest) else ""
+    ended = f"{work.budget.ended}; " if work.budget.ended else ""
+    unlaid = f"; {work.unlaid} came to the goal and could not be laid out" if work.unlaid else ""
+    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){nearest}{unlaid}"
+
+
+def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:
+    return lay(work.moves, work.transit, predictor, work.start, vectors, work.seed)

@@ -1,0 +1,53 @@
+"""Goals made narrower, so that a plan keeps a reserve."""
+
+from __future__ import annotations
+
+import ast
+
+from rungwise.scene.language.names import OF_CONTACTS
+
+
+def tightened(condition: str, reserve: float) -> str:
+    """The condition with the bound of each comparison nearer by this part of its size.
+
+    `a <= b` becomes `a <= b - reserve * abs(b)` where a depends on the state and b does not, and so on;
+    inside "not" it turns around. Comparisons with no side, or two sides, that depend on the state stay.
+    """
+    tree = ast.parse(condition.strip(), mode="eval").body
+    return ast.unparse(_tightened(tree, reserve))
+
+
+def _tightened(node: ast.expr, part: float) -> ast.expr:
+    match node:
+        case ast.BoolOp(op, parts):
+            return ast.BoolOp(op, [_tightened(each, part) for each in parts])
+        case ast.UnaryOp(ast.Not(), inner):
+            return ast.UnaryOp(ast.Not(), _tightened(inner, -part))
+        case ast.Compare(left, operators, rights):
+            sides = [left, *rights]
+            each = [_nearer(a, op, b, part) for a, op, b in zip(sides, operators, rights, strict=False)]
+            return each[0] if len(each) == 1 else ast.BoolOp(ast.And(), each)
+    return node
+
+
+def _nearer(left: ast.expr, operator: ast.cmpop, right: ast.expr, part: float) -> ast.expr:
+    """The comparison, its bound nearer by this part of its size."""
+    below = isinstance(operator, ast.Lt | ast.LtE)
+    if _varies(left) and not _varies(right):
+        right = _moved(right, -part if below else part)
+    elif _varies(right) and not _varies(left):
+        left = _moved(left, part if below else -part)
+    return ast.Compare(left, [operator], [right])
+
+
+def _moved(bound: ast.expr, part: float) -> ast.expr:
+    size = ast.Call(ast.Name("abs", ast.Load()), [bound], [])
+    change = ast.BinOp(ast.Constant(abs(part)), ast.Mult(), size)
+    return ast.BinOp(bound, ast.Add() if part > 0.0 else ast.Sub(), change)
+
+
+def _varies(node: ast.expr) -> bool:
+    """Whether an expression depends on the state: it names a coordinate, a function of bodies, or t."""
+    names = {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+    dotted = any(isinstance(each, ast.Attribute) for each in ast.walk(node))
+    return dotted or bool(names & {"t", "speed", *OF_CONTACTS})

@@ -1,0 +1,1 @@
+"""Binding: every number of a scene known."""

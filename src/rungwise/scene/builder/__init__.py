@@ -1,0 +1,1 @@
+"""Scenes built in Python."""

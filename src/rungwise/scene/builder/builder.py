@@ -1,0 +1,181 @@
+"""Scenes built in Python: the same content as a scene file, field by field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rungwise.keywords import keywords
+from rungwise.scene.builder.parts import Number, Pair, Part, part
+from rungwise.scene.builder.symbol import Symbol
+from rungwise.scene.errors import SceneError
+from rungwise.scene.fields.values import shown
+from rungwise.scene.scene import Scene, load
+
+DRIVES = ("speed", "servo", "force")
+
+
+class SceneBuilder:
+    """A scene while it is written; `load` reads it as a file would be read, with the same checks.
+
+    Fields are those of a scene file and mean the same; what is left out takes the file's default. Numbers may
+    be expressions: texts, or arithmetic on what `parameter` returns. Conditions are texts. Shapes, motions
+    and drives come from `rungwise.parts`, or are mappings.
+    """
+
+    @keywords
+    def __init__(
+        self,
+        name: str,
+        *,
+        about: str | None = None,
+        gravity: Pair | None = None,
+        goal: str | None = None,
+        unsafe: str | None = None,
+        doomed: str | None = None,
+        tolerance: Number | None = None,
+        duration: Number | None = None,
+        step: Number | None = None,
+        task: Part | None = None,
+    ) -> None:
+        self.name, self.about, self.gravity = name, about, gravity
+        self.goal, self.unsafe, self.doomed = goal, unsafe, doomed
+        self.tolerance, self.duration, self.step, self.task = tolerance, duration, step, task
+        self.parameters: dict[str, Part] = {}
+        self.inputs: list[str] = []
+        self.bodies: dict[str, Part] = {}
+        self.joints: dict[str, Part] = {}
+        self.contacts: list[Part] = []
+        self.potentials: list[Part] = []
+
+    def __repr__(self) -> str:
+        return f"<SceneBuilder {self.name}: bodies {', '.join(self.bodies) or 'none'}>"
+
+    @keywords
+    def parameter(
+        self,
+        name: str,
+        default: float,
+        *,
+        range: Sequence[float] | None = None,
+        unit: str | None = None,
+        about: str | None = None,
+        is_input: bool = False,
+    ) -> Symbol:
+        """A named number that users and sets may vary, and schedules where it is an input; returned
+        for use in expressions."""
+        _new("parameters", name, self.parameters)
+        self.parameters[name] = part(None, {"default": default, "range": range, "unit": unit, "about": about})
+        if is_input:
+            self.inputs.append(name)
+        return Symbol(name)
+
+    @keywords
+    def body(
+        self,
+        name: str,
+        role: str,
+        shape: Part | Sequence[Part],
+        *,
+        pose: Sequence[Number] | Part | None = None,
+        motion: Part | None = None,
+        coordinates: Mapping[str, Part] | None = None,
+        mass: Number | None = None,
+        density: Number | None = None,
+        centre: Pair | None = None,
+        inertia: Number | None = None,
+        force: Pair | None = None,
+        torque: Number | None = None,
+        support: Part | None = None,
+    ) -> None:
+        """A rigid body. `pose` is (x, y) or (x, y, angle); a drive may stand for a coordinate that has only
+        this."""
+        given = {key: value for key, value in locals().items() if key not in ("self", "name")}
+        _new("bodies", name, self.bodies)
+        if isinstance(pose, Sequence) and len(pose) in (2, 3):
+            given["pose"] = dict(zip(("x", "y", "angle"), pose, strict=False))
+        if coordinates is not None:
+            given["coordinates"] = {key: _coordinate(value) for key, value in coordinates.items()}
+        self.bodies[name] = part(None, given)
+
+    @keywords
+    def joint(
+        self,
+        name: str,
+        kind: str,
+        between: Sequence[str],
+        at: Pair,
+        *,
+        axis: Pair | None = None,
+        stiffness: Number | None = None,
+        damping: Number | None = None,
+        angular_stiffness: Number | None = None,
+        angular_damping: Number | None = None,
+        coordinate: Part | None = None,
+    ) -> None:
+        """Holds two bodies together; of the kind `weld`, `hinge` or `slide`."""
+        given = {key: value for key, value in locals().items() if key not in ("self", "name")}
+        _new("joints", name, self.joints)
+        if coordinate is not None:
+            given["coordinate"] = _coordinate(coordinate)
+        self.joints[name] = part(None, given)
+
+    @keywords
+    def contact(
+        self,
+        one: str,
+        other: str,
+        *,
+        friction: Number | None = None,
+        restitution: Number | None = None,
+        stiffness: Number | None = None,
+        damping: Number | None = None,
+        tangential_stiffness: Number | None = None,
+        tangential_damping: Number | None = None,
+        coupling_stiffness: Number | None = None,
+        coupling_damping: Number | None = None,
+    ) -> None:
+        """Bodies that may touch, by name or with ``*``, and how; the first entry that fits a pair holds."""
+        fields = {key: value for key, value in locals().items() if key not in ("self", "one", "other")}
+        self.contacts.append(part(None, {"between": [one, other]} | fields))
+
+    @keywords
+    def potential(
+        self,
+        stiffness: Number,
+        terms: Mapping[str, Number],
+        *,
+        target: Number | None = None,
+        on: Sequence[str] | None = None,
+    ) -> None:
+        """Energy ``stiffness/2 (sum of factor * coordinate - target)^2`` whose gradient drives `on`."""
+        given = {key: value for key, value in locals().items() if key != "self"}
+        self.potentials.append(part(None, given))
+
+    def data(self) -> dict[str, Any]:
+        """The content of the scene file."""
+        empty = [key for key, value in vars(self).items() if isinstance(value, dict | list) and not value]
+        return part(None, {key: value for key, value in vars(self).items() if key not in empty})
+
+    def load(self) -> Scene:
+        """The scene, read and checked. Raises SceneError: one line that names the field."""
+        return load(self.data())
+
+    def yaml(self) -> str:
+        """The text of the scene file."""
+        return self.load().yaml()
+
+    def save(self, file: str | Path) -> None:
+        """Write the scene file. Raises SceneError, OSError."""
+        Path(file).write_text(self.yaml(), "utf-8")
+
+
+def _coordinate(given: Part) -> Part:
+    is_drive = isinstance(given, Mapping) and given.get("kind") in DRIVES
+    return {"drive": given} if is_drive else given
+
+
+def _new(field: str, name: str, known: Mapping[str, Part]) -> None:
+    if name in known:
+        raise SceneError(f"{field}.{name}: {shown(name)} is given twice")

@@ -1,0 +1,1 @@
+"""Outlines from drawings, and outlines as convex pieces."""

@@ -1,0 +1,1 @@
+"""The fields of a scene file, as pydantic models."""

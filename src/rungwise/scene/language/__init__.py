@@ -1,0 +1,1 @@
+"""The language of a scene's expressions: names, programs, conditions."""

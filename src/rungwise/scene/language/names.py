@@ -1,0 +1,80 @@
+"""Names that a scene's expressions may use, and the programs that expressions compile to."""
+
+from __future__ import annotations
+
+from rungwise.scene.errors import SceneError
+from rungwise.scene.language.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
+from rungwise.wording import choices
+
+OF_CONTACTS = ("gap", "force", "impulse")
+"""Functions of two bodies that a condition may call, in the order of their values."""
+
+
+class Names:
+    """Names of a scene and their slots among the values that programs read (see `Template`).
+
+    `velocities` are what `speed` takes, the coordinates if not given. `read` collects, for each function of
+    `OF_CONTACTS`, the contacts for which some condition calls it.
+    """
+
+    def __init__(
+        self,
+        parameters: tuple[str, ...],
+        coordinates: tuple[str, ...],
+        contacts: tuple[tuple[str, str], ...],
+        velocities: tuple[str, ...] | None = None,
+    ) -> None:
+        for name in parameters:
+            if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
+                raise SceneError(f"parameters.{name}: the name is taken by the expression language")
+        self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
+        self.velocities = coordinates if velocities is None else velocities
+        self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
+
+    def number(self, text: str, path: str, timed: bool = False) -> Code:
+        """Program of a number of the parameters, and of t if it is timed. Raises SceneError at `path`."""
+        names = (*self.parameters, "t") if timed else self.parameters
+
+        def lookup(function: str, dotted: tuple[str, ...]) -> int | None:
+            return names.index(dotted[0]) if not function and dotted[0] in names else None
+
+        try:
+            return compile_expression(text, lookup, lambda name: choices(name, names))
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def condition(self, text: str | None, path: str) -> Code:
+        """Program of a condition on the state; an empty one where none is stated. Raises SceneError."""
+        if text is None:
+            return Code()
+        try:
+            return compile_expression(text, self.of_state, self._state_choices, condition=True)
+        except ExpressionError as error:
+            raise SceneError(f"{path}: {error}") from None
+
+    def _state_choices(self, given: str) -> str:
+        names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
+        names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
+        return choices(given, names)
+
+    def of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
+        """The slot of a name, or of a function of names, that conditions read; None if there is none."""
+        time = len(self.parameters)
+        n, contacts = len(self.coordinates), len(self.contacts)
+        moving = n + len(self.velocities)
+        if function == "speed" and len(dotted) == 1 and dotted[0] in self.velocities:
+            return time + 1 + n + self.velocities.index(dotted[0])
+        if not function and len(dotted) == 1:
+            if dotted[0] in self.coordinates:
+                return time + 1 + self.coordinates.index(dotted[0])
+            if dotted[0] in (*self.parameters, "t"):
+                return (*self.parameters, "t").index(dotted[0])
+            if dotted[0] == "tolerance":
+                return time + 1 + moving + len(OF_CONTACTS) * contacts
+        if function in OF_CONTACTS and len(dotted) == 2:
+            for pair in (dotted, dotted[::-1]):
+                if pair in self.contacts:
+                    index = self.contacts.index(pair)
+                    self.read[function].add(index)
+                    return time + 1 + moving + index + OF_CONTACTS.index(function) * contacts
+        return None

@@ -1,0 +1,1 @@
+"""Scenes as templates: records with literal numbers, and programs for the others."""

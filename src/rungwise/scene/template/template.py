@@ -1,0 +1,107 @@
+"""A scene with its literal numbers as records, and with programs for the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals
+from rungwise.scene.language.expression import Programs
+from rungwise.scene.language.names import Names
+
+
+class Numbers(Block):
+    """Programs, and the slots that their values go to, for kernels."""
+
+    code: Ints
+    constants: Reals
+    table: Ints
+    targets: Ints
+
+
+class Bounds(Block):
+    """Slots of numbers, and the bounds that they must keep, for kernels."""
+
+    slots: Ints
+    low: Reals
+    high: Reals
+    kinds: Ints
+
+
+@dataclass(frozen=True)
+class Checks:
+    """Bounds that bound numbers must keep; `paths` name the fields."""
+
+    slots: NDArray[np.int64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    kinds: NDArray[np.int64]
+    paths: tuple[str, ...]
+
+    def bounds(self) -> Bounds:
+        """The bounds as kernels take them."""
+        return Bounds(slots=self.slots, low=self.low, high=self.high, kinds=self.kinds)
+
+
+@dataclass(frozen=True)
+class Template:
+    """A scene ready to be bound: `buffer` holds the literals, programs write the expressions to `targets`.
+
+    The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
+    contacts, and the goal's tolerance. `speeds` (of drives) and `timed` (all others) are the programs that
+    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input. With
+    `awaits_time` a condition reads t."""
+
+    counts: tuple[int, ...]
+    buffer: NDArray[np.float64]
+    numbers: Programs
+    targets: NDArray[np.int64]
+    timed: Programs
+    timed_targets: NDArray[np.int64]
+    speeds: Programs
+    speeds_targets: NDArray[np.int64]
+    conditions: Programs
+    checks: Checks
+    parameters: tuple[str, ...]
+    inputs: tuple[str, ...]
+    readers: Mapping[str, tuple[str, ...]]
+    reads_time: bool
+    awaits_time: bool
+    bodies: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    contacts: tuple[tuple[str, str], ...]
+    joints: tuple[str, ...]
+
+    def names(self) -> Names:
+        """The names that expressions may use."""
+        return Names(self.parameters, self.coordinates, self.contacts)
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """The coordinates' own names: in the plane v is the rate of q."""
+        return self.coordinates
+
+    @property
+    def value_count(self) -> int:
+        return len(self.parameters) + 2 + 2 * len(self.coordinates) + 3 * len(self.contacts)
+
+    def fixed_numbers(self) -> Numbers:
+        """Programs of the numbers that the parameters determine."""
+        return block_of(self.numbers, self.targets)
+
+    def timed_numbers(self) -> Numbers:
+        """Programs of the numbers that depend on time or inputs, too, but for speeds of drives."""
+        return block_of(self.timed, self.timed_targets)
+
+    def timed_speeds(self) -> Numbers:
+        """Programs of the speeds of drives that depend on time or inputs."""
+        return block_of(self.speeds, self.speeds_targets)
+
+
+def block_of(programs: Programs, targets: NDArray[np.int64]) -> Numbers:
+    """Programs and their targets as kernels take them."""
+    return Numbers(code=programs.code, constants=programs.constants, table=programs.table, targets=targets)

@@ -1,0 +1,1 @@
+"""Trees of cells with labels, and boundaries between labels."""

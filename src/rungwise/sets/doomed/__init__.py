@@ -1,0 +1,1 @@
+"""Sets of states from which no input reaches the goal."""

@@ -1,0 +1,1 @@
+"""Sets of parameters by the outcome of the scene."""

@@ -1,0 +1,105 @@
+"""The oracle of the tree: places -> parameters -> runs, by kept batches."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from rungwise.cluster import Answer
+from rungwise.kernel import Ints, Reals
+from rungwise.sets.cells.labels import labels
+from rungwise.sets.cells.tree import BudgetSpent
+from rungwise.sets.motions import Motions
+from rungwise.sets.store import Log
+
+KEPT = 4096
+"""Runs of a batch that is kept whole."""
+
+
+class Runner(Protocol):
+    """The interface of objects that run batches."""
+
+    def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
+        """Run batches of points (m, d); each answer as soon as it is known, in any order.
+
+        `on_progress` is called with the number of runs done beyond the answers given.
+        """
+        ...
+
+
+class InProcess:
+    """The threads of this process, one batch after the other."""
+
+    def __init__(self, batch: Motions) -> None:
+        self._batch = batch
+
+    def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
+        for number, points in enumerate(batches):
+            found = self._batch.run(points, on_progress=on_progress)
+            yield number, found.outcome, found.margin
+
+
+class Asker:
+    """Answers in batches; `count` is the number of runs so far, `task` their purpose. Raises BudgetSpent
+    where that is spent, or the time `ends` by the monotonic clock; batches that are done then are kept."""
+
+    def __init__(
+        self,
+        runner: Runner,
+        box: Reals,
+        finest: int,
+        budget: int,
+        log: Log | None,
+        on_progress: Callable[[str, int, int], None] | None,
+        ends: float = math.inf,
+    ) -> None:
+        self._runner, self._log, self._budget, self._report = runner, log, budget, on_progress
+        self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
+        self._batches, self._ends = 0, ends
+        self.count = 0
+        self.task = ""
+
+    def __call__(self, places: Reals) -> tuple[Ints, Reals]:
+        if self.count + len(places) > self._budget or self.time_is_over:
+            raise BudgetSpent
+        points = self._low + places * self._unit
+        batches = [points[at : at + KEPT] for at in range(0, len(points), KEPT)]
+        answers = self._known(batches)
+        missing = [number for number in range(len(batches)) if number not in answers]
+        target = self.count + len(points)
+        self.count += sum(len(batches[number]) for number in answers)
+        for k, outcome, margin in self._runner.answers(
+            [batches[number] for number in missing], lambda done: self._tell(done, target)
+        ):
+            number = missing[k]
+            answers[number] = outcome, margin
+            if self._log is not None:
+                self._log.write(self._batches + number, batches[number], outcome, margin)
+            self.count += len(batches[number])
+        self._batches += len(batches)
+        outcomes, margins = np.zeros(len(points), np.int64), np.zeros(len(points))
+        for number, (outcome, margin) in answers.items():
+            part = slice(number * KEPT, (number + 1) * KEPT)
+            outcomes[part], margins[part] = outcome, margin
+        return labels(outcomes), margins
+
+    def _known(self, batches: Sequence[Reals]) -> dict[int, tuple[Ints, Reals]]:
+        """The kept answers among these batches."""
+        if self._log is None:
+            return {}
+        found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}
+        return {k: answer for k, answer in found.items() if answer is not None}
+
+    @property
+    def time_is_over(self) -> bool:
+        return time.monotonic() > self._ends
+
+    def _tell(self, done: int, target: int) -> None:
+        if self.time_is_over:
+            raise BudgetSpent
+        if self._report is not None:
+            self._report(self.task, self.count + done, target)

@@ -1,0 +1,62 @@
+"""The three sets of a model that has several motions, from one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.plain import brief
+from rungwise.scene import Scene
+from rungwise.sets.feasible.feasible import BUDGET, FeasibleSet, feasible_set
+from rungwise.sets.motions import GUARANTEED, POSSIBLE, SLOWEST
+
+
+@dataclass(frozen=True)
+class SolutionSets:
+    """Where the slowest motion, some of the motions tried, and all of them reach the goal (see
+    `rungwise.sets.motions`)."""
+
+    slowest: FeasibleSet
+    possible: FeasibleSet
+    guaranteed: FeasibleSet
+
+    __repr__ = brief
+
+
+@keywords
+def solution_sets(
+    scene: Scene | str | Path | Mapping[str, Any],
+    model: Rung | str,
+    over: Sequence[str],
+    *,
+    tol: float = 0.01,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    accuracy: float | None = None,
+    probes: int | None = None,
+    budget: int = BUDGET,
+    seed: int = 0,
+    threads: int | None = None,
+    cluster: str | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    on_progress: Callable[[str, int, int], None] | None = None,
+) -> SolutionSets:
+    """The sets of a model by the slowest, by some and by all its motions, on the same box; a folder each in
+    `out`.
+
+    Options and errors as for `feasible_set`.
+    """
+
+    def found(each: str) -> FeasibleSet:
+        return feasible_set(
+            scene, model, over, solutions=each, out=None if out is None else Path(out) / each, tol=tol,
+            box=box, parameters=parameters, accuracy=accuracy, probes=probes, budget=budget, seed=seed,
+            threads=threads, cluster=cluster, resume=resume, on_progress=on_progress,
+        )  # fmt: skip
+
+    return SolutionSets(found(SLOWEST), found(POSSIBLE), found(GUARANTEED))

@@ -1,0 +1,298 @@
+"""The picture of a run: outlines, poses and contact points of each frame, derived from its trajectory.
+
+A trajectory holds coordinates, modes and forces, but no places: bodies and contact points are placed again
+here, by the kernels that placed them in the run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.contact.step import BACKWARD, FORWARD, OPEN, STICK
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Outcome
+from rungwise.scene import Scene, SceneError, load
+from rungwise.scene.template.records import FIXED, FREE, HALFPLANE, HINGE, Records
+from rungwise.simulation import trajectory as saved
+from rungwise.simulation.planar.workspace import allocate, in_memory
+from rungwise.simulation.result import Run
+from rungwise.simulation.state import State, digest, memory_of
+from rungwise.system.planar.corners import allocate_course
+from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.manifold import (
+    ABSENT,
+    GAP,
+    NORMAL_X,
+    NORMAL_Y,
+    POINT_X,
+    POINT_Y,
+    allocate_manifolds,
+)
+from rungwise.system.planar.place import X, Y, allocate_placement, place
+from rungwise.system.planar.seams import allocate_seams, find_seams
+from rungwise.viewing.units import common_units
+
+if TYPE_CHECKING:
+    import xarray
+
+NEAR = 0.02
+"""Open contact points are shown up to this fraction of the largest shape's reach."""
+EXACT = 500
+"""Up to so many pairs of shapes every gap is exact; with more pairs, far gaps are lower bounds, as in the
+run."""
+
+SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP = 0, 1, 2
+"""Modes as they are drawn; the two slipping modes look alike."""
+_SHOWN = np.zeros(4, np.int64)
+_SHOWN[[OPEN, STICK, FORWARD, BACKWARD]] = SHOWN_OPEN, SHOWN_STICK, SHOWN_SLIP, SHOWN_SLIP
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A shape in the frame of its body's centre of mass: core vertices (k, 2) counter-clockwise, with the
+    normals (k, 2) of the edges that start there, grown by `radius`. A half-plane is one point and its normal.
+    """
+
+    body: int
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    radius: float
+    halfplane: bool
+
+
+@dataclass(frozen=True)
+class Touches:
+    """Contact points of all frames, one row each, in the order of frames.
+
+    frame, contact (numbers); place (k, 2); force (k, 2) on the first body of the contact, world
+    axes; mode: one of `SHOWN_OPEN`, `SHOWN_STICK`, `SHOWN_SLIP`.
+    """
+
+    frame: NDArray[np.int64]
+    contact: NDArray[np.int64]
+    place: NDArray[np.float64]
+    force: NDArray[np.float64]
+    mode: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A run, ready to be drawn.
+
+    `pose` is (frames, bodies, 3): place of the centre of mass, and the angle turned. `gap` and `push`
+    (frames, contacts) are the least gap and the normal force of each contact; `push_is` says which quantity
+    `push` holds, and `units` what is known of the scene's (see `common_units`). A joint is a body and a point
+    of this body, in its own frame.
+    """
+
+    scene: str
+    model: str
+    outcome: str
+    reason: str
+    parameters: dict[str, float]
+    bodies: tuple[str, ...]
+    roles: tuple[str, ...]
+    moving: NDArray[np.bool_]
+    contacts: tuple[str, ...]
+    outlines: tuple[Outline, ...]
+    joints: tuple[tuple[int, float, float], ...]
+    time: NDArray[np.float64]
+    pose: NDArray[np.float64]
+    gap: NDArray[np.float64]
+    push: NDArray[np.float64]
+    push_is: str
+    touches: Touches
+    units: Mapping[str, str]
+
+    def thinned(self, frames: NDArray[np.int64]) -> Clip:
+        """The clip with these frames only."""
+        new = np.full(len(self.time), -1)
+        new[frames] = np.arange(len(frames))
+        t = self.touches
+        kept = new[t.frame] >= 0
+        touches = Touches(new[t.frame[kept]], t.contact[kept], t.place[kept], t.force[kept], t.mode[kept])
+        changed: dict[str, Any] = {
+            "time": self.time[frames],
+            "pose": self.pose[frames],
+            "gap": self.gap[frames],
+            "push": self.push[frames],
+            "touches": touches,
+        }
+        return Clip(**{**self.__dict__, **changed})
+
+
+def clip(source: Run | str | Path) -> Clip:
+    """Clip of a run, or of the folder of a saved run.
+
+    Raises SceneError when the folder holds no run, or a run that does not name its scene.
+    """
+    if isinstance(source, Run):
+        try:
+            return of_trajectory(source.scene, source.parameters, source.trajectory)
+        except ValueError as error:
+            raise SceneError(f"view: {error}") from None
+    try:
+        data, summary = saved.load_run(source)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"view: {error}") from None
+    file = data.attrs.get("scene_file")
+    scene = load(json.loads(file) if file is not None else summary["scene"])
+    return of_trajectory(scene, summary["parameters"], data)
+
+
+def _told(attributes: Mapping[str, Any]) -> str:
+    """Why the run ended; of a goal without the next rung, which runs side by side show."""
+    if attributes.get("outcome") == Outcome.GOAL:
+        return Outcome.GOAL.meaning
+    return str(attributes.get("reason", ""))
+
+
+def of_trajectory(scene: Scene, parameters: Mapping[str, float], data: xarray.Dataset) -> Clip:
+    """Clip of a run's recorded frames (see `trajectory.dataset`)."""
+    force, push_is = _forces(data, data["time"].to_numpy())
+    return _clip(
+        scene, parameters, data.attrs["model"], (data.attrs.get("outcome", ""), _told(data.attrs)),
+        data["time"].to_numpy(), data["position"].to_numpy(), data["mode"].to_numpy(), force, push_is,
+    )  # fmt: skip
+
+
+def still(scene: Scene, model: Rung, parameters: Mapping[str, float], state: State) -> Clip:
+    """Clip of one frame, a state; forces are those that its run found there, where a force is one and no
+    impact."""
+    bound = scene.bind(parameters)
+    like = allocate(bound.records, bound.values, scene.template, 3).state
+    mode, force, push_is = like.modes[None], like.force[None], ""
+    memory = memory_of(state, digest(scene), like)
+    if memory is not None:
+        mode = in_memory(like, "modes", memory.values[None])
+        if model.loads and (model.compliant or model.inertia == 0.0):
+            force, push_is = in_memory(like, "force", memory.values[None]), "normal force"
+    time, q = np.array([state.time]), state.q[None]
+    return _clip(scene, parameters, model.name, ("", ""), time, q, mode, force, push_is)
+
+
+def _clip(
+    scene: Scene,
+    parameters: Mapping[str, float],
+    model: str,
+    ended: tuple[str, str],
+    time: NDArray[np.float64],
+    q: NDArray[np.float64],
+    mode: NDArray[Any],
+    force: NDArray[np.float64],
+    push_is: str,
+) -> Clip:
+    """Clip of frames: q (frames, n), mode (frames, points) and force (frames, points, 2)."""
+    records, template = scene.bind(parameters).records, scene.template
+    pose, touches, gap = _replay(records, np.ascontiguousarray(q, float), mode.astype(np.int64), force)
+    return Clip(
+        scene=scene.name,
+        model=model,
+        outcome=ended[0],
+        reason=ended[1],
+        parameters=dict(parameters),
+        bodies=template.bodies,
+        roles=tuple(scene.file.bodies[name].role for name in template.bodies),
+        moving=records.bodies["motion"] != FIXED,
+        contacts=tuple(" | ".join(pair) for pair in template.contacts),
+        outlines=_outlines(records),
+        joints=tuple((int(j["body_b"]), float(j["b_x"]), float(j["b_y"])) for j in records.joints),
+        time=time,
+        pose=pose,
+        gap=gap,
+        push=_pushes(records, force),
+        push_is=push_is,
+        touches=touches,
+        units=common_units(each.unit for each in scene.file.parameters.values()),
+    )
+
+
+def _forces(data: xarray.Dataset, time: NDArray[np.float64]) -> tuple[NDArray[np.float64], str]:
+    """Force (frames, points, 2) in normal and tangent, and the name of this quantity."""
+    if "contact_force" in data:
+        return data["contact_force"].to_numpy(), "normal force"
+    shape = (*data["mode"].shape, 2)
+    if "contact_impulse" not in data:
+        return np.zeros(shape), ""
+    since = np.diff(time, prepend=-np.inf)
+    impulse = data["contact_impulse"].to_numpy()
+    return impulse / np.where(since > 0.0, since, np.inf)[:, None, None], "mean normal force"
+
+
+def _pushes(records: Records, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    total = np.zeros((len(force), len(records.contacts)))
+    for p, contact in enumerate(records.pairs["contact"]):
+        total[:, contact] += force[:, 2 * p : 2 * p + 2, 0].sum(axis=1)
+    return total
+
+
+def _outlines(records: Records) -> tuple[Outline, ...]:
+    found = []
+    for shape in records.shapes:
+        halfplane = bool(shape["kind"] == HALFPLANE)
+        first = int(shape["first"])
+        v = records.vertices[first : first + 1 if halfplane else int(shape["end"])]
+        found.append(
+            Outline(
+                body=int(shape["body"]),
+                vertices=np.column_stack([v["x"], v["y"]]),
+                normals=np.column_stack([v["normal_x"], v["normal_y"]]),
+                radius=float(shape["radius"]),
+                halfplane=halfplane,
+            )
+        )
+    return tuple(found)
+
+
+def _replay(
+    records: Records, q: NDArray[np.float64], mode: NDArray[np.int64], force: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], Touches, NDArray[np.float64]]:
+    """Poses, contact points and gaps of each frame, by the kernels of the planar system."""
+    count, slots = len(q), 2 * len(records.pairs)
+    if len(records.pairs) <= EXACT:
+        records.contacts["watched"] = 1
+    placed, manifolds = allocate_placement(records), allocate_manifolds(records)
+    points, features = manifolds.points, manifolds.features
+    seams, course = allocate_seams(records), allocate_course(records)
+    reach = records.shapes["reach"]
+    margin = NEAR * float(reach[np.isfinite(reach)].max(initial=0.0))
+    contact_of = np.repeat(records.pairs["contact"], 2)
+    pose = np.zeros((count, len(records.bodies), 3))
+    gap = np.zeros((count, len(records.contacts)))
+    rows: list[tuple[NDArray[Any], ...]] = []
+    for k in range(count):
+        place(records, q[k], placed, k == 0)
+        pose[k, :, 0], pose[k, :, 1] = placed.pose[:, X], placed.pose[:, Y]
+        if k == 0 or len(seams.neighbours) > seams.still[0]:
+            find_seams(records, placed, seams)
+        find_contacts(records, placed, q[k], margin, manifolds, seams, course)
+        gap[k] = manifolds.gaps
+        active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)
+        at = np.flatnonzero((features != ABSENT) & (active | (points[:, GAP] <= margin)))
+        nx, ny = points[at, NORMAL_X], points[at, NORMAL_Y]
+        along, across = force[k, at].T
+        world = np.column_stack([along * nx + across * ny, along * ny - across * nx])
+        spot = points[at][:, [POINT_X, POINT_Y]]
+        rows.append((np.full(len(at), k), contact_of[at], spot, world, _SHOWN[mode[k, at]]))
+    pose[:, :, 2] = _angles(records, q)
+    return pose, Touches(*(np.concatenate(column) for column in zip(*rows, strict=True))), gap
+
+
+def _angles(records: Records, q: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles (frames, bodies) with whole turns counted, so that an angle between two frames lies between
+    theirs."""
+    angles = np.tile(records.bodies["angle"], (len(q), 1))
+    for b, body in enumerate(records.bodies):
+        first = int(body["coordinate"])
+        if body["motion"] == HINGE:
+            angles[:, b] += q[:, first]
+        elif body["motion"] == FREE:
+            angles[:, b] = q[:, first + 2]
+    return angles
