@@ -6,7 +6,7 @@ import base64
 import html
 from importlib.util import find_spec
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rungwise.errors import InputError
 from rungwise.keywords import keywords

@@ -110,8 +110,12 @@ def _in_space(
     return [write("html", target, lambda file: file.write_text(text, "utf-8"))]
 
 
+def _is_source(source: object) -> bool:
+    return isinstance(source, Plan | FeasibleSet | str | Path) or hasattr(type(source), "trajectory")
+
+
 def _listed(runs: object) -> list[object]:
-    if isinstance(runs, Source):
+    if _is_source(runs):
         return [runs]
     if isinstance(runs, Sequence):
         return list(runs)
@@ -120,7 +124,7 @@ def _listed(runs: object) -> list[object]:
 
 def _source(source: object) -> Any:
     """The set in a folder of a set, the run of a plan; a run, or the folder of one, as it is."""
-    if not isinstance(source, Source):
+    if not _is_source(source):
         raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(source)}")
     try:
         if isinstance(source, str | Path):

@@ -18,7 +18,7 @@ from rungwise.cli.arguments import (
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
-    pass
+    from rungwise.world.contract import AnyRun
 
 PLANAR = "scene: is planar; only scenes in space are replayed in another simulator"
 
