@@ -391,11 +391,11 @@ def test_interrupted_search_keeps_the_plan_of_the_stage_before(tmp_path: Path) -
     # The second stage waits for the signal.
     waiting = (
         "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler);"
-        "from rungwise.planning import climb; take = climb._take_stage\n"
+        "from rungwise.planning.lift import lift; take = lift._take_stage\n"
         "def stage(work, found, stage):\n"
         "    if found.records: print('waits', flush=True); time.sleep(60)\n"
         "    return take(work, found, stage)\n"
-        "climb._take_stage = stage\n"
+        "lift._take_stage = stage\n"
     )
     command = [
         *MAIN[:-1],

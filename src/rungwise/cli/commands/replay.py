@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -18,6 +18,7 @@ from rungwise.cli.arguments import (
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
+    from rungwise.simulation.spatial.result import SpaceRun
     from rungwise.world.contract import AnyRun
 
 PLANAR = "scene: is planar; only scenes in space are replayed in another simulator"
@@ -65,7 +66,7 @@ def replay(
             run = _run(scene, model, values, duration, tol)
         if run.outcome.name == "invalid":
             refuse(run.reason)
-        found = judged(run, in_=judge, step=step)
+        found = judged(cast("SpaceRun", run), in_=judge, step=step)
     show_json(found.summary()) if as_json else show(str(found))
     return 0 if found.ok else 1
 
