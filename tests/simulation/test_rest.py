@@ -7,7 +7,7 @@ Trinkle, ZAMM 80 (2000) 643-663.
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ import pytest
 from scipy.optimize import linprog
 
 import rungwise as rw
+from rungwise.contact.judge.certificate import check, without_inertia
+from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK, linear_system
 from rungwise.simulation.planar.nearby import gather, widen
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import terms as planar
@@ -153,6 +155,45 @@ def test_what_may_rest_rests_and_nothing_else(tol: float | None) -> None:
         else:
             assert run.outcome == "unsupported", (seed, run.reason)
     assert 24 <= rests <= 47
+
+
+def _excluded_by_every_mode(run: rw.Run, resisting: np.ndarray[Any, Any]) -> bool:
+    """Whether each mode of all contacts misses its equations and inequalities by more than rounding."""
+    assert run.problem is not None
+    limit = without_inertia(run.problem, resisting)
+    for mode in product((OPEN, STICK, FORWARD, BACKWARD), repeat=len(limit.mu)):
+        equal, value, least, bound = linear_system(limit, mode)
+        rows = np.vstack([equal, -equal, -least])
+        found = linprog(
+            np.append(np.zeros(equal.shape[1]), 1.0), np.hstack([rows, np.full((len(rows), 1), -1.0)]),
+            np.concatenate([value, -value, -bound]), bounds=[(-1e3, 1e3)] * equal.shape[1] + [(0.0, None)],
+        )  # fmt: skip
+        if found.status == 0 and found.fun < 1e-7:
+            return False
+    return True
+
+
+def test_exact_fits_on_compliant_contacts_rest_or_have_a_proof() -> None:
+    """Compliant contacts press only as far as they yield: a body that fits exactly between others is in
+    balance only where a tilt presses it against both sides."""
+    outcomes, compared = {"timeout": 0, "unsupported": 0, "not_converged": 0}, 0
+    for seed in range(3, 43):
+        run = Simulation(Wedge(seed).scene(), rw.QUASISTATIC_COMPLIANT, frames=3)
+        while run.advance():
+            pass
+        found = run.result()
+        outcomes[str(found.outcome)] += 1
+        if found.outcome == "unsupported":
+            resisting = run._reasons().resisting()
+            assert found.certificate is not None and found.problem is not None
+            assert check(found.problem, found.certificate, resisting), seed
+            if found.certificate.kind == "unbalanced" and len(found.problem.mu) <= 4:
+                compared += 1
+                assert _excluded_by_every_mode(found, resisting), seed
+        elif seed == 40:  # the loop alone finds the fall, not the balance
+            assert found.outcome == "timeout", found.reason
+    assert compared >= 2 and outcomes["timeout"] >= 15 and outcomes["unsupported"] >= 10
+    assert outcomes["not_converged"] == 0
 
 
 def test_a_book_that_rests_says_that_it_may_fall_as_well() -> None:

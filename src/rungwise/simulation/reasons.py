@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import ContactProblem, trim
+from rungwise.contact.judge import Balance, Certificate, certify_infeasible, certify_or_balance
+from rungwise.contact.step import OPEN, ContactProblem, keep_contacts, trim
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -19,6 +19,7 @@ from rungwise.simulation.core.support import without_law
 from rungwise.simulation.hindered import Hindrance
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.leaps import leap_ahead, leap_taken
+from rungwise.simulation.planar.nearby import NEAR
 from rungwise.simulation.planar.workspace import Workspace
 from rungwise.simulation.remarks import advice, remarks, untouchable
 from rungwise.wording import listed
@@ -31,12 +32,14 @@ SEEN = 1e-3
 
 
 class Ended(NamedTuple):
-    """How a run ended, why, and where a step had no solution the proof and the problem of that step."""
+    """How a run ended, why, and where a step had no solution the proof and the problem of that step, or the
+    `balance` that the loop may not have found."""
 
     outcome: Code
     reason: str
     certificate: Certificate | None = None
     problem: ContactProblem | None = None
+    balance: Balance | None = None
 
 
 @dataclass(frozen=True)
@@ -67,16 +70,17 @@ class Reasons:
             return Ended(code, reason)
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
         problem = trim(self.workspace.problem, n, contacts, limited)
-        certificate = None
+        certificate, balance = None, None
         if code == Code.JAMMED:
             problem = without_law(
                 problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
             )
             certificate = certify_infeasible(problem)
         elif code == Code.UNSUPPORTED:
-            certificate = certify_unsupported(problem, self.resisting())
+            problem, _ = self._unsupported()
+            certificate, balance = certify_or_balance(problem, self.resisting())
         if certificate is None:
-            return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem)
+            return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem, balance)
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
         return Ended(code, reason, certificate, problem)
 
@@ -175,16 +179,43 @@ class Reasons:
 
         Where a contact is about to close in just this step, it has neither a solution nor a certificate.
         """
-        state, frames = self.workspace.state, self.workspace.frames
-        clock, least = state.clock[0], JAM * CLOSER**LOOKS * self.control[0]["tolerance"]
+        clock, least = self.workspace.state.clock[0], JAM * CLOSER**LOOKS * self.control[0]["tolerance"]
         if clock["outcome"] != Code.JAMMED or self.control[0]["jam"] * CLOSER < 0.99 * least:
             return False
         self.control["jam"] *= CLOSER
-        state.clock["outcome"] = Code.RUNNING
-        # The frame recorded as the last frame is not the last.
-        state.clock["frames"] -= 1
-        state.impulse[:] += frames.impulse[int(clock["frames"])]
+        self._go_on()
         return True
+
+    def goes_on(self, balance: Balance) -> None:
+        """Prepare the run to go on from a step without support, from the balance that its end names."""
+        _, kept = self._unsupported()
+        state, scratch, limited = self.workspace.state, self.workspace.scratch, len(balance.tau)
+        slots = scratch.slots[: len(kept)][kept]
+        lever = self.workspace.terms.lever[: len(kept)][kept]
+        state.modes[:] = OPEN
+        state.modes[slots] = balance.modes[: len(slots)]
+        state.force[slots] = lever[:, None] * balance.force.reshape(-1, 2)
+        scratch.limited_mode[:limited] = balance.modes[len(slots) :]
+        scratch.limited_force[:limited] = balance.tau
+        self._go_on()
+
+    def _unsupported(self) -> tuple[ContactProblem, np.ndarray[Any, np.dtype[np.bool_]]]:
+        """The problem of the last step, which nothing supports, with the contacts alone that have to balance
+        the loads (see `planar.far_contacts`), and which those are (k,)."""
+        state, terms = self.workspace.state, self.workspace.terms
+        n, contacts, limited = (int(state.clock[0][name]) for name in ("free", "contacts", "limited"))
+        problem = trim(self.workspace.problem, n, contacts, limited)
+        slots, gap = self.workspace.scratch.slots[:contacts], terms.gap[:contacts]
+        closing = -float(state.clock[0]["tried"]) * (terms.rows[: 2 * contacts : 2] @ state.speed)
+        near = (gap <= np.maximum(NEAR * state.clock[0]["reach"], closing)) | (state.modes[slots] != OPEN)
+        return keep_contacts(problem, near), near
+
+    def _go_on(self) -> None:
+        """Let the run go on: the frame recorded as the last frame is not the last."""
+        state, frames = self.workspace.state, self.workspace.frames
+        state.clock["outcome"] = Code.RUNNING
+        state.clock["frames"] -= 1
+        state.impulse[:] += frames.impulse[int(state.clock[0]["frames"])]
 
     def resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
         """H of the last problem without its inertia."""

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate
+from rungwise.contact.judge import Balance, Certificate
 from rungwise.contact.step import ContactProblem, trim
 from rungwise.kernel import Ints, linking_time
 from rungwise.keywords import keywords
@@ -119,6 +119,7 @@ class Simulation:
         self.outcome = Code.RUNNING
         self.certificate: Certificate | None = None
         self.problem: ContactProblem | None = None
+        self._sought = -math.inf
         self.workspace: Workspace | None = None
         self._turn = 10
         self.theta = theta
@@ -242,12 +243,22 @@ class Simulation:
         if self.hard is not None:
             self.hard.take(self.workspace)
         if self.outcome != Code.RUNNING:
-            self.outcome, self.reason, self.certificate, self.problem = self._reasons().explain(self.outcome)
-        if self.outcome == Code.NOT_CONVERGED and self._reasons().looks_closer():
-            self.outcome, self.reason, self.problem = Code.RUNNING, "", None
+            ended = self._reasons().explain(self.outcome)
+            self.outcome, self.reason, self.certificate, self.problem = ended[:4]
+            if self.outcome == Code.NOT_CONVERGED and self._goes_on(ended.balance):
+                self.outcome, self.reason, self.problem = Code.RUNNING, "", None
         if self.outcome != Code.RUNNING and self.hard is not None:
             self._save_last(self.hard, self.workspace)
         return self.outcome == Code.RUNNING
+
+    def _goes_on(self, balance: Balance | None) -> bool:
+        """Whether the run goes on from its end: with shorter steps, or once for each state from forces
+        that may balance the loads."""
+        if balance is None or self.time <= self._sought:
+            return self._reasons().looks_closer()
+        self._sought = self.time
+        self._reasons().goes_on(balance)
+        return True
 
     def _save_last(self, hard: HardSteps, workspace: Workspace) -> None:
         problem = self.problem

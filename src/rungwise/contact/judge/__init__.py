@@ -2,8 +2,14 @@
 
 from rungwise.contact.judge.certificate import Certificate
 from rungwise.contact.judge.in_space import check_in_space
-from rungwise.contact.judge.infeasible import certify_infeasible, certify_unsupported
+from rungwise.contact.judge.infeasible import (
+    Balance,
+    certify_infeasible,
+    certify_or_balance,
+    certify_unsupported,
+)
 
 __all__ = [
-    "Certificate", "certify_infeasible", "certify_unsupported", "check_in_space",
+    "Balance", "Certificate", "certify_infeasible", "certify_or_balance", "certify_unsupported",
+    "check_in_space",
 ]  # fmt: skip

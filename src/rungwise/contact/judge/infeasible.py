@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,18 @@ from rungwise.contact.judge.certificate import (
     rigid_rows,
     without_inertia,
 )
-from rungwise.contact.step.modes import ANY, CLOSED, choices, linear_system, natural_units, parts
+from rungwise.contact.step.modes import (
+    ANY,
+    BACKWARD,
+    CLOSED,
+    FORWARD,
+    OPEN,
+    STICK,
+    choices,
+    linear_system,
+    natural_units,
+    parts,
+)
 from rungwise.contact.step.problem import ContactProblem
 
 MAX_NODES = 2000
@@ -24,6 +37,20 @@ CUTS = 40
 _SOLVES = 1e-9
 """Violation of a law, in natural units of rates and forces, up to which a point meets the law. Chosen by
 trial, to a decade."""
+_SMALL = 1e-9
+"""Cost over the greatest that is left out where it keeps the solver from an end. Chosen by trial."""
+_SINGULAR = 1e-6
+"""Singular value, over the greatest, below which what the solver leaves of a balance stays: taking this away
+would change the vector more than the solver's tolerance (about 1e-9). Chosen by trial, to a decade."""
+
+
+class Balance(NamedTuple):
+    """Modes (contacts, then limited rows) of which nothing excludes a solution, with their forces (2 k,) and
+    (b,), as far as a linear program finds them."""
+
+    modes: NDArray[np.int64]
+    force: NDArray[np.float64]
+    tau: NDArray[np.float64]
 
 
 def certify_infeasible(problem: ContactProblem) -> Certificate | None:
@@ -33,7 +60,7 @@ def certify_infeasible(problem: ContactProblem) -> Certificate | None:
     whose numbers, in its natural units, are beyond the range of floating point.
     """
     with np.errstate(all="ignore"):
-        for certificate in (_kinematic(problem), _frictional(problem)):
+        for certificate in (_kinematic(problem), _frictional(problem)[0]):
             if certificate is not None and check(problem, certificate):
                 return certificate
     return None
@@ -42,15 +69,22 @@ def certify_infeasible(problem: ContactProblem) -> Certificate | None:
 def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
     """A checked motion along which the loads are not resisted, or else a checked proof that no motion makes
     up their balance; `resisting` (n, n) is H less its inertia."""
+    return certify_or_balance(problem, resisting)[0]
+
+
+def certify_or_balance(
+    problem: ContactProblem, resisting: NDArray[np.float64]
+) -> tuple[Certificate | None, Balance | None]:
+    """The certificate of `certify_unsupported`, or what may balance the loads without inertia; or neither."""
     with np.errstate(all="ignore"):
         for part in _apart(problem, resisting):
             certificate = _unsupported(problem, resisting, part)
             if certificate is not None:
-                return certificate
-        certificate = _frictional(without_inertia(problem, resisting), held=False)
-        if certificate is not None and check(problem, certificate, resisting):
-            return certificate
-    return None
+                return certificate, None
+        certificate, balance = _frictional(without_inertia(problem, resisting), held=False)
+        if certificate is None or not check(problem, certificate, resisting):
+            return None, balance
+    return certificate, None
 
 
 def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
@@ -113,15 +147,21 @@ def _minimise(
     upper: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding, or None when no cost is
-    below zero, or when the numbers are not finite; and the multipliers of the equations."""
+    below zero, or when the numbers are not finite; and the multipliers of the equations, NaN if unknown."""
     from scipy.optimize import linprog
 
+    unknown = np.full(len(equal), np.nan)
+
     if not all(np.isfinite(given).all() for given in (cost, equal, 0.0 if upper is None else upper)):
-        return None, np.zeros(len(equal))
+        return None, unknown
     right = None if upper is None else np.zeros(len(upper))
-    found = linprog(cost, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
-    if not found.success:
-        return None, np.zeros(len(equal))
+    small = _SMALL * float(np.abs(cost).max(initial=0.0))
+    for each in (cost, np.where(np.abs(cost) > small, cost, 0.0)):
+        found = linprog(each, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
+        if found.success:
+            break
+    else:
+        return None, unknown
     multipliers = -np.asarray(found.eqlin.marginals)
     if found.fun >= 0.0:
         return None, multipliers
@@ -131,7 +171,8 @@ def _minimise(
     if upper is None:
         # The solver stops at its own tolerance; the vertex itself balances to rounding.
         for _ in range(2):
-            x[inside] -= np.linalg.lstsq(equal[:, inside], equal @ x, rcond=None)[0]
+            x[inside] -= np.linalg.lstsq(equal[:, inside], equal @ x, rcond=_SINGULAR)[0]
+            x = np.clip(x, *np.transpose(bounds))
     return x, multipliers
 
 
@@ -175,32 +216,104 @@ def _least_left(
     return x
 
 
-def _frictional(problem: ContactProblem, held: bool = True) -> Certificate | None:
-    """The certificate by branch and bound over partial modes: a mode without solutions is not split
-    further."""
+def _frictional(problem: ContactProblem, held: bool = True) -> tuple[Certificate | None, Balance | None]:
+    """The certificate of an island without solution, by branch and bound over its partial modes; or modes of
+    which nothing excludes a solution; or neither."""
     if problem.R.shape[1] != 2:
-        return None
+        return None, None
+    n, contacts, force = len(problem.c), len(problem.mu), natural_units(problem).force
+    balance = Balance(
+        np.full(contacts + len(problem.F), OPEN), np.zeros(2 * contacts), np.zeros(len(problem.F))
+    )
+    undecided = False
+    for own in _islands(problem):
+        found = _search(problem, held, own)
+        if found.certificate is not None:
+            return found.certificate, None
+        if found.solves is None:
+            undecided = True
+            continue
+        mode, point = found.solves
+        balance.modes[own] = _decided(problem, mode, point)[own]
+        pushes, pulls = np.repeat(own[:contacts], 2), own[contacts:]
+        balance.force[pushes] = force * point[n : n + 2 * contacts][pushes]
+        balance.tau[pulls] = force * point[n + 2 * contacts :][pulls]
+    return None, None if undecided else balance
+
+
+def _islands(problem: ContactProblem) -> list[NDArray[np.bool_]]:
+    """Contacts and limited rows (k + b,) of each part of the problem that shares no coordinate with another;
+    those that feel no coordinate come last."""
+    contacts, d = len(problem.mu), problem.R.shape[1]
+    normal = (problem.W != 0.0).reshape(contacts, d, len(problem.c)).any(axis=1)
+    feels = np.vstack([normal, problem.S != 0.0])
+    every = [*_apart(problem, problem.H), np.ones(len(problem.c), bool)]
+    islands = [np.asarray(feels[:, part].any(axis=1)) for part in every]
+    islands[-1] = ~islands[-1]
+    return [own for own in islands if own.any()]
+
+
+class _Found(NamedTuple):
+    """A certificate, or else a partial mode of which nothing excludes a solution, with its unknowns; or
+    neither."""
+
+    certificate: Certificate | None = None
+    solves: tuple[tuple[int, ...], NDArray[np.float64]] | None = None
+
+
+def _search(problem: ContactProblem, held: bool, own: NDArray[np.bool_]) -> _Found:
+    """Branch and bound over the modes of the rows `own`: one without solutions is not split further."""
     options = choices(problem, held)
-    waiting = [tuple(own[0] if len(own) == 1 else ANY for own in options)]
+    waiting = [tuple(each[0] if len(each) == 1 else ANY for each in options)]
     modes: list[tuple[int, ...]] = []
     vectors: list[NDArray[np.float64]] = []
     resisted = _is_resisted(problem)
     for _ in range(MAX_NODES):
         if not waiting:
-            return Certificate("frictional" if held else "unbalanced", tuple(vectors), tuple(modes))
+            return _Found(Certificate("frictional" if held else "unbalanced", tuple(vectors), tuple(modes)))
         mode = waiting.pop()
         vector, point = _farkas(problem, mode, held)
         if vector is not None and excludes_mode(problem, mode, vector, held):
             modes.append(mode)
             vectors.append(vector)
             continue
-        contradicts = _contradictions(problem, mode, point)
-        if not {ANY, CLOSED} & set(mode) or (vector is None and contradicts.max() <= _SOLVES):
-            return None
+        if np.isnan(point).any():
+            break
+        contradicts = np.where(own, _contradictions(problem, mode, point), -1.0)
+        if contradicts.max() < 0.0 or (vector is None and contradicts.max() <= _SOLVES):
+            return _Found(solves=(mode, point))
         first = resisted & (contradicts > _SOLVES)
         i = int(np.argmax(np.where(first, contradicts, -1.0) if first.any() else contradicts))
         waiting += [(*mode[:i], option, *mode[i + 1 :]) for option in parts(options[i], mode[i])]
-    return None
+    return _Found()
+
+
+def _decided(problem: ContactProblem, mode: tuple[int, ...], point: NDArray[np.float64]) -> NDArray[np.int64]:
+    """`mode` with what it leaves open as the unknowns have it."""
+    contacts, units = len(problem.mu), natural_units(problem)
+    slip, normal = _slips(problem, point), point[len(problem.c) :: 2][:contacts]
+    decided = np.array(mode)
+    for i in np.flatnonzero(np.isin(mode, (ANY, CLOSED))):
+        if i < contacts and normal[i] <= _SOLVES:
+            decided[i] = OPEN
+        elif abs(slip[i]) <= _SOLVES * units.velocity and not (i < contacts and problem.mu[i] == 0.0):
+            decided[i] = STICK
+        else:
+            decided[i] = BACKWARD if slip[i] < 0.0 else FORWARD
+    return decided
+
+
+def _slips(problem: ContactProblem, point: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tangential rates of contacts, then rates of limited rows."""
+    p, units = problem, natural_units(problem)
+    n, k = len(p.c), 2 * len(p.mu)
+    v, force, tau = (
+        point[:n] * units.coordinates,
+        point[n : n + k] * units.force,
+        point[n + k :] * units.force,
+    )
+    own = np.einsum("kj,kj->k", p.R[:, 1], force.reshape(-1, 2))
+    return np.concatenate([p.W[1::2] @ v + own + p.w[1::2], p.S @ v + p.R_s * tau + p.w_s])
 
 
 def _is_resisted(problem: ContactProblem) -> NDArray[np.bool_]:

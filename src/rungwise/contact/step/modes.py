@@ -85,6 +85,8 @@ def natural_units(problem: ContactProblem) -> Units:
     heaviest = float((inertia / lever).max(initial=0.0))
     demand = max(float(np.abs(p.w).max(initial=0.0)), float(np.abs(p.w_s).max(initial=0.0)))
     demand = 0.0 if demand <= p.quantum[0] else demand
+    yields = max(float(np.abs(p.R).max(initial=0.0)), float(p.R_s.max(initial=0.0)))
+    demand = max(demand, yields * load)
     resist = heaviest * heaviest
     velocity = demand or (load / resist if resist > 0.0 else 0.0) or 1.0
     return Units(

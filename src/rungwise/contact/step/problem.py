@@ -77,3 +77,21 @@ def trim(problem: ContactProblem, n: int, contacts: int, limited: int) -> Contac
         F=p.F[:limited].copy(),
         quantum=p.quantum.copy(),
     )
+
+
+def keep_contacts(problem: ContactProblem, kept: NDArray[np.bool_]) -> ContactProblem:
+    """A copy with the contacts `kept` (k,) alone."""
+    p, rows = problem, np.repeat(kept, problem.R.shape[1])
+    return ContactProblem(
+        H=p.H.copy(),
+        c=p.c.copy(),
+        W=p.W[rows],
+        R=p.R[kept],
+        w=p.w[rows],
+        mu=p.mu[kept],
+        S=p.S.copy(),
+        R_s=p.R_s.copy(),
+        w_s=p.w_s.copy(),
+        F=p.F.copy(),
+        quantum=p.quantum.copy(),
+    )
