@@ -103,6 +103,16 @@ def test_published_matrices_with_planted_solutions(path: Path) -> None:
     assert (found.wrong, found.loose, found.open) == (0, 0, 0)
 
 
+@pytest.mark.parametrize("path", CIRCUITS, ids=lambda path: path.name)
+def test_published_matrices_in_any_units(path: Path) -> None:
+    """In units three decades apart from their own, with many loads and with few."""
+    rng, problem = np.random.default_rng(17), rw.Problem.of(read_problem(path))
+    for load in planted.PLANTS:
+        found = planted.tried(rng, planted.poses(lambda _: problem, load, 3.0), 60)
+        assert found.wrong == 0 and found.loose == 0
+        assert found.open <= 0.02 * found.calls
+
+
 def test_the_judge_of_these_tests_sees_what_is_wrong() -> None:
     rng = np.random.default_rng(9)
     for draw in planted.FAMILIES.values():

@@ -6,10 +6,10 @@ from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from rungwise.contact.judge.farkas import Infeasible, proves
 from rungwise.contact.judge.verdict import Residuals, is_plain, judged, misses
+from rungwise.contact.prepare.even import in_even_units
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.prepare.units import settle
@@ -40,9 +40,12 @@ TOLERANCE = 1e-9
 """The default `tol` of `Residuals.worst`, without unit: some seven decades above the rounding of double
 precision, as room for ill-conditioned problems."""
 _MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
-"""Residual asked of solvers over the tolerance, since the judge measures x in its given rows; rounds that fit
-other units, and that find the modes of an exact answer; Newton steps of settled forces; the residual, about
-one rounding of double precision, asked of last steps. The first three are chosen by trial."""
+"""Residual asked of solvers over the tolerance, since the judge measures x in its given rows; rounds that
+find the modes of an exact answer; Newton steps of settled forces; the residual, about one rounding of double
+precision, asked of last steps. The first three are chosen by trial."""
+_FAINT = 2.0**-40, 2.0**-32, 2.0**-24
+"""Shares of the largest unknown, in magnitudes, below which an unknown may be rounding that the condition of
+the rows has made larger; tried in turn, where rows miss their own terms. Chosen by trial, to a decade."""
 _ASIDE = 0.3
 """Share of the work that is left for the form with all unknowns, whose factors have many more entries.
 Chosen by trial."""
@@ -188,7 +191,11 @@ def _exact(problem: Problem, system: System, answer: _Answer, tol: float) -> _An
         if (least < missed or answer.residual > tol) and found.residual <= max(tol, answer.residual):
             answer, missed = found, least
         if missed <= tol:
-            break
+            return answer
+    for share in _FAINT:
+        found = _clipped(problem, system, calmed(problem, answer.x, share), tol)
+        if found.residual <= tol and misses(problem, found.x, found.y) <= tol:
+            return found
     return answer
 
 
@@ -278,8 +285,10 @@ def _last_resort(
     tol: float,
     work: Work,
 ) -> tuple[_Answer, list[Attempt]]:
-    """The answer after branching, all unknowns, and other units, where it was not within `tol`."""
+    """The answer after other units, branching, and all unknowns, where it was not within `tol`."""
     attempts: list[Attempt] = []
+    if answer.residual > tol and is_plain(problem.rows, problem.velocities) and not work.is_low:
+        answer, attempts = _in_other_units(problem, system, answer, chain, tol, work)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
@@ -294,11 +303,6 @@ def _last_resort(
         attempts.append(attempt)
         if patient.residual < answer.residual:
             answer = patient
-    if answer.residual > tol and answer.proof is None and problem.is_boxes and not work.is_low:
-        other, more = _in_other_units(problem, chain, tol, work)
-        attempts += more
-        if (better := _judged(problem, system, other, tol)).residual < answer.residual:
-            answer = better
     return answer, attempts
 
 
@@ -332,21 +336,15 @@ def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work
 
 
 def _in_other_units(
-    problem: Problem, chain: tuple[ModuleType, ...], tol: float, work: Work
-) -> tuple[Array, list[Attempt]]:
-    """The chain's answer with separate units for rows and for unknowns."""
-    A, per_row, unit = sp.csr_array(problem.A), np.ones(len(problem.b)), np.ones(len(problem.b))
-    size = abs(A)
-    for _ in range(_ROUNDS):
-        largest = np.maximum((size * unit).max(axis=1).toarray().ravel(), np.abs(problem.b))
-        per_row = 1.0 / np.where(largest > 0.0, largest, 1.0)
-        largest = (sp.diags_array(per_row) @ size).max(axis=0).toarray().ravel()
-        unit = 1.0 / np.where(largest > 0.0, largest, 1.0)
-    made = sp.diags_array(per_row) @ A @ sp.diags_array(unit)
-    again = Problem.boxes(made, per_row * problem.b, problem.lower / unit, problem.upper / unit)
-    system = scaled(again)
-    x, attempts = _run(chain, system, np.zeros(system.size), _MARGIN * tol, work)
-    return unit * system.recover(x * system.force), attempts
+    problem: Problem, system: System, answer: _Answer, chain: tuple[ModuleType, ...], tol: float, work: Work
+) -> tuple[_Answer, list[Attempt]]:
+    """The answer, or a better one, found in units in which entries are as near to one as they can be."""
+    again, unit = in_even_units(problem)
+    even = scaled(again)
+    own, attempts = _run(chain, even, np.zeros(even.size), tol, work)
+    x = unit * _judged_scaled(again, even, own, tol, work).x
+    other = _judged(problem, system, x, tol)
+    return (other if other.residual < answer.residual else answer), attempts
 
 
 def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
