@@ -30,6 +30,7 @@ from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.schedule import Clock
 from rungwise.simulation.spatial.values import Values
 from rungwise.simulation.state import State, StateError, digest
+from rungwise.system.spatial.turning import Turning
 
 TURN_S = 0.1
 """Longest time of steps before the caller sees progress."""
@@ -85,7 +86,7 @@ class SpaceSimulation:
             return
         bound, self.space = made.bound, made.space
         self.space.forget()
-        self._bound = bound
+        self._bound, self._turning = bound, Turning(self.space, self.model.inertia)
         self.notes = bound.notes
         self.step = bound.step if step is None else step
         template = scene.template
@@ -165,7 +166,8 @@ class SpaceSimulation:
         march = self.march
         assert march is not None
         h = min(self._next, self.end - march.time, self._clock.left(march.time))
-        before = float(march.clock["contact_work"])
+        before, begun = float(march.clock["contact_work"]), march.time
+        self._turning.begin(march.q, march.v)
         try:
             wish = self._stepped(march, h)
         except InvalidScene as error:
@@ -176,6 +178,8 @@ class SpaceSimulation:
         if march.clock["bounced"]:
             added = float(march.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
+        if march.time > begun:
+            self._turning.end(march.q, march.v, march.time - begun, march.terms)
         if march.outcome != Code.RUNNING:
             self.outcome, self.certificate = march.outcome, march.certificate
             self._explain(march)
@@ -322,6 +326,7 @@ class SpaceSimulation:
     def _notes(self) -> tuple[str, ...]:
         """Remarks on the model, on the geometry of contacts, and on steps that went far."""
         remarks = self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
+        remarks += self._turning.remarks()
         march, names = self.march, self.scene.labels.bodies
         if march is not None and march.leaps:
             first, count = march.leaps[0], len(march.leaps)

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 class Loads:
     """What fills M, metric, loads, springs and dampers of a model with these drives; moment (a, n) holds the
-    rows of actuators afterwards, driving (n,) their part of the load."""
+    rows of actuators afterwards, driving (n,) their part of the load, and taken (n,) the inertial forces and
+    the weight that were taken off it. `joined` (n,): the velocities of bodies that do not turn freely;
+    `weighs` (b,): the masses of these bodies."""
 
     def __init__(self, model: mujoco.MjModel, drives: Drives) -> None:
         import mujoco
@@ -36,6 +38,10 @@ class Loads:
         # Earlier versions of MuJoCo know no damping of actuators.
         self._drag = np.array(getattr(m, "actuator_damping", np.zeros(m.nu)))
         self._spins = spins(m)
+        self.joined, self.taken = np.ones(m.nv, np.int64), np.zeros(m.nv)
+        self.joined[(self._spins.first[:, None] + np.arange(6)).ravel()] = 0
+        self.any_joined = bool(self.joined.any())
+        self.weighs = np.where(np.isin(m.body_rootid, self._spins.body), 0.0, m.body_mass)
         parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
         self._springs = any(bool(part.any()) for part in parts)
 
@@ -80,6 +86,7 @@ class Loads:
             load -= (1.0 - eps) * self._row
         else:
             load -= self._row
+        np.negative(load, out=self.taken)
         if eps > 0.0 and len(self._spins.first):
             turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
         if self._springs:

@@ -207,12 +207,16 @@ class Space:
         return True
 
     def energy(self, q: Reals, v: Reals) -> float:
-        self._at(q)
+        momentum = np.zeros(self.model.nv)
+        self.put_momentum(q, v, momentum)
         self._mujoco.mj_energyPos(self.model, self.data)
-        product = np.zeros(self.model.nv)
-        self._mujoco.mj_mulM(self.model, self.data, product, v)
         with np.errstate(over="ignore"):  # of what has run away it is inf
-            return float(self.data.energy[0] + 0.5 * v @ product)
+            return float(self.data.energy[0] + 0.5 * v @ momentum)
+
+    def put_momentum(self, q: Reals, v: Reals, momentum: Reals) -> None:
+        """Fill momentum (n,) with M v at q."""
+        self._at(q)
+        self._mujoco.mj_mulM(self.model, self.data, momentum, v)
 
     def accept(self) -> None:
         self.kept, self._found = self._found, self.kept
