@@ -21,7 +21,7 @@ from rungwise.contact.problem import Laws
 from rungwise.contact.solvers import pivoting, small
 from rungwise.contact.solvers.gauss_seidel import DAMPINGS, SMALL, accepts, alternate
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.solvers.newton_dense import Scratch, scratch_for
+from rungwise.contact.solvers.newton.dense import Scratch, scratch_for
 from rungwise.contact.solvers.small import solve_dense
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 

@@ -37,11 +37,11 @@ def measure(name: str, model: str, steps: int, rounds: int) -> dict[str, Any]:
     told = json.loads(rw.load(name).stored)
     scene = rw.load({key: value for key, value in told.items() if key not in ENDS})
     run = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
-    march, space = run.march, run.space
+    stepper, space = run.stepper, run.space
     own = scene.bind().model
     own.opt.cone, own.opt.timestep = mujoco.mjtCone.mjCONE_ELLIPTIC, run.step
     data = mujoco.MjData(own)
-    data.qpos[:], data.qvel[:], data.ctrl[:] = march.q, march.v, space.control
+    data.qpos[:], data.qvel[:], data.ctrl[:] = stepper.q, stepper.v, space.control
     run.steps_taken(5)
     each, ours, theirs = steps // rounds, [], []
     within = halved = 0
@@ -49,20 +49,20 @@ def measure(name: str, model: str, steps: int, rounds: int) -> dict[str, Any]:
     for _ in range(rounds):
         took, taken = 0.0, 0
         while taken < each and run.outcome == Code.RUNNING:
-            before, deep = march.time, space.least_gap(march.q)
+            before, deep = stepper.time, space.least_gap(stepper.q)
             began = time.perf_counter()
             run.steps_taken(1)
             took += time.perf_counter() - began
             taken += 1
-            within += float(march.clock["residual"]) <= TOLERANCE
-            halved += march.time - before < 0.99 * run.step
-            overlap = max(overlap, min(deep, 0.0) - min(space.least_gap(march.q), 0.0))
+            within += float(stepper.clock["residual"]) <= TOLERANCE
+            halved += stepper.time - before < 0.99 * run.step
+            overlap = max(overlap, min(deep, 0.0) - min(space.least_gap(stepper.q), 0.0))
         ours.append(took / max(taken, 1))
         began = time.perf_counter()
         for _ in range(each):
             mujoco.mj_step(own, data)
         theirs.append((time.perf_counter() - began) / each)
-    total = int(march.clock["steps"]) - 5
+    total = int(stepper.clock["steps"]) - 5
     return {
         "scene": name, "model": model, "steps": total, "steps_per_s": 1.0 / median(ours),
         "mujoco_steps_per_s": 1.0 / median(theirs),

@@ -31,7 +31,7 @@ import mujoco as mj
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.solvers.spatial import solve_spatial
+from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step import SOLVED, ContactProblem
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.kernel import linking_time

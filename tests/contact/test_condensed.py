@@ -12,8 +12,8 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.contact.prepare.product import MOST
 from rungwise.contact.prepare.system import System, scaled, uneliminated
-from rungwise.contact.solvers.condensed import diagonal_blocks, invert, solver
-from rungwise.contact.solvers.factors import factors
+from rungwise.contact.solvers.newton.condensed import diagonal_blocks, invert, solver
+from rungwise.contact.solvers.newton.factors import factors
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import assemblies

@@ -15,9 +15,9 @@ from rungwise.contact.prepare.inverse import inverse
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System, scaled
 from rungwise.contact.prepare.units import compressed
-from rungwise.contact.solvers import condensed, newton
 from rungwise.contact.solvers.cones import cones_of
 from rungwise.contact.solvers.measure import all_rates, natural
+from rungwise.contact.solvers.newton import condensed, newton
 from rungwise.contact.solvers.work import Work
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))

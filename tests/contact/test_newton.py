@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from rungwise.contact.prepare.units import Sparse
-from rungwise.contact.solvers.newton_reduced import (
+from rungwise.contact.solvers.newton.reduced import (
     INTS,
     REALS,
     directions,
     factorise_reduced,
     solve_reduced,
 )
-from rungwise.contact.solvers.refine import jacobian
+from rungwise.contact.solvers.polish.refine import jacobian
 
 RHO, KEPT, DAMPING = 0.8, 0.7, 1e-3
 

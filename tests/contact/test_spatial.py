@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rungwise.contact.solvers.spatial import solve_spatial
+from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
 from rungwise.contact.step.problem import ContactProblem, allocate_problem

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import rungwise as rw
-from rungwise.simulation.planar.workspace import recorded as memory
+from rungwise.simulation.planar.state.workspace import recorded as memory
 from rungwise.simulation.result import Run
 
 Dimension = tuple[int, int, int]

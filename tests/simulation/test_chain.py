@@ -7,7 +7,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.simulation.derivatives.differences import Assembly, Start
-from rungwise.simulation.planar.attempt import TAKEN, attempt
+from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 
 Array = np.ndarray
 H, STEPS = 1e-3, 10

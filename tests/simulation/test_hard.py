@@ -15,8 +15,8 @@ from rungwise.cli import main
 from rungwise.contact.prepare.equivalent import in_contacts
 from rungwise.contact.problem import Problem
 from rungwise.contact.step.problem import ContactProblem, trim
-from rungwise.simulation import hard
 from rungwise.simulation.core.notes import Note
+from rungwise.simulation.reasons import hard_steps as hard
 
 h5py = pytest.importorskip("h5py", reason="FCLIB files need h5py")
 JAM = {"v2": 0.7, "mu": 1.2}
@@ -181,7 +181,7 @@ def test_a_run_that_did_not_converge_says_where_its_problem_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without its certificate a jam is only not converged."""
-    monkeypatch.setattr("rungwise.simulation.reasons.certify_infeasible", lambda *_: None)
+    monkeypatch.setattr("rungwise.simulation.reasons.reasons.certify_infeasible", lambda *_: None)
     run = rw.simulate("two_finger", rw.QUASISTATIC_RIGID, parameters=JAM, save_hard=tmp_path)
     assert run.hard is not None and run.outcome.name == "not_converged" and run.problem is not None
     last = run.hard.files[-1]

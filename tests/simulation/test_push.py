@@ -10,7 +10,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.outcome import Code
-from rungwise.simulation.planar.workspace import SCALARS
+from rungwise.simulation.planar.state.workspace import SCALARS
 
 RNG = np.random.default_rng(20)
 FORCES = ("quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid", "dynamic-compliant")

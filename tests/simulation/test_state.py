@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.planar.workspace import CLOCK, recorded
+from rungwise.simulation.planar.state.workspace import CLOCK, recorded
 from rungwise.system.planar.manifold import ABSENT
 
 from .conftest import MOVING

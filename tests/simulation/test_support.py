@@ -12,7 +12,7 @@ import rungwise as rw
 from rungwise.contact.step import OPEN, SOLVED, STICK, allocate_problem
 from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
 from rungwise.simulation.core.support import solve_supported
-from rungwise.simulation.planar.workspace import SCALARS
+from rungwise.simulation.planar.state.workspace import SCALARS
 from rungwise.system.terms import allocate_terms
 
 RNG = np.random.default_rng(7)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.simulation.planar.workspace import recorded as memory
+from rungwise.simulation.planar.state.workspace import recorded as memory
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 

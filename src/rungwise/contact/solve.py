@@ -20,15 +20,15 @@ from rungwise.contact.solvers import (
     gauss_seidel,
     homotopy,
     interior_point,
-    newton,
     pivoting,
     proximal_point,
     step,
 )
-from rungwise.contact.solvers.exact import exact
 from rungwise.contact.solvers.measure import natural
-from rungwise.contact.solvers.refine import SMALL, rate_error, refined, sharpened
-from rungwise.contact.solvers.settled import calmed, clip
+from rungwise.contact.solvers.newton import newton
+from rungwise.contact.solvers.polish.exact import exact
+from rungwise.contact.solvers.polish.refine import SMALL, rate_error, refined, sharpened
+from rungwise.contact.solvers.polish.settled import calmed, clip
 from rungwise.contact.solvers.small import try_at_once
 from rungwise.contact.solvers.work import Work, allowed
 from rungwise.contact.step.problem import ContactProblem

@@ -16,7 +16,7 @@ from rungwise.scene import Scene, SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.language.expression import Code, Programs
-from rungwise.simulation.planar.inputs import Inputs
+from rungwise.simulation.planar.state.inputs import Inputs
 from rungwise.wording import choices
 
 MOST = 10_000

@@ -12,10 +12,10 @@ from rungwise.scene import Scene, SceneError
 from rungwise.scene.template.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
-from rungwise.simulation.planar.inputs import Inputs, begin_inputs, set_all
 from rungwise.simulation.planar.loop import CLOSED, begin, slack
-from rungwise.simulation.planar.memory import go_on
-from rungwise.simulation.planar.workspace import Workspace, in_memory
+from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs, set_all
+from rungwise.simulation.planar.state.memory import go_on
+from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, State, StateError, digest, memory_of
 from rungwise.system.planar import joints
 from rungwise.system.planar.place import allocate_placement, place

@@ -21,14 +21,14 @@ from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
 from rungwise.simulation import trajectory
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.planar.workspace import Workspace, in_memory
+from rungwise.simulation.planar.state.workspace import Workspace, in_memory
 from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
-    from rungwise.simulation.hard import HardSteps
+    from rungwise.simulation.reasons.hard_steps import HardSteps
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Run:
     of a step that counts as solved; `problem` is the problem of the last step, where it had no solution, and
     `certificate` proves a jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s`
     is the time that steps took, without compilation; `workspace` holds the arrays as the run left them;
-    `notes` are remarks on changes, omissions and oddities, a line each (see `simulation.remarks`)."""
+    `notes` are remarks on changes, omissions and oddities, a line each (see `simulation.reasons.remarks`)."""
 
     scene: Scene
     model: Rung

@@ -33,17 +33,17 @@ from rungwise.simulation.options import (
     preferences,
 )
 from rungwise.simulation.planar import loop
-from rungwise.simulation.planar.inputs import begin_inputs
-from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate
-from rungwise.simulation.reasons import JAM as JAM
-from rungwise.simulation.reasons import Reasons
+from rungwise.simulation.planar.state.inputs import begin_inputs
+from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate
+from rungwise.simulation.reasons.reasons import JAM as JAM
+from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, check_state, digest
 from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
-    from rungwise.simulation.hard import HardSteps
+    from rungwise.simulation.reasons.hard_steps import HardSteps
 
 TURN_S = 0.1
 """Longest time in compiled code before Python sees progress and Ctrl-C."""
@@ -70,7 +70,7 @@ class Simulation:
         motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
             the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
             rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
-            not given, nearest to zero: the slowest. See `simulation.planar.choice`.
+            not given, nearest to zero: the slowest. See `simulation.planar.step.preferred_motion`.
         state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
             end of the run) are not part of it.
         inputs: a schedule of the scene's inputs, which begins where the run begins: segments, or mappings of
@@ -125,7 +125,7 @@ class Simulation:
         self.theta = theta
         self.hard: HardSteps | None = None
         if save_hard is not None:
-            from rungwise.simulation.hard import HardSteps
+            from rungwise.simulation.reasons.hard_steps import HardSteps
 
             try:
                 self.hard = HardSteps(save_hard, f"{self.scene.name}, {self.model.name}")

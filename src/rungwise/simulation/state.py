@@ -24,8 +24,8 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.planar import workspace as planar
-from rungwise.simulation.planar.workspace import in_memory
+from rungwise.simulation.planar.state import workspace as planar
+from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.wording import choices
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from rungwise.contact.step import NAMES
 from rungwise.keywords import keywords
 from rungwise.plain import json_text
-from rungwise.simulation.planar.workspace import SCALARS, recorded
+from rungwise.simulation.planar.state.workspace import SCALARS, recorded
 from rungwise.stored import store_dataset
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from rungwise.models.ladder import Rung
     from rungwise.scene import Scene
-    from rungwise.simulation.planar.workspace import Workspace
+    from rungwise.simulation.planar.state.workspace import Workspace
 
 MEASURES = ("along", "across", "angle")
 STORE = "trajectory.zarr"

@@ -15,10 +15,10 @@ from rungwise.kernel import Reals
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
-from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.inputs import ScheduleError, Segment, condition
 from rungwise.simulation.rows import States, rows_of
 from rungwise.simulation.state import State, StateError, check_state
+from rungwise.simulation.workers import names_of, outside
 from rungwise.wording import choices
 
 

@@ -16,9 +16,9 @@ from rungwise.models.ladder import Rung
 from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.simulation.crew import names_of, outside
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.result import counted, texts
+from rungwise.simulation.workers import names_of, outside
 from rungwise.world.find import world_of
 
 if TYPE_CHECKING:

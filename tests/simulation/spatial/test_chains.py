@@ -45,9 +45,9 @@ def test_chains_move_rest_or_are_proved_unsupported(make: Make, seed: int, rung:
     scene = make(world(bodies, after=servos), step=10.0 ** rng.uniform(-3, -2))
     simulation = SpaceSimulation(scene, rung, duration=0.1)
     simulation.steps_taken(2000)
-    march = simulation.march
-    assert march is not None and simulation.outcome in (Code.TIMEOUT, Code.UNSUPPORTED, Code.MODEL_INVALID)
-    assert march.residual <= 1e-8
+    stepper = simulation.stepper
+    assert stepper is not None and simulation.outcome in (Code.TIMEOUT, Code.UNSUPPORTED, Code.MODEL_INVALID)
+    assert stepper.residual <= 1e-8
     if simulation.outcome == Code.UNSUPPORTED:
         assert simulation.certificate is not None and (FREE in kinds or SERVO in kinds)
     if simulation.outcome == Code.TIMEOUT:
@@ -73,5 +73,5 @@ def test_damped_pendulums_fall_at_load_over_damping(make: Make, seed: int, rung:
         assert simulation.outcome == outcome
         if outcome == Code.RUNNING:
             torque = 9.81 * np.array([0.25 * masses[0] + 0.75 * masses[1], 0.25 * masses[1]])
-            assert simulation.march is not None
-            np.testing.assert_allclose(simulation.march.v, torque / damping, rtol=1e-6)
+            assert simulation.stepper is not None
+            np.testing.assert_allclose(simulation.stepper.v, torque / damping, rtol=1e-6)

@@ -20,9 +20,9 @@ def _end(simulation: SpaceSimulation) -> tuple[str, int]:
     """The reason of a run that is `not_converged`, and how many attempts it took."""
     while simulation.advance():
         pass
-    found, march = simulation.result(), simulation.march
-    assert march is not None and found.outcome == "not_converged"
-    return found.reason, march.attempts
+    found, stepper = simulation.result(), simulation.stepper
+    assert stepper is not None and found.outcome == "not_converged"
+    return found.reason, stepper.attempts
 
 
 def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
@@ -32,7 +32,7 @@ def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
     ball = free("ball", "0 0 .1", 'name="b" size=".1"')
     scene = make(world(FLOOR, ball), contacts=law, start={"velocities": {"ball.x": 1e6}})
     simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
-    monkeypatch.setattr(simulation.march, "_fits", lambda _v, h, _way, _before: h < 1e-7)
+    monkeypatch.setattr(simulation.stepper, "_fits", lambda _v, h, _way, _before: h < 1e-7)
     reason, attempts = _end(simulation)
     assert 10_000 <= attempts < 20_000
     assert "overlap bodies between floor and b." in reason and "dynamic-compliant" in reason

@@ -67,9 +67,11 @@ def test_the_checker_takes_no_proof_of_another_problem(make: Make) -> None:
     simulation = rw.SpaceSimulation(squeezed(make, atan(0.3), 0.3, 4), rw.DYNAMIC_RIGID, duration=0.01)
     while simulation.advance():
         pass
-    march, found = simulation.march, simulation.certificate
-    assert march is not None and found is not None
-    problem = trim(march.problem, int(march.clock["free"]), march.contacts, int(march.clock["limited"]))
+    stepper, found = simulation.stepper, simulation.certificate
+    assert stepper is not None and found is not None
+    problem = trim(
+        stepper.problem, int(stepper.clock["free"]), stepper.contacts, int(stepper.clock["limited"])
+    )
     assert check_in_space(problem, found)
     assert not check_in_space(problem, Certificate(found.kind, found.vectors[:-1], found.modes[:-1]))
     assert not check_in_space(problem, Certificate(found.kind, tuple(-p for p in found.vectors), found.modes))

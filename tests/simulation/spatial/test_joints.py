@@ -96,7 +96,7 @@ def test_a_limit_stops_a_fall_without_bounce_and_bears_the_weight(make: Make, ru
     fallen = found.trajectory.position.values[:, 0] + 0.2
     assert fallen.min() > -1e-12 and abs(fallen[-1]) < 1e-12 and v(found)[0] == 0.0
     assert found.trajectory.velocity.values.max() < 1e-9
-    reaction = simulation.march.state.force[simulation.space.most :, 0]  # type: ignore[union-attr]
+    reaction = simulation.stepper.state.force[simulation.space.most :, 0]  # type: ignore[union-attr]
     np.testing.assert_allclose(reaction, [0.0, 2.0 * G], atol=1e-9)
 
 
@@ -115,7 +115,7 @@ def test_dry_friction_in_a_joint_holds_up_to_its_limit(make: Make, rung: Rung, p
     body = SLIDER.replace("/>", ' frictionloss="0.45"/>', 1)
     scene = make(world(body, before=f'<option gravity="0 0 {0.5 * pull}"/>'), duration=0.2)
     found, simulation = forces(scene, rung, step=1e-2)
-    friction = simulation.march.scratch.limited_force[0]  # type: ignore[union-attr]
+    friction = simulation.stepper.scratch.limited_force[0]  # type: ignore[union-attr]
     assert friction == pytest.approx(-min(pull, 0.45), rel=1e-8)
     if pull < 0.45:
         assert abs(q(found)[0]) < 1e-12
@@ -173,8 +173,8 @@ def test_a_weld_bears_weight_and_moment(make: Make, rung: Rung) -> None:
     scene = make(world(HUNG, after='<equality><weld body1="p"/></equality>'), duration=0.1)
     found, simulation = forces(scene, rung, step=2e-3)
     assert max(float(np.abs(each.q - found.frames[0].q).max()) for each in found.frames) < 1e-9
-    assert simulation.march is not None
-    terms, force = simulation.march.terms, simulation.march.scratch.limited_force
+    assert simulation.stepper is not None
+    terms, force = simulation.stepper.terms, simulation.stepper.scratch.limited_force
     bent = -0.3 * 2.0 * G
     np.testing.assert_allclose(terms.limited.T @ force, [0.0, 0.0, 2.0 * G, 0.0, bent, 0.0], atol=1e-6)
 
@@ -218,7 +218,7 @@ def test_coupled_joints_move_together(make: Make, rung: Rung) -> None:
     assert max(abs(each.q[0] + 0.25 * each.q[1]) for each in found.frames) < 1e-9
     fall = (-G + 0.25 * 2.0 * G) / (1.0 + 2.0 * 0.25**2)
     assert v(found)[1] == pytest.approx(fall * 0.2, rel=1e-8)
-    reaction = simulation.march.scratch.limited_force[0]  # type: ignore[union-attr]
+    reaction = simulation.stepper.scratch.limited_force[0]  # type: ignore[union-attr]
     assert abs(reaction) == pytest.approx(2.0 * abs(-0.25 * fall + G), rel=1e-6)
 
 
@@ -250,7 +250,7 @@ def test_a_tendon_with_a_range_holds_a_fall(make: Make, rung: Rung) -> None:
     )
     found, simulation = forces(make(world(sites, body, after=tendon), duration=0.4), rung, step=1e-3)
     assert q(found)[0] == pytest.approx(-0.2, abs=1e-9)
-    reaction = simulation.march.state.force[simulation.space.most :, 0]  # type: ignore[union-attr]
+    reaction = simulation.stepper.state.force[simulation.space.most :, 0]  # type: ignore[union-attr]
     assert reaction.max() == pytest.approx(2.0 * G, rel=1e-8)
 
 

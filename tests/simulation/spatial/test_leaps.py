@@ -21,16 +21,16 @@ def _walk(scene: SpaceScene, rung: Rung, **options: float) -> SpaceSimulation:
     """A run whose every step goes no farther than the smallest body, unless a leap of it is told, and adds no
     overlap that contacts do not foresee."""
     simulation = SpaceSimulation(scene, rung, **options)
-    space, march = simulation.space, simulation.march
-    assert march is not None
+    space, stepper = simulation.space, simulation.stepper
+    assert stepper is not None
     while simulation.outcome == Code.RUNNING:
-        before, time, told = march.q.copy(), march.time, len(march.leaps)
+        before, time, told = stepper.q.copy(), stepper.time, len(stepper.leaps)
         simulation.take()
-        moved = 0.5 * space.fastest(before, np.abs(march.v)) * (march.time - time)
-        driven = 0.5 * space.fastest(before, np.abs(march.state.speed)) * (march.time - time)
-        assert moved <= max(1.01 * space.size.length, 2.0 * driven) or len(march.leaps) > told
-        yielded = float(np.abs(march.state.deformation[:, 0]).max(initial=0.0))
-        assert space.least_gap(march.q) >= -yielded - 2e-3 * space.size.length
+        moved = 0.5 * space.fastest(before, np.abs(stepper.v)) * (stepper.time - time)
+        driven = 0.5 * space.fastest(before, np.abs(stepper.state.speed)) * (stepper.time - time)
+        assert moved <= max(1.01 * space.size.length, 2.0 * driven) or len(stepper.leaps) > told
+        yielded = float(np.abs(stepper.state.deformation[:, 0]).max(initial=0.0))
+        assert space.least_gap(stepper.q) >= -yielded - 2e-3 * space.size.length
     return simulation
 
 

@@ -88,17 +88,17 @@ def _thrown(make: Make, seed: int) -> SpaceScene:
 @pytest.mark.parametrize("seed", range(12))
 def test_what_is_thrown_in_a_room_stays_in_it(make: Make, seed: int, rung: rw.Rung) -> None:
     simulation = SpaceSimulation(_thrown(make, seed), rung, frames=3)
-    space, march = simulation.space, simulation.march
-    assert march is not None
+    space, stepper = simulation.space, simulation.stepper
+    assert stepper is not None
     while simulation.outcome == Code.RUNNING and simulation.steps < MANY:
         simulation.take()
         data = mujoco.MjData(space.model)
-        data.qpos[:] = march.q
+        data.qpos[:] = stepper.q
         mujoco.mj_kinematics(space.model, data)
         allowed = (1e-3 if rung is RIGID else 0.3) * space.size.length
         moving = space.model.body_weldid[space.model.geom_bodyid] != 0
         assert np.abs(data.geom_xpos[moving]).max() <= 1.0 + allowed
-        assert space.least_gap(march.q) >= -allowed
+        assert space.least_gap(stepper.q) >= -allowed
     ends = (Code.RUNNING, Code.TIMEOUT) if rung is RIGID else (Code.RUNNING, Code.TIMEOUT, Code.MODEL_INVALID)
     assert simulation.outcome in ends
 

@@ -32,14 +32,14 @@ def _tendon(make: Make, coefficients: tuple[float, ...], span: float, speed: flo
 @pytest.mark.parametrize("coefficients", COEFFICIENTS, ids=str)
 def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients: tuple[float, ...]) -> None:
     simulation = SpaceSimulation(_tendon(make, coefficients, 2e-5, 0.0), rw.DYNAMIC_RIGID)
-    march, space = simulation.march, simulation.space
-    assert march is not None
+    stepper, space = simulation.stepper, simulation.space
+    assert stepper is not None
     simulation.take()
-    assert march.contacts == 2, "both ends are near"
-    slots = march.scratch.slots[:2].tolist()
+    assert stepper.contacts == 2, "both ends are near"
+    slots = stepper.scratch.slots[:2].tolist()
     assert len(set(slots)) == 2
     # The lower end resists a length that falls, and has the same slot when it alone is near.
-    rows = march.terms.rows[: 2 * space.size.directions : space.size.directions] @ np.array(coefficients)
+    rows = stepper.terms.rows[: 2 * space.size.directions : space.size.directions] @ np.array(coefficients)
     lower = slots[int(np.argmax(rows))]
     alone = SpaceSimulation(
         _tendon(make, coefficients, 0.5, -np.sign(coefficients[0]) * 4.0), rw.DYNAMIC_RIGID
@@ -47,8 +47,8 @@ def test_both_ends_of_a_tendon_keep_slots_of_their_own(make: Make, coefficients:
     met = set()
     while alone.advance():
         pass
-    assert alone.march is not None
-    met = {int(s) for s in alone.march.scratch.slots[: alone.march.contacts]}
+    assert alone.stepper is not None
+    met = {int(s) for s in alone.stepper.scratch.slots[: alone.stepper.contacts]}
     assert met <= {lower}
 
 
@@ -82,7 +82,7 @@ def test_what_turns_in_space_has_one_end_whatever_its_axis(make: Make) -> None:
         simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID)
         while simulation.advance():
             pass
-        march = simulation.march
-        assert march is not None and march.contacts == 1
-        slots.add(int(march.scratch.slots[0]))
+        stepper = simulation.stepper
+        assert stepper is not None and stepper.contacts == 1
+        slots.add(int(stepper.scratch.slots[0]))
     assert len(slots) == 1

@@ -33,13 +33,13 @@ def _arm(rng: np.random.Generator) -> str:
 
 def _steps(simulation: SpaceSimulation) -> tuple[float, float]:
     """The energy gained in a run, beside the greatest that there was, and how exactly the run knows it."""
-    march, space, turning = simulation.march, simulation.space, simulation._turning
-    assert march is not None
-    kinetic, height, still = list[float](), list[float](), np.zeros(len(march.v))
+    stepper, space, turning = simulation.stepper, simulation.space, simulation._turning
+    assert stepper is not None
+    kinetic, height, still = list[float](), list[float](), np.zeros(len(stepper.v))
 
     def look() -> None:
-        height.append(space.energy(march.q, still))
-        kinetic.append(march.rung.inertia * (space.energy(march.q, march.v) - height[-1]))
+        height.append(space.energy(stepper.q, still))
+        kinetic.append(stepper.rung.inertia * (space.energy(stepper.q, stepper.v) - height[-1]))
 
     look()
     while simulation.outcome == Code.RUNNING and np.isfinite(kinetic[-1]):
@@ -65,8 +65,8 @@ def test_energy_that_arms_gain_is_told(
     step, gravity = 10.0 ** rng.uniform(-3.0, -0.7), rng.choice(["0 0 0", "0 0 -9.81"])
     scene = make(world(_arm(rng), before=f'<option gravity="{gravity}"/>'))
     simulation = SpaceSimulation(scene, rung, step=step, duration=40 * step)
-    assert simulation.march is not None
-    simulation.march.v[:] = rng.normal(size=len(simulation.march.v)) * 10.0 ** rng.uniform(0.0, 2.0)
+    assert simulation.stepper is not None
+    simulation.stepper.v[:] = rng.normal(size=len(simulation.stepper.v)) * 10.0 ** rng.uniform(0.0, 2.0)
     gained, error = _steps(simulation)
     assert error < 1e-6
     told = any("turn so far" in note for note in simulation.result().notes)

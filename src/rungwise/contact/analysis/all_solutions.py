@@ -35,7 +35,7 @@ from rungwise.contact.problem import Array, Problem
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import demands_little, is_kinematic, solve
 from rungwise.contact.solvers import branching
-from rungwise.contact.solvers.refine import SMALL, rate_terms
+from rungwise.contact.solvers.polish.refine import SMALL, rate_terms
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.keywords import keywords
 

@@ -33,8 +33,8 @@ from rungwise.contact.judge.farkas import (
 from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
-from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.measure import natural, natural_parts
+from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints
 

@@ -17,9 +17,9 @@ from rungwise.contact.prepare import rank
 from rungwise.contact.prepare.product import Condensed
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
-from rungwise.contact.solvers.condensed import solver as condensed_solver
-from rungwise.contact.solvers.factors import Factors, diagonal_factors, factors
 from rungwise.contact.solvers.measure import all_rates
+from rungwise.contact.solvers.newton.condensed import solver as condensed_solver
+from rungwise.contact.solvers.newton.factors import Factors, diagonal_factors, factors
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _DENSE = 200

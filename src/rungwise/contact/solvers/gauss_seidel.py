@@ -25,7 +25,7 @@ from rungwise.contact.prepare.system import Form, System
 from rungwise.contact.prepare.units import Sparse, expand
 from rungwise.contact.problem import Array, Laws
 from rungwise.contact.solvers.measure import distance, rates, row_times
-from rungwise.contact.solvers.newton_dense import VECTORS, Scratch, descend_dense, scratch_for
+from rungwise.contact.solvers.newton.dense import VECTORS, Scratch, descend_dense, scratch_for
 from rungwise.contact.solvers.one_contact import solve_contact
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel

@@ -19,7 +19,6 @@ import numpy as np
 
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
-from rungwise.contact.solvers import newton
 from rungwise.contact.solvers.cones import (
     Cones,
     apply_scaling,
@@ -33,6 +32,7 @@ from rungwise.contact.solvers.cones import (
     toward,
 )
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
 
 NAME = "interior-point"

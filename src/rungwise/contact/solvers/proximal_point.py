@@ -15,8 +15,9 @@ import numpy as np
 
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
-from rungwise.contact.solvers import gauss_seidel, newton
+from rungwise.contact.solvers import gauss_seidel
 from rungwise.contact.solvers.measure import natural
+from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
 
 NAME = "proximal-point"

@@ -23,9 +23,9 @@ from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.contact.solvers import gauss_seidel, pivoting
 from rungwise.contact.solvers.gauss_seidel import alternate
 from rungwise.contact.solvers.measure import distance
-from rungwise.contact.solvers.newton_dense import VECTORS, Scratch, descend_dense
-from rungwise.contact.solvers.refine import SMALL as LITTLE
-from rungwise.contact.solvers.settled import NOTHING, calm, clip
+from rungwise.contact.solvers.newton.dense import VECTORS, Scratch, descend_dense
+from rungwise.contact.solvers.polish.refine import SMALL as LITTLE
+from rungwise.contact.solvers.polish.settled import NOTHING, calm, clip
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 LARGEST, MOST_LEFT = 120, 60

@@ -23,8 +23,8 @@ from rungwise.scene.read import load
 from rungwise.sets.feasible.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
 from rungwise.sets.store import SetError
-from rungwise.simulation.crew import names_of
 from rungwise.simulation.options import moving_rung
+from rungwise.simulation.workers import names_of
 from rungwise.world.carriers import TaskError
 
 if TYPE_CHECKING:

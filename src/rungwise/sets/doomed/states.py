@@ -13,7 +13,7 @@ from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.sets.doomed.macro_steps import SPEED_OF, Stated
 from rungwise.sets.store import SetError
-from rungwise.simulation.crew import names_of
+from rungwise.simulation.workers import names_of
 from rungwise.wording import choices
 
 

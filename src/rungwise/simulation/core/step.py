@@ -49,7 +49,7 @@ SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
 
 
-@imported_kernel("rungwise.contact.solvers.spatial")
+@imported_kernel("rungwise.contact.solvers.space.chain")
 def solve_spatial(
     problem: ContactProblem,
     n: int,

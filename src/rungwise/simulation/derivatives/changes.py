@@ -12,7 +12,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.template.records import FREE, HINGE
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
-from rungwise.simulation.planar.workspace import ROUNDING
+from rungwise.simulation.planar.state.workspace import ROUNDING
 
 Array: TypeAlias = NDArray[np.float64]
 Data: TypeAlias = dict[str, Array]

@@ -14,8 +14,8 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.template.records import SPEED
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.planar import drives
-from rungwise.simulation.planar.nearby import fastest_pair, gather, look, widen
+from rungwise.simulation.planar.state import drives
+from rungwise.simulation.planar.state.nearby import fastest_pair, gather, look, widen
 from rungwise.simulation.run import Simulation
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar

@@ -93,12 +93,12 @@ class _Runs:
                 raise ModelError(
                     f"step {number}, from time {before:.6g}: has no solution, only shorter ones do"
                 )
-            assert run.march is not None
-            kept, state_modes = run.space.kept, run.march.state.modes
+            assert run.stepper is not None
+            kept, state_modes = run.space.kept, run.stepper.state.modes
             known = np.flatnonzero(kept.geoms[:, 0] >= 0)
             modes.append(np.column_stack([kept.geoms[known], state_modes[known]]).tobytes())
-        assert run.march is not None
-        return _End(run.time, run.march.q.copy(), run.march.v.copy(), tuple(modes))
+        assert run.stepper is not None
+        return _End(run.time, run.stepper.q.copy(), run.stepper.v.copy(), tuple(modes))
 
 
 def run_sensitivity_in_space(

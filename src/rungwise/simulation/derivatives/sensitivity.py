@@ -28,7 +28,7 @@ from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.planar.attempt import MAX_LINEARISATIONS, TAKEN, attempt
+from rungwise.simulation.planar.step.attempt import MAX_LINEARISATIONS, TAKEN, attempt
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import is_continued
 from rungwise.wording import choices

@@ -5,8 +5,8 @@ from __future__ import annotations
 from rungwise.kernel import RecordArray, kernel
 from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.loop import CLOSED, begin
-from rungwise.simulation.planar.verdicts import INVALID
-from rungwise.simulation.planar.workspace import Workspace
+from rungwise.simulation.planar.state.verdicts import INVALID
+from rungwise.simulation.planar.state.workspace import Workspace
 
 
 @kernel

@@ -17,12 +17,9 @@ import math
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
-from rungwise.simulation.planar.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
-from rungwise.simulation.planar.blame import crawls
-from rungwise.simulation.planar.controlled import LEAPT, controlled_step, until_contact
-from rungwise.simulation.planar.drives import set_speeds
-from rungwise.simulation.planar.frames import record
-from rungwise.simulation.planar.inputs import (
+from rungwise.simulation.planar.state.drives import set_speeds
+from rungwise.simulation.planar.state.frames import record
+from rungwise.simulation.planar.state.inputs import (
     REACHED,
     Inputs,
     is_guarded,
@@ -31,11 +28,10 @@ from rungwise.simulation.planar.inputs import (
     switch_inputs,
     until_margin,
 )
-from rungwise.simulation.planar.memory import keep, restore
-from rungwise.simulation.planar.middle import is_centred
-from rungwise.simulation.planar.nearby import fastest_pair, look
-from rungwise.simulation.planar.passing import thinnest
-from rungwise.simulation.planar.verdicts import (
+from rungwise.simulation.planar.state.memory import keep, restore
+from rungwise.simulation.planar.state.nearby import fastest_pair, look
+from rungwise.simulation.planar.state.passing import thinnest
+from rungwise.simulation.planar.state.verdicts import (
     INVALID,
     JAMMED,
     MISSED,
@@ -50,7 +46,11 @@ from rungwise.simulation.planar.verdicts import (
     spent,
     withholds,
 )
-from rungwise.simulation.planar.workspace import ROUNDING, Conditions, State, Workspace
+from rungwise.simulation.planar.state.workspace import ROUNDING, Conditions, State, Workspace
+from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
+from rungwise.simulation.planar.step.blame import crawls
+from rungwise.simulation.planar.step.controlled import LEAPT, controlled_step, until_contact
+from rungwise.simulation.planar.step.midpoint_rows import is_centred
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place

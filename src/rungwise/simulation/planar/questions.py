@@ -7,8 +7,8 @@ import math
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.language.expression import evaluate
 from rungwise.scene.template.records import Records
-from rungwise.simulation.planar.nearby import look
-from rungwise.simulation.planar.workspace import Conditions, Workspace, time_slot
+from rungwise.simulation.planar.state.nearby import look
+from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 

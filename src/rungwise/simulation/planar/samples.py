@@ -11,11 +11,11 @@ from rungwise.scene.template.faults import BOUND
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand
-from rungwise.simulation.planar.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.loop import STOPPED, begin, first_verdict, run_step
-from rungwise.simulation.planar.memory import clear, go_on
-from rungwise.simulation.planar.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
-from rungwise.simulation.planar.workspace import Conditions, Workspace
+from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs
+from rungwise.simulation.planar.state.memory import clear, go_on
+from rungwise.simulation.planar.state.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
+from rungwise.simulation.planar.state.workspace import Conditions, Workspace
 from rungwise.system.planar.place import start
 
 RESULT = record_type("outcome steps attempts solves switches", "time margin worst_residual")

@@ -10,9 +10,9 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.simulation.core.march import March
-from rungwise.simulation.planar.inputs import LOCATED
-from rungwise.simulation.planar.verdicts import SIGHTS
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.planar.state.inputs import LOCATED
+from rungwise.simulation.planar.state.verdicts import SIGHTS
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.values import Values
 from rungwise.system.spatial.space import Space
@@ -33,16 +33,16 @@ class Begun:
     residual: float
 
     @classmethod
-    def of(cls, march: March, space: Space, values: Values) -> Begun:
-        core = remembered(march, space)
-        return cls(march.time, march.q, march.v.copy(), core, values.all.copy(), march.residual)
+    def of(cls, stepper: Stepper, space: Space, values: Values) -> Begun:
+        core = remembered(stepper, space)
+        return cls(stepper.time, stepper.q, stepper.v.copy(), core, values.all.copy(), stepper.residual)
 
-    def restore(self, march: March, space: Space, values: Values) -> None:
+    def restore(self, stepper: Stepper, space: Space, values: Values) -> None:
         """Take the step back."""
-        recall(march, space, self.core)
-        march.time, march.q, march.residual = self.time, self.q, self.residual
-        march.state.v[:], values.all[:] = self.v, self.values
-        march.outcome, march.certificate = Code.RUNNING, None
+        recall(stepper, space, self.core)
+        stepper.time, stepper.q, stepper.residual = self.time, self.q, self.residual
+        stepper.state.v[:], values.all[:] = self.v, self.values
+        stepper.outcome, stepper.certificate = Code.RUNNING, None
 
 
 def sooner(

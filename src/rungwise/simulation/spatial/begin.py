@@ -11,7 +11,7 @@ from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.bind import normalise
 from rungwise.scene.space.elements import equality
-from rungwise.simulation.core.march import OVERLAP, March
+from rungwise.simulation.core.stepper import OVERLAP, Stepper
 from rungwise.simulation.spatial.memory import memory_parts
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.state import State, StateError, check_state, digest
@@ -22,15 +22,15 @@ OPEN = 1e-2
 led to: what rounded numbers of files make, and runs whose states are taken without their memory."""
 
 
-def begin_at(state: State, scene: SpaceScene, march: March) -> Reals | None:
+def begin_at(state: State, scene: SpaceScene, stepper: Stepper) -> Reals | None:
     """Put a run at a state; returns the memory (w,) of the state's run, None if it has none or is of another
     scene. Raises StateError."""
     check_state(state, scene)
-    march.q = state.q.copy()
-    normalise(march.q, scene, "state.q", StateError)
-    march.state.v[:] = state.v
-    march.time = state.time
-    march.state.clock["time"] = state.time
+    stepper.q = state.q.copy()
+    normalise(stepper.q, scene, "state.q", StateError)
+    stepper.state.v[:] = state.v
+    stepper.time = state.time
+    stepper.state.clock["time"] = state.time
     return memory_of(state, scene)
 
 

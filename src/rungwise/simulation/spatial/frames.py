@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.simulation.core.march import March
+from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.spatial.space import Space
 from rungwise.system.terms import JOINT, SUPPORT
 
@@ -58,41 +58,41 @@ class Recorder:
     frames: list[Frame] = field(default_factory=list)
     _since: int = 0
 
-    def take(self, march: March, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
+    def take(self, stepper: Stepper, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
         """Keep the state, if it is its turn or the last."""
         if self.most == 0:
             return
         self._since += 1
         if not last and self.frames and self._since < self.stride:
             return
-        if self.frames and self.frames[-1].time == march.time:
+        if self.frames and self.frames[-1].time == stepper.time:
             self.frames.pop()
         if len(self.frames) >= self.most:
             del self.frames[1::2]
             self.stride *= 2
         self._since = 0
-        self.frames.append(frame(march, space, memory()))
+        self.frames.append(frame(stepper, space, memory()))
 
 
-def frame(march: March, space: Space, memory: Reals) -> Frame:
+def frame(stepper: Stepper, space: Space, memory: Reals) -> Frame:
     """The state of a run now."""
-    clock = march.state.clock[0]
+    clock = stepper.state.clock[0]
     return Frame(
-        march.time, march.q.copy(), march.v.copy(), memory, touching(march, space),
-        float(clock["residual"]), space.energy(march.q, march.v),
-        np.array([float(clock[name]) for name in WORK]), reactions(march, space),
+        stepper.time, stepper.q.copy(), stepper.v.copy(), memory, touching(stepper, space),
+        float(clock["residual"]), space.energy(stepper.q, stepper.v),
+        np.array([float(clock[name]) for name in WORK]), reactions(stepper, space),
     )  # fmt: skip
 
 
-def reactions(march: March, space: Space) -> Reals:
+def reactions(stepper: Stepper, space: Space) -> Reals:
     """What acted on each velocity in the last step, as of `REACTIONS`."""
-    terms, scratch, state = march.terms, march.scratch, march.state
+    terms, scratch, state = stepper.terms, stepper.scratch, stepper.state
     found = np.zeros((len(REACTIONS), len(state.v)))
-    if not march.rung.loads:
+    if not stepper.rung.loads:
         return found
     found[0] = state.reaction
     d = space.size.directions
-    for k in np.flatnonzero(scratch.slots[: march.contacts] >= space.most):
+    for k in np.flatnonzero(scratch.slots[: stepper.contacts] >= space.most):
         found[1] += scratch.contact_force[k * d] * terms.rows[k * d]
     for row, account in ((2, JOINT), (3, SUPPORT)):
         own = terms.account == account
@@ -100,9 +100,9 @@ def reactions(march: March, space: Space) -> Reals:
     return found
 
 
-def touching(march: March, space: Space) -> Touch:
+def touching(stepper: Stepper, space: Space) -> Touch:
     """Contacts of the last step, where they were at its start."""
-    kept, state = space.kept, march.state
+    kept, state = space.kept, stepper.state
     slots = np.flatnonzero(kept.geoms[:, 0] >= 0)
     world, force = kept.world[slots], state.force[slots]
     normal, along = world[:, 3:6], world[:, 6:9]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.core.march import March
+from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.space import Space
 
@@ -48,11 +48,11 @@ class _Arrays(NamedTuple):
     features: list[NDArray[Any]]
 
 
-def _arrays(march: March, space: Space) -> _Arrays:
-    state, scratch, kept = march.state, march.scratch, space.kept
+def _arrays(stepper: Stepper, space: Space) -> _Arrays:
+    state, scratch, kept = stepper.state, stepper.scratch, space.kept
     return _Arrays(
         [
-            state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, march.terms.fall,
+            state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, stepper.terms.fall,
             kept.used,
         ],
         [state.modes, state.deformation, state.force, state.impulse],
@@ -60,13 +60,13 @@ def _arrays(march: March, space: Space) -> _Arrays:
     )  # fmt: skip
 
 
-def remembered(march: March, space: Space) -> Reals:
+def remembered(stepper: Stepper, space: Space) -> Reals:
     """The memory (w,) of a run: only slots in use are kept, so that w differs from state to state."""
-    arrays, state = _arrays(march, space), march.state
+    arrays, state = _arrays(stepper, space), stepper.state
     moved = [(each != 0.0).any(axis=1) for each in (state.deformation, state.force, state.impulse)]
     active = np.flatnonzero((state.modes != 0) | moved[0] | moved[1] | moved[2])
     known = np.flatnonzero(space.kept.geoms[:, 0] >= 0)
-    head = np.array([space.margin, march.leapt, *_sizes(march, space), len(active), len(known)])
+    head = np.array([space.margin, stepper.leapt, *_sizes(stepper, space), len(active), len(known)])
     parts = [
         *arrays.whole,
         *(each[active] for each in arrays.state),
@@ -76,18 +76,18 @@ def remembered(march: March, space: Space) -> Reals:
     return np.concatenate([head, active, known, *flat])
 
 
-def _sizes(march: March, space: Space) -> list[int]:
-    return [len(march.scratch.limited_force), len(march.state.modes), len(space.kept.geoms)]
+def _sizes(stepper: Stepper, space: Space) -> list[int]:
+    return [len(stepper.scratch.limited_force), len(stepper.state.modes), len(space.kept.geoms)]
 
 
-def recall(march: March, space: Space, values: Reals) -> None:
+def recall(stepper: Stepper, space: Space, values: Reals) -> None:
     """Go on as the run with this memory would; what follows it in the array is not read. Raises ValueError
     where it is of another model."""
-    arrays = _arrays(march, space)
-    if len(values) < HEAD or values[2:5].tolist() != _sizes(march, space):
+    arrays = _arrays(stepper, space)
+    if len(values) < HEAD or values[2:5].tolist() != _sizes(stepper, space):
         raise ValueError("the memory is of another model")
     space.look_within(float(values[0]))
-    march.leapt = float(values[1])
+    stepper.leapt = float(values[1])
     counts, at = values[5:HEAD].astype(np.int64), HEAD
     active = values[at : at + counts[0]].astype(np.int64)
     known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
@@ -105,16 +105,16 @@ def recall(march: March, space: Space, values: Reals) -> None:
             at += size
 
 
-def hand_on(march: March, space: Space, values: Reals) -> None:
+def hand_on(stepper: Stepper, space: Space, values: Reals) -> None:
     """Begin with the contacts of a run with this memory, on another rung or at other parameters: features
     keep their modes, forces, and where they are compliant their deformations, and clocks begin anew. Raises
     ValueError as `recall`."""
-    clock, margin, fall = march.state.clock.copy(), space.margin, march.terms.fall.copy()
-    recall(march, space, values)
-    march.state.clock[:], march.terms.fall[:] = clock, fall
-    march.scratch.limited_force[:] = march.scratch.limited_mode[:] = 0
-    march.state.impulse[:] = 0.0
-    march.leapt = 0.0
-    if not march.rung.compliant:
-        march.state.deformation[:] = 0.0
+    clock, margin, fall = stepper.state.clock.copy(), space.margin, stepper.terms.fall.copy()
+    recall(stepper, space, values)
+    stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
+    stepper.scratch.limited_force[:] = stepper.scratch.limited_mode[:] = 0
+    stepper.state.impulse[:] = 0.0
+    stepper.leapt = 0.0
+    if not stepper.rung.compliant:
+        stepper.state.deformation[:] = 0.0
     space.look_within(margin)

@@ -9,8 +9,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.crawl import CAUSES, why_nowhere
-from rungwise.simulation.core.march import March
-from rungwise.simulation.hindered import LEADING_ON, LONGER
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed
 
@@ -20,35 +20,35 @@ def fastest(space: Space, names: Sequence[str], v: Reals) -> str:
     return names[int(np.argmax(space.reaches @ np.abs(v)))]
 
 
-def snapped(march: March, space: Space, names: Sequence[str]) -> str:
+def snapped(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
     """Which body left its balance, when and how far, and what touched it."""
-    model, name = space.model, fastest(space, names, march.scratch.v_new)
-    pushed = space.kept.geoms[np.flatnonzero(march.state.force[: space.most, 0] > 0.0)]
+    model, name = space.model, fastest(space, names, stepper.scratch.v_new)
+    pushed = space.kept.geoms[np.flatnonzero(stepper.state.force[: space.most, 0] > 0.0)]
     pairs = {tuple(model.geom_bodyid[pair].tolist()) for pair in pushed}
     near = sorted("|".join(names[x] for x in pair) for pair in pairs if name in {names[x] for x in pair})
     at = f" at {listed(near)}" if near else ""
     return (
-        f"at t = {march.time:.6g} {name} snaps out of its balance{at}: after {march.leapt:.3g} in one"
+        f"at t = {stepper.time:.6g} {name} snaps out of its balance{at}: after {stepper.leapt:.3g} in one"
         " step it moves on however short the next is, and momentum, which this rung leaves out, decides"
         " where it rests. Use a dynamic rung, or damp the motion."
     )
 
 
-def crawled(march: March, space: Space, labels: Labels) -> str:
+def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:
     """What kept the steps short of a run whose steps led nowhere, the body that was fastest, and what may
     lead on."""
-    crawl = march.crawl
+    crawl = stepper.crawl
     cause, slot = crawl.blamed % CAUSES, crawl.blamed // CAUSES
     short = (
         " ".join(LONGER[cause].format(at=_at(slot, space, labels.geoms)).split()) if cause in LONGER else ""
     )
     lines = [
-        why_nowhere(crawl.attempts, march.time - crawl.mark, crawl.step, short),
-        f"The fastest body is {fastest(space, labels.bodies, march.v)}.",
+        why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, short),
+        f"The fastest body is {fastest(space, labels.bodies, stepper.v)}.",
         "A smaller step, or tol, may do.",
     ]
-    if march.rung.name in LEADING_ON:
-        lines.append(f"Where that changes nothing, {LEADING_ON[march.rung.name]}.")
+    if stepper.rung.name in LEADING_ON:
+        lines.append(f"Where that changes nothing, {LEADING_ON[stepper.rung.name]}.")
     return f"{lines[0]}. {' '.join(lines[1:])}"
 
 

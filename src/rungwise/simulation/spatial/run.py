@@ -16,10 +16,10 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
 from rungwise.scene import InvalidScene
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.core.march import ROUNDING, March
+from rungwise.simulation.core.stepper import ROUNDING, Stepper
 from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, positive
-from rungwise.simulation.remarks import advice
+from rungwise.simulation.reasons.remarks import advice
 from rungwise.simulation.spatial.back import Begun, sooner
 from rungwise.simulation.spatial.begin import Fault, begin_at, faults_before, misplaced
 from rungwise.simulation.spatial.frames import Recorder
@@ -77,7 +77,7 @@ class SpaceSimulation:
         self.wall_s, self._gained, self.reason = 0.0, 0.0, ""
         self.outcome = Code.RUNNING
         self.certificate: Certificate | None = None
-        self.march: March | None = None
+        self.stepper: Stepper | None = None
         most = 0 if frames is None else count("frames", frames, 3)
         try:
             made = Prepared.of(scene, self.parameters) if prepared is None else prepared
@@ -96,12 +96,12 @@ class SpaceSimulation:
         self._next = self.step
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
         self._scheduled = bool(self.inputs) and duration is None
-        self.march = March(self.space, self.model, self.step, self.theta)
+        self.stepper = Stepper(self.space, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
         before: list[Fault] | None = []
         if state is not None:
-            before = self._go_on(state, self.march, inputs is None)
+            before = self._go_on(state, self.stepper, inputs is None)
         self.end = duration or (self._clock.end if self.inputs else bound.duration)
         self._longest = (self.end if span is None else span) / LONGEST
         if state is not None and not state.time < self.end:
@@ -111,16 +111,16 @@ class SpaceSimulation:
         self._recorder = Recorder(most, stride)
         if before is not None:
             field = "start" if state is None else "state"
-            self.reason = misplaced(scene, self.space, self.march.q, before, field)
+            self.reason = misplaced(scene, self.space, self.stepper.q, before, field)
         if self.reason:
             self.outcome = Code.INVALID
             return
-        self._values.place(self.march.time, self.march.q, self.march.v, self.space)
-        self._values.push(self.march, self.space, 0.0)  # the state's impulses hold those of its last step
+        self._values.place(self.stepper.time, self.stepper.q, self.stepper.v, self.space)
+        self._values.push(self.stepper, self.space, 0.0)  # the state's impulses hold those of its last step
         self._judge()
-        self._recorder.take(self.march, self.space, self.memory)
+        self._recorder.take(self.stepper, self.space, self.memory)
         if self.outcome != Code.RUNNING:
-            self._explain(self.march)
+            self._explain(self.stepper)
 
     def __repr__(self) -> str:
         return (
@@ -131,7 +131,7 @@ class SpaceSimulation:
     @property
     def time(self) -> float:
         """Simulated time so far."""
-        return 0.0 if self.march is None else self.march.time
+        return 0.0 if self.stepper is None else self.stepper.time
 
     @property
     def state(self) -> State:
@@ -145,7 +145,7 @@ class SpaceSimulation:
 
     def advance(self) -> bool:
         """Take steps for about `TURN_S`; returns whether the run goes on."""
-        if self.outcome != Code.RUNNING or self.march is None:
+        if self.outcome != Code.RUNNING or self.stepper is None:
             return False
         began = time.perf_counter()
         while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
@@ -156,66 +156,66 @@ class SpaceSimulation:
     def steps_taken(self, count: int) -> int:
         """Take at most so many steps; returns how many, fewer where the run has ended."""
         for taken in range(count):
-            if self.outcome != Code.RUNNING or self.march is None:
+            if self.outcome != Code.RUNNING or self.stepper is None:
                 return taken
             self.take()
         return count
 
     def take(self) -> None:
         """Take one step of a run that goes on, and judge where it led."""
-        march = self.march
-        assert march is not None
-        h = min(self._next, self.end - march.time, self._clock.left(march.time))
-        before, begun = float(march.clock["contact_work"]), march.time
-        self._turning.begin(march.q, march.v)
+        stepper = self.stepper
+        assert stepper is not None
+        h = min(self._next, self.end - stepper.time, self._clock.left(stepper.time))
+        before, begun = float(stepper.clock["contact_work"]), stepper.time
+        self._turning.begin(stepper.q, stepper.v)
         try:
-            wish = self._stepped(march, h)
+            wish = self._stepped(stepper, h)
         except InvalidScene as error:
             self.outcome, self.reason = Code.INVALID, str(error)
             return
         if self._tol < math.inf:
             self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
-        if march.clock["bounced"]:
-            added = float(march.clock["contact_work"]) - before
+        if stepper.clock["bounced"]:
+            added = float(stepper.clock["contact_work"]) - before
             self._gained += added if added > GAINED * abs(before) else 0.0
-        if march.time > begun:
-            self._turning.end(march.q, march.v, march.time - begun, march.terms)
-        if march.outcome != Code.RUNNING:
-            self.outcome, self.certificate = march.outcome, march.certificate
-            self._explain(march)
+        if stepper.time > begun:
+            self._turning.end(stepper.q, stepper.v, stepper.time - begun, stepper.terms)
+        if stepper.outcome != Code.RUNNING:
+            self.outcome, self.certificate = stepper.outcome, stepper.certificate
+            self._explain(stepper)
         else:
             self._judge()
-            self._recorder.take(march, self.space, self.memory)
-        if self.outcome == Code.RUNNING and march.time >= self.end * (1.0 - ROUNDING):
+            self._recorder.take(stepper, self.space, self.memory)
+        if self.outcome == Code.RUNNING and stepper.time >= self.end * (1.0 - ROUNDING):
             self.outcome = Code.TIMEOUT
         if self.outcome != Code.RUNNING:
-            self._recorder.take(march, self.space, self.memory, last=True)
-            self._explain(march)
+            self._recorder.take(stepper, self.space, self.memory, last=True)
+            self._explain(stepper)
 
-    def _stepped(self, march: March, h: float) -> float:
+    def _stepped(self, stepper: Stepper, h: float) -> float:
         """Take a step of length h, or less where a condition begins to hold within it; returns the length for
         the next. Raises InvalidScene."""
         values, segment, space = self._values, self._clock.segment, self.space
         looks = values.is_guarded(segment) or (bool(values.verdicts) and h > self.step)
-        begun, solved = Begun.of(march, space, values) if looks else None, 0.0
-        if march.leapt > 0.0 and march.snaps_on(h):
+        begun, solved = Begun.of(stepper, space, values) if looks else None, 0.0
+        if stepper.leapt > 0.0 and stepper.snaps_on(h):
             return h
         while True:
-            self._tell(march.time, h)
-            wish = march.advance(h, self._tol)
+            self._tell(stepper.time, h)
+            wish = stepper.advance(h, self._tol)
             if values.is_asked:
-                values.read(march, space)
-            if begun is None or (march.outcome != Code.RUNNING and not solved):
+                values.read(stepper, space)
+            if begun is None or (stepper.outcome != Code.RUNNING and not solved):
                 return wish
-            took = float(march.clock["tried"])
-            if march.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
-                begun.restore(march, space, values)
+            took = float(stepper.clock["tried"])
+            if stepper.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
+                begun.restore(stepper, space, values)
                 begun, h = None, solved
                 continue
             h = sooner(begun, values, segment, took, self.step, self._longest, solved > 0.0)
             if not h < took:
                 return min(wish, self.step) if solved else wish
-            begun.restore(march, space, values)
+            begun.restore(stepper, space, values)
             solved = took
 
     def _tell(self, time: float, h: float) -> None:
@@ -233,19 +233,19 @@ class SpaceSimulation:
     def memory(self) -> Reals:
         """What the run hands on (w,): its place in the schedule, the length of the next step, margins, values
         that conditions read, and the core's."""
-        march = self.march
-        assert march is not None
+        stepper = self.stepper
+        assert stepper is not None
         if not self._values.is_asked:
-            self._values.read(march, self.space)
+            self._values.read(stepper, self.space)
         own = np.array([self._next, *self._margins, self._gained])
-        core = remembered(march, self.space)
+        core = remembered(stepper, self.space)
         return np.concatenate([self._clock.memory(), own, self._values.all, core])
 
-    def _go_on(self, state: State, march: March, same_inputs: bool) -> list[Fault] | None:
+    def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> list[Fault] | None:
         """Begin at a state; where it is of this scene, with what its run handed on: all of it on the same
         rung at the same parameters, and the contacts on others. Inputs that a new schedule does not name stay
         as they were. Returns what was amiss in the state's own run, None where it is just the same here."""
-        rest, memory = begin_at(state, self.scene, march), state.memory
+        rest, memory = begin_at(state, self.scene, stepper), state.memory
         if rest is None or memory is None:
             return []
         parts, columns = memory_parts(self.scene), list(self._clock.columns)
@@ -257,7 +257,7 @@ class SpaceSimulation:
         same = np.array_equal(known, self._values.told[:-1])
         goes_on = same and memory.model.record(memory.theta) == self.model.record(self.theta)
         try:
-            (recall if goes_on else hand_on)(march, self.space, rest[parts.core])
+            (recall if goes_on else hand_on)(stepper, self.space, rest[parts.core])
         except ValueError:
             if same:
                 raise StateError("state.memory: is of another scene") from None
@@ -270,7 +270,7 @@ class SpaceSimulation:
         parameters = dict(zip(self.scene.template.parameters, known.tolist(), strict=True))
         own = self.scene.file.parameters
         still = {name: own[name].default for name in self.scene.template.inputs if memory.inputs}
-        return faults_before(self.scene, parameters | still, march.q)
+        return faults_before(self.scene, parameters | still, stepper.q)
 
     @property
     def segment(self) -> int:
@@ -280,7 +280,7 @@ class SpaceSimulation:
     @property
     def steps(self) -> int:
         """Steps taken so far."""
-        return 0 if self.march is None else int(self.march.clock["steps"])
+        return 0 if self.stepper is None else int(self.stepper.clock["steps"])
 
     @property
     def margin(self) -> float:
@@ -306,7 +306,7 @@ class SpaceSimulation:
         elif self._scheduled and clock.is_over:
             self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
 
-    def _explain(self, march: March) -> None:
+    def _explain(self, stepper: Stepper) -> None:
         """Set the reason of the outcome."""
         outcome = OUTCOMES[self.outcome]
         if self.reason:
@@ -315,9 +315,9 @@ class SpaceSimulation:
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
         elif self.outcome == Code.NOT_CONVERGED:
-            self.reason = march.lack or crawled(march, self.space, self.scene.labels)
-        elif march.snaps:
-            self.reason = snapped(march, self.space, self.scene.labels.bodies)
+            self.reason = stepper.lack or crawled(stepper, self.space, self.scene.labels)
+        elif stepper.snaps:
+            self.reason = snapped(stepper, self.space, self.scene.labels.bodies)
         else:
             self.reason = (
                 f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
@@ -327,9 +327,9 @@ class SpaceSimulation:
         """Remarks on the model, on the geometry of contacts, and on steps that went far."""
         remarks = self.notes + self.space.noise.remarks(self.space.model, self.scene.labels.geoms)
         remarks += self._turning.remarks()
-        march, names = self.march, self.scene.labels.bodies
-        if march is not None and march.leaps:
-            first, count = march.leaps[0], len(march.leaps)
+        stepper, names = self.stepper, self.scene.labels.bodies
+        if stepper is not None and stepper.leaps:
+            first, count = stepper.leaps[0], len(stepper.leaps)
             name = fastest(self.space, names, first.v)
             more = f", {count} times in all" if count > 1 else ""
             remarks += (
@@ -337,8 +337,8 @@ class SpaceSimulation:
                 f" step of {first.h:.3g}{more}, to where drives and loads then balance: without momentum or"
                 " damping it is there at once; a dynamic rung follows it",
             )
-        if march is not None and march.outran is not None:
-            first = march.outran
+        if stepper is not None and stepper.outran is not None:
+            first = stepper.outran
             name = fastest(self.space, names, first.v)
             remarks += (
                 f"step: at t = {first.time:.6g} {name} would move by {first.far:.3g} in one"
@@ -349,10 +349,10 @@ class SpaceSimulation:
 
     def result(self) -> SpaceRun:
         """The run as far as it has come."""
-        march = self.march
-        clock = None if march is None else march.state.clock[0]
-        if march is not None and self._recorder.frames and self._recorder.frames[-1].time != march.time:
-            self._recorder.take(march, self.space, self.memory, last=True)
+        stepper = self.stepper
+        clock = None if stepper is None else stepper.state.clock[0]
+        if stepper is not None and self._recorder.frames and self._recorder.frames[-1].time != stepper.time:
+            self._recorder.take(stepper, self.space, self.memory, last=True)
         return SpaceRun(
             scene=self.scene,
             model=self.model,
@@ -364,13 +364,13 @@ class SpaceSimulation:
             time=self.time,
             steps=0 if clock is None else int(clock["steps"]),
             solves=0 if clock is None else int(clock["solves"]),
-            worst_residual=0.0 if march is None else march.residual,
+            worst_residual=0.0 if stepper is None else stepper.residual,
             wall_s=self.wall_s,
             certificate=self.certificate,
-            frames=tuple(self._recorder.frames) if march is not None else (),
-            space=self.space if march is not None else None,
+            frames=tuple(self._recorder.frames) if stepper is not None else (),
+            space=self.space if stepper is not None else None,
             energy_gained=self._gained,
-            notes=self._notes() if march is not None else (),
+            notes=self._notes() if stepper is not None else (),
         )
 
 

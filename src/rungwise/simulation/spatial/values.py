@@ -12,7 +12,7 @@ from rungwise.scene.language.expression import STACK, Programs, evaluate, holds
 from rungwise.scene.language.expression import Code as Program
 from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.simulation.core.march import March
+from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.spatial.space import Space
 
 
@@ -68,15 +68,15 @@ class Values:
         for (a, b), index in self._of_pair.items():
             self.all[first + index] = space.gap(q, a, b)
 
-    def read(self, march: March, space: Space) -> None:
+    def read(self, stepper: Stepper, space: Space) -> None:
         """Take over the state of a run, with the forces of its last step, and add their impulses."""
-        self.place(march.time, march.q, march.v, space)
-        self.push(march, space, float(march.state.clock[0]["tried"]))
+        self.place(stepper.time, stepper.q, stepper.v, space)
+        self.push(stepper, space, float(stepper.state.clock[0]["tried"]))
 
-    def push(self, march: March, space: Space, h: float) -> None:
+    def push(self, stepper: Stepper, space: Space, h: float) -> None:
         """Add the forces of a run's last step, and their impulses as in a step of length h."""
         first, count = self._first_of_contacts, len(self.scene.template.contacts)
-        for a, b, force in pushes(march, space) if self.pairs else ():
+        for a, b, force in pushes(stepper, space) if self.pairs else ():
             index = self._of_pair.get((min(a, b), max(a, b)), -1)
             if index >= 0:
                 self.all[first + count + index] += force
@@ -138,9 +138,9 @@ class Values:
         )
 
 
-def pushes(march: March, space: Space) -> list[tuple[int, int, float]]:
+def pushes(stepper: Stepper, space: Space) -> list[tuple[int, int, float]]:
     """Two bodies, and the normal force of each contact in the last step."""
-    force, geoms, body = march.state.force, space.kept.geoms, space.solids.body
+    force, geoms, body = stepper.state.force, space.kept.geoms, space.solids.body
     return [
         (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]))
         for s in np.flatnonzero(geoms[:, 0] >= 0)

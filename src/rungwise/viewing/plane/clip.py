@@ -21,7 +21,7 @@ from rungwise.outcome import Outcome
 from rungwise.scene import Scene, SceneError, load
 from rungwise.scene.template.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
-from rungwise.simulation.planar.workspace import allocate, in_memory
+from rungwise.simulation.planar.state.workspace import allocate, in_memory
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
 from rungwise.system.planar.corners import allocate_course

@@ -17,7 +17,7 @@ from rungwise.scene.language.expression import Programs
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
-from rungwise.simulation.planar.workspace import CONTROL, Workspace, allocate, in_memory
+from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.state import State, StateError, check_state, digest, memory_of
 from rungwise.system.planar.place import start, turns

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
-from rungwise.simulation.crew import CHUNK, Crew
-from rungwise.simulation.planar.workspace import State as Like
-from rungwise.simulation.planar.workspace import in_memory
+from rungwise.simulation.planar.state.workspace import State as Like
+from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.result import pair_labels
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
+from rungwise.simulation.workers import CHUNK, Workers
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
 from rungwise.world.rolled import Rolled
@@ -61,7 +61,7 @@ def rollout(
     threads: int | None, chunk: int | None, on_progress: Told | None,
 ) -> Rollouts:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`)."""
-    crew = Crew(
+    workers = Workers(
         scene, rung, wanted.over, None, until=wanted.until, ramps=wanted.ramps, budget=budget,
         threads=threads, **options,
     )  # fmt: skip
@@ -71,8 +71,8 @@ def rollout(
     def of_sample(i: int) -> dict[str, Any]:
         return options | wanted.options(scene, i)
 
-    memories = _memories(crew, begins, of_sample, faults, points)
-    samples = crew.run(
+    memories = _memories(workers, begins, of_sample, faults, points)
+    samples = workers.run(
         points, bodies=None if begins is None else begins.bodies, memories=memories.rows, memory=memories.of,
         durations=wanted.lengths, levels=wanted.levels,
         wrong=np.isin(np.arange(len(points)), list(faults)).astype(np.int64),
@@ -89,8 +89,8 @@ def rollout(
         solves=found["solves"].copy(),
         switches=found["switches"].copy(), worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
-        memory=samples.kept, _like=crew.workspace.state, _again=again, _schedules=schedule,
-        _theta=crew.theta,
+        memory=samples.kept, _like=workers.workspace.state, _again=again, _schedules=schedule,
+        _theta=workers.theta,
     )  # fmt: skip
 
 
@@ -102,7 +102,7 @@ class _Memories(NamedTuple):
 
 
 def _memories(
-    crew: Crew,
+    workers: Workers,
     begins: Begins | None,
     of_sample: Callable[[int], dict[str, Any]],
     faults: dict[int, str],
@@ -123,23 +123,23 @@ def _memories(
         if i in faults or states[row].memory is None:
             continue
         if key not in made:
-            values = _begun(crew, states[row], of_sample(i))
+            values = _begun(workers, states[row], of_sample(i))
             if isinstance(values, str):
                 faults[i] = f"sample {i}: {values}"
                 continue
             made[key] = len(rows)
             rows.append(values)
         of[i] = made[key]
-    return _Memories(np.array(rows) if rows else np.zeros((0, crew.workspace.state.memory.size)), of)
+    return _Memories(np.array(rows) if rows else np.zeros((0, workers.workspace.state.memory.size)), of)
 
 
-def _begun(crew: Crew, state: State, options: dict[str, Any]) -> Reals | str:
+def _begun(workers: Workers, state: State, options: dict[str, Any]) -> Reals | str:
     """The memory from which a run from this state goes on, or why there is none."""
-    own = memory_of(state, crew.digest, crew.workspace.state)
-    if own is not None and crew.goes_on(own, options["parameters"]):
+    own = memory_of(state, workers.digest, workers.workspace.state)
+    if own is not None and workers.goes_on(own, options["parameters"]):
         return own.values
     try:
-        begun = Simulation(crew.scene, crew.model, frames=3, **options)
+        begun = Simulation(workers.scene, workers.model, frames=3, **options)
     except StateError as error:
         return str(error)
     if begun.workspace is None or begun.reason:

@@ -12,13 +12,13 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
-from rungwise.simulation.crew import CHUNK, Crew
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.samples import Samples
-from rungwise.simulation.planar.workspace import in_memory
-from rungwise.simulation.reasons import JAM
+from rungwise.simulation.planar.state.workspace import in_memory
+from rungwise.simulation.reasons.reasons import JAM
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
+from rungwise.simulation.workers import CHUNK, Workers
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 
@@ -40,8 +40,8 @@ class PlanarRuns:
         self.scene, self.model = scene, model
         self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
         self._whole: float | None = options.get("span")
-        self._crew = Crew(scene, model, over, parameters, tol=tol, **options)
-        self.threads, self.parameters = self._crew.threads, self._crew.parameters
+        self._workers = Workers(scene, model, over, parameters, tol=tol, **options)
+        self.threads, self.parameters = self._workers.threads, self._workers.parameters
 
     def run(
         self, points: Reals, places: Places | None = None, durations: Reals | None = None,
@@ -56,7 +56,7 @@ class PlanarRuns:
             if places.goes_on.any():
                 memories, memory = places.memory, np.where(places.goes_on, np.arange(m), -1)
                 before = np.where(places.goes_on, self._read("drive_work", places.memory), 0.0)
-        samples = self._crew.run(
+        samples = self._workers.run(
             points, bodies=bodies, memories=memories, memory=memory, wrong=wrong, keeps=keeps,
             durations=None if durations is None else np.ascontiguousarray(durations),
             levels=None if levels is None else np.ascontiguousarray(levels),
@@ -107,7 +107,7 @@ class PlanarRuns:
         if state.memory is not None:
             memory = begun.workspace.state.memory[None].copy()
             return places._replace(memory=memory, goes_on=np.ones(1, bool)), Code.RUNNING
-        found = self.begin(np.array([[given[name] for name in self._crew.over]]), places)
+        found = self.begin(np.array([[given[name] for name in self._workers.over]]), places)
         ended = Code(found.outcome[0])
         return found.places, Code.RUNNING if ended in (Code.MISSED, Code.TIMEOUT) else ended
 
@@ -142,8 +142,8 @@ class PlanarRuns:
         q, v, time = places.q[row], places.v[row], float(places.time[row])
         memory = None
         if places.goes_on[row]:
-            memory = Memory(places.memory[row], self._crew.digest, self.model, self._crew.theta, inputs)
+            memory = Memory(places.memory[row], self._workers.digest, self.model, self._workers.theta, inputs)
         return State(self.scene.template.coordinates, q, v, time, memory)
 
     def _read(self, name: str, memories: Reals) -> Any:
-        return in_memory(self._crew.workspace.state, name, memories)
+        return in_memory(self._workers.workspace.state, name, memories)

@@ -16,7 +16,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching, touching_pairs
-from rungwise.simulation.core.march import OVERLAP
+from rungwise.simulation.core.stepper import OVERLAP
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.contract import OBJECT
 from rungwise.world.spatial.instance import BALL, FREE, SLIDE, roles_in_space

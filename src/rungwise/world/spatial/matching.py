@@ -126,19 +126,19 @@ def _masses(scene: SpaceScene, parameters: dict[str, float], duration: float) ->
     simulation = SpaceSimulation(
         scene, DYNAMIC_RIGID, parameters=parameters, duration=duration, frames=3
     )  # fmt: skip
-    march = simulation.march
-    if march is None:
+    stepper = simulation.stepper
+    if stepper is None:
         return found
     while simulation.outcome == Code.RUNNING and simulation.steps < STEPS:
         simulation.take()
-        d, terms = simulation.space.size.directions, march.terms
-        for k, slot in enumerate(march.scratch.slots[: march.contacts]):
-            if slot >= simulation.space.most or not march.scratch.contact_force[k * d] > 0.0:
+        d, terms = simulation.space.size.directions, stepper.terms
+        for k, slot in enumerate(stepper.scratch.slots[: stepper.contacts]):
+            if slot >= simulation.space.most or not stepper.scratch.contact_force[k * d] > 0.0:
                 continue
             a, b = (int(g) for g in simulation.space.kept.geoms[slot])
             if a < 0 or (a, b) in found:
                 continue
-            free = march.state.free[: int(march.clock["free"])]
+            free = stepper.state.free[: int(stepper.clock["free"])]
             normal = terms.rows[k * d, free]
             flexibility = float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
             if flexibility > 0.0:

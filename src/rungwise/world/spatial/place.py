@@ -15,7 +15,7 @@ from rungwise.scene.language.expression import STACK, Programs
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.bind import normalise
-from rungwise.simulation.core.march import OVERLAP, March
+from rungwise.simulation.core.stepper import OVERLAP, Stepper
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of
 from rungwise.simulation.spatial.memory import memory_parts, recall
@@ -42,7 +42,7 @@ class SpatialPlace:
     def __init__(self, scene: SpaceScene, parameters: Mapping[str, float] | None) -> None:
         self.scene = scene
         self.bound, self.space = Prepared.of(scene, scene.parameters(parameters))
-        self._march = March(self.space, KINEMATIC, self.bound.step)
+        self._stepper = Stepper(self.space, KINEMATIC, self.bound.step)
 
     def dimensions(self) -> tuple[tuple[Dimension, ...], tuple[Dimension, ...]]:
         """Dimensions of the coordinates and of the velocities."""
@@ -87,16 +87,16 @@ class SpatialPlace:
                 columns = [self.scene.template.parameters.index(name) for name in self.scene.template.inputs]
                 values.told[columns] = before[columns]
             self._recalled(row.memory)
-            values.push(self._march, self.space, 0.0)
+            values.push(self._stepper, self.space, 0.0)
         return values.all.copy()
 
     def _recalled(self, memory: Memory) -> float:
         """Recall a run's last step; how far bodies sank into each other in it."""
         try:
-            recall(self._march, self.space, memory.values[memory_parts(self.scene).core])
+            recall(self._stepper, self.space, memory.values[memory_parts(self.scene).core])
         except ValueError:
             raise StateError("state.memory: is of another scene") from None
-        return float(self._march.state.deformation[:, 0].max(initial=0.0))
+        return float(self._stepper.state.deformation[:, 0].max(initial=0.0))
 
     def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
         """Gaps (m, c), collisions (m,), poses (m, b, 7)."""
@@ -145,11 +145,11 @@ class SpatialPlace:
 
 def forces_in(memory: Reals, scene: SpaceScene, made: Prepared) -> Reals:
     """Normal forces (c,) of pairs of bodies in the last step of a run of this scene that left this memory."""
-    march = March(made.space, KINEMATIC, made.bound.step)
+    stepper = Stepper(made.space, KINEMATIC, made.bound.step)
     made.space.forget()
-    recall(march, made.space, memory[memory_parts(scene).core])
+    recall(stepper, made.space, memory[memory_parts(scene).core])
     bodies, forces = scene.template.bodies, np.zeros(len(scene.template.contacts))
     number = {(bodies.index(a), bodies.index(b)): k for k, (a, b) in enumerate(scene.template.contacts)}
-    for a, b, force in pushes(march, made.space):
+    for a, b, force in pushes(stepper, made.space):
         forces[number[min(a, b), max(a, b)]] += force
     return forces

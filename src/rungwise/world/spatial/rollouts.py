@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.crew import BUDGET, threads_of
 from rungwise.simulation.options import ModelError, check_options, count
-from rungwise.simulation.spatial.crew import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
 from rungwise.simulation.spatial.frames import WORK
+from rungwise.simulation.spatial.processes import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
 from rungwise.simulation.spatial.run import SpaceSimulation
+from rungwise.simulation.workers import BUDGET, threads_of
 from rungwise.world.arguments import Asked
 from rungwise.world.rolled import Rolled
 from rungwise.world.run import finished

@@ -12,10 +12,10 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.crew import BUDGET, threads_of
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.options import ModelError, check_options, count
-from rungwise.simulation.spatial.crew import (
+from rungwise.simulation.spatial.memory import memory_parts
+from rungwise.simulation.spatial.processes import (
     Sample,
     Sampled,
     Terms,
@@ -26,8 +26,8 @@ from rungwise.simulation.spatial.crew import (
     simulation_of,
     spread,
 )
-from rungwise.simulation.spatial.memory import memory_parts
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
+from rungwise.simulation.workers import BUDGET, threads_of
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.spatial.place import forces_in
 

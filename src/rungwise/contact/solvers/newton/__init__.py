@@ -1,0 +1,1 @@
+"""Newton's method on contact problems, and its linear systems."""

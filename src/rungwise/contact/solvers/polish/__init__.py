@@ -1,0 +1,1 @@
+"""Answers made exact, and freed of what is undetermined."""

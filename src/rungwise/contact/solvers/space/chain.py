@@ -1,0 +1,374 @@
+"""A step's problem in space: forces of contacts with an exact cone, from compiled code, judged there.
+
+Algorithm: rows are sorted by islands of bodies that touch (`spatial_rows`). An island that rests, or moves
+on, by the forces of the last step is left alone; the others are solved by sweeps (`spatial_sweeps`) and
+Newton's method in velocities (`spatial_newton`) in turn, and where that does not end by the proximal point
+method (`spatial_proximal`), from there or from an interior point (`spatial_path`). Each is tried with forces
+beside rates as bodies alone would answer, and as the problem's loads are beside the rates that it demands:
+where next to nothing resists a motion, other contacts and drives answer. Accepts: H positive
+definite, three or four directions. Promises: SOLVED only with a residual within `TOLERANCE`, computed from
+the problem as it was given.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.contact.solvers.space.measure import Point, Span, measure
+from rungwise.contact.solvers.space.newton import GIVE, Steps, descend
+from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
+from rungwise.contact.solvers.space.proximal import approach, residual_at
+from rungwise.contact.solvers.space.rows import Bodies, Groups, demanded_yield, fill_groups, sort_rows
+from rungwise.contact.solvers.space.sweeps import Answers, accelerate, respond, sweep
+from rungwise.contact.step.modes import FORWARD, OPEN, STICK
+from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
+from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.residual_in_space import residual_in_space
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
+
+_MARGIN, _ENOUGH = 0.1, 0.5
+"""Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
+tolerance of the whole. The first is chosen by trial, to a decade."""
+_NEAR = 0.3
+"""Residual from which on Newton's method comes before any sweep. Chosen by trial, to a decade."""
+_TURNS, _SWEEPS, _STEPS = 2, 4, 6
+"""Turns of sweeps and Newton steps, sweeps of the first turn, doubled in each, and most steps of each turn.
+Chosen by trial."""
+_SUBPROBLEMS = 20
+"""Most subproblems of the proximal point method; chosen by trial."""
+_PATH, _WINDOW, _STALLED = 40, 6, 0.7
+"""Most steps of the interior point method, which ends where product and residual are above this share of
+their values a window of steps earlier. Chosen by trial."""
+_FINISH, _NEARER = 1e-2, 0.1
+"""Residual below which the proximal point method is tried from the path, and the factor by which the residual
+must fall before it is tried again. Chosen by trial."""
+_STILL = 1e-6
+"""Tangential rate over its largest term up to which a contact at the limit of its friction sticks: a hundred
+times the tolerance; chosen by trial, to a decade."""
+_INSIDE = 1.0 - 1e-9
+"""Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
+
+
+@allocating_kernel
+def solve_spatial(
+    problem: ContactProblem,
+    n: int,
+    contacts: int,
+    limited: int,
+    mode: Ints,
+    v: Reals,
+    force: Reals,
+    tau: Reals,
+) -> tuple[int, float, int]:
+    """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that
+    slips is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
+    velocities are zero, and the residual is the least that was found."""
+    p, d = problem, problem.R.shape[1]
+    rows, count = contacts * d + limited, contacts + limited
+    going = v[:n].copy()
+    v[:n] = 0.0
+    # What rested goes on resting, and what moved steadily moves on so: nothing need be sorted.
+    for turn in range(2 if _all_touch(p, n, contacts * d, limited) else 1):
+        if turn == 1:
+            v[:n] = going
+        error = residual_in_space(p, n, contacts, limited, v, force, tau)
+        if error <= _MARGIN * TOLERANCE:
+            _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+            return SOLVED, error, GUESS
+    bodies = Bodies(
+        np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
+        np.empty(n, np.int64), np.empty(n),
+    )  # fmt: skip
+    island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
+    islands = sort_rows(p, n, contacts, limited, bodies, island, order)
+    if islands < 0:
+        v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
+        return NO_SOLUTION, math.inf, GUESS
+    groups = Groups(
+        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
+        np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
+        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
+        np.empty(count),
+    )  # fmt: skip
+    answers = Answers(
+        np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
+        np.empty(rows * n), np.empty((count, d, d)),
+    )  # fmt: skip
+    fill_groups(p, n, contacts, bodies, order, groups)
+    demand = demanded_yield(p, n, contacts, limited)
+    vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
+    point = _point(vectors[0], n, rows)
+    points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows)
+    duals = Duals(dual[0], dual[1], dual[2], dual[3])
+    steps = Steps(
+        np.empty(n * n), np.empty(n, np.int64), np.empty(n), np.empty(rows), np.empty((count, d, 2 * d)),
+        np.empty((count, d, 2 * d)), np.zeros(rows),
+    )  # fmt: skip
+    _take_start(groups, contacts, d, force, tau, point.x)
+    for i in range(n):
+        v[i] = going[bodies.place[i]] / bodies.unit[i]
+    going[:] = v[:n]
+    worst = GUESS
+    for polishes in (False, True):
+        low, first = 0, 0
+        for i in range(islands):
+            span = Span(low, island[i, 0], first, island[i, 1])
+            low, first = span.high, span.last
+            if polishes:
+                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, points[1], steps)
+            else:
+                worst = max(
+                    worst,
+                    _solve_island(
+                        bodies, groups, span, p.quantum[0], demand, going, answers, points, duals, steps
+                    ),
+                )
+        for i in range(n):
+            v[bodies.place[i]] = bodies.unit[i] * point.v[i]
+        _give_back(groups, contacts, d, point.x, force, tau)
+        error = residual_in_space(p, n, contacts, limited, v, force, tau)
+        # What rests is measured by its own speed in an island, by all speeds in the end.
+        if error <= TOLERANCE or worst == PIVOTING:
+            break
+    status = (
+        SOLVED
+        if error <= TOLERANCE and _exertion(bodies, groups, p.quantum[0], point.x) <= WEDGED
+        else NO_SOLUTION
+    )
+    if status != SOLVED:
+        v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
+    _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+    return status, error, worst
+
+
+@inner_kernel
+def _all_touch(p: ContactProblem, n: int, rows: int, limited: int) -> bool:
+    """Whether each coordinate has a part in a contact or limited row: motion of what touches nothing is known
+    to rounding."""
+    for i in range(n):
+        touches = False
+        for r in range(rows):
+            if p.W[r, i] != 0.0:
+                touches = True
+                break
+        for r in range(limited):
+            touches |= p.S[r, i] != 0.0
+        if not touches:
+            return False
+    return True
+
+
+@allocating_kernel
+def _point(vector: Reals, n: int, rows: int) -> Point:
+    at = 2 * n
+    return Point(
+        vector[:n], vector[at : at + rows], vector[at + rows : at + 2 * rows],
+        vector[at + 2 * rows : at + 3 * rows], vector[n:at],
+    )  # fmt: skip
+
+
+@kernel
+def _solve_island(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    demand: float,
+    going: Reals,
+    answers: Answers,
+    points: tuple[Point, Point, Point, Point],
+    duals: Duals,
+    steps: Steps,
+) -> int:
+    """Solve from the forces at the point, and rest or velocities `going` (n,); returns the stage that it
+    took."""
+    tol = _MARGIN * TOLERANCE
+    point, trial, _, best = points
+    # At rest, or in steady motion, velocities that are differences of forces would be rounding.
+    for turn in range(2 if span.first < span.last else 0):
+        for i in range(span.low, span.high):
+            point.v[i] = going[i] if turn == 1 else 0.0
+        if residual_at(bodies, groups, span, quantum, point, steps) <= tol:
+            return GUESS
+    accelerate(bodies, groups, span, point)
+    if span.first == span.last:
+        return GUESS
+    found = residual_at(bodies, groups, span, quantum, point, steps)
+    if found <= _ENOUGH * TOLERANCE:
+        return GUESS
+    _put(groups, span, point, best)
+    if found <= _NEAR:
+        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+            return PROXIMAL
+    respond(bodies, groups, span, answers)
+    for turn in range(2 if demand > 0.0 else 1):
+        _look_ahead(groups, span, demand if turn == 1 else 0.0)
+        _put(groups, span, best, point)
+        if _by_newton(bodies, groups, span, quantum, answers, point, trial, steps):
+            return PROXIMAL
+    for turn in range(1 if demand > 0.0 else 0, -1, -1):
+        _look_ahead(groups, span, demand if turn == 1 else 0.0)
+        if _by_path(bodies, groups, span, quantum, answers, points, duals, steps):
+            break
+    return PIVOTING
+
+
+@inner_kernel
+def _look_ahead(groups: Groups, span: Span, demand: float) -> None:
+    """Let the map look ahead with this yield, or where it is 0 with those of the bodies."""
+    for g in range(span.first, span.last):
+        groups.ahead[g] = demand if demand > 0.0 else groups.scale[g]
+
+
+@kernel
+def _by_newton(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    answers: Answers,
+    point: Point,
+    trial: Point,
+    steps: Steps,
+) -> bool:
+    """Turns of sweeps and Newton steps, and the proximal point method; whether the point is a solution."""
+    tol, give = _MARGIN * TOLERANCE, GIVE
+    accelerate(bodies, groups, span, point)
+    for turn in range(_TURNS):
+        sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
+        accelerate(bodies, groups, span, point)
+        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+            return True
+    found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    return bool(found <= _ENOUGH * TOLERANCE)
+
+
+@kernel
+def _by_path(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    answers: Answers,
+    points: tuple[Point, Point, Point, Point],
+    duals: Duals,
+    steps: Steps,
+) -> bool:
+    """The interior point method, with the proximal point method from it; leaves the least residual met at
+    the point, and returns whether it is a solution."""
+    tol, least = _MARGIN * TOLERANCE, math.inf
+    point, trial, attempt, best = points
+    begin(bodies, groups, span, point, duals, steps)
+    finish, earlier, before = _FINISH, math.inf, math.inf
+    for done in range(_PATH):
+        if not advance(bodies, groups, span, point, duals, steps):
+            break
+        found = residual_at(bodies, groups, span, quantum, point, steps)
+        if done % _WINDOW == 0:
+            product, _ = product_ahead(groups, span, point.x, duals, 0.0, steps)
+            if not (product <= _STALLED * earlier or found <= _STALLED * before):
+                break
+            earlier, before = product, found
+        if found < least:
+            least = found
+            _put(groups, span, point, best)
+        if found < finish:
+            finish = _NEARER * found
+            _put(groups, span, point, attempt)
+            found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            if found < least:
+                least = found
+                _put(groups, span, attempt, best)
+        if least <= _ENOUGH * TOLERANCE:
+            break
+    _put(groups, span, best, point)
+    return bool(least <= _ENOUGH * TOLERANCE)
+
+
+@inner_kernel
+def _put(groups: Groups, span: Span, source: Point, target: Point) -> None:
+    for i in range(span.low, span.high):
+        target.v[i] = source.v[i]
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        target.x[r] = source.x[r]
+
+
+@kernel
+def _take_start(groups: Groups, contacts: int, d: int, force: Reals, tau: Reals, x: Reals) -> None:
+    """Forces to start from, cut off at their limits."""
+    for g in range(len(groups.source)):
+        source, row = groups.source[g], groups.row[g]
+        for i in range(groups.row[g + 1] - row):
+            given = force[source * d + i] if source < contacts else tau[source - contacts]
+            x[row + i] = given if math.isfinite(given) else 0.0
+
+
+@kernel
+def _give_back(groups: Groups, contacts: int, d: int, x: Reals, force: Reals, tau: Reals) -> None:
+    for k in range(contacts * d):
+        force[k] = 0.0
+    for g in range(len(groups.source)):
+        source, row = groups.source[g], groups.row[g]
+        for i in range(groups.row[g + 1] - row):
+            if source < contacts:
+                force[source * d + i] = x[row + i]
+            else:
+                tau[source - contacts] = x[row]
+
+
+@kernel
+def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float:
+    """Greatest force over the greatest that loads, demanded rates and limits call for, as
+    `contact.step.proximal.exertion` for planar problems."""
+    called, greatest = 0.0, 0.0
+    for i in range(len(bodies.c)):
+        called = max(called, abs(bodies.c[i]))
+    for g in range(len(groups.source)):
+        unit = math.sqrt(groups.scale[g])
+        if unit == 0.0:
+            continue
+        for i in range(groups.row[g + 1] - groups.row[g]):
+            own, r = groups.R[g, i, i], groups.row[g] + i
+            greatest = max(greatest, abs(x[r]) * unit)
+            least = min(own, groups.scale[g]) if own > 0.0 else groups.scale[g]
+            called = max(called, max(abs(groups.w[r]), quantum) * unit / least)
+        if groups.mu[g] < 0.0 and groups.limit[g] < math.inf:
+            called = max(called, groups.limit[g] * unit)
+    return greatest / called if greatest > 0.0 else 0.0
+
+
+@kernel
+def _tell_modes(
+    p: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals, mode: Ints
+) -> None:
+    """A contact that pushes slips where its friction is at the limit and its rate is more than rounding."""
+    d = p.R.shape[1]
+    for k in range(contacts):
+        rubs = 0.0
+        for i in range(k * d + 1, k * d + d):
+            rubs += force[i] * force[i]
+        inside = math.sqrt(rubs) < _INSIDE * p.mu[k] * force[k * d]
+        sticks = inside or (p.mu[k] > 0.0 and _is_still(p, n, k, v, force))
+        mode[k] = OPEN if force[k * d] <= 0.0 else STICK if sticks else FORWARD
+    for r in range(limited):
+        mode[contacts + r] = STICK if abs(tau[r]) < _INSIDE * p.F[r] else FORWARD
+
+
+@kernel
+def _is_still(p: ContactProblem, n: int, k: int, v: Reals, force: Reals) -> bool:
+    """Whether the tangential rate of a contact is rounding of its terms."""
+    d, rate, scale = p.R.shape[1], 0.0, p.quantum[0]
+    for i in range(k * d + 1, k * d + d):
+        own = p.w[i]
+        for j in range(n):
+            own += p.W[i, j] * v[j]
+            scale = max(scale, abs(p.W[i, j] * v[j]))
+        for j in range(d):
+            own += p.R[k, i - k * d, j] * force[k * d + j]
+        scale = max(scale, abs(p.w[i]))
+        rate = max(rate, abs(own))
+    return rate <= _STILL * scale

@@ -1,0 +1,100 @@
+"""Islands and points of them, and the residual of a point.
+
+The residual is as of `contact.step.residual`, measured against the island's own forces and velocities.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.contact.step.residual import FLOOR, REST, ROUNDING
+from rungwise.kernel import Reals, inner_kernel, kernel
+
+
+class Span(NamedTuple):
+    """An island: its coordinates from `low` to `high` and groups from `first` to `last`, exclusive."""
+
+    low: int
+    high: int
+    first: int
+    last: int
+
+
+class Point(NamedTuple):
+    """Sorted velocities v (n,) and forces x (rows,), the map F (rows,), rates u (rows,), imbalance G (n,)."""
+
+    v: Reals
+    x: Reals
+    F: Reals
+    u: Reals
+    G: Reals
+
+
+@kernel
+def measure(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, scale: Reals) -> float:
+    """The residual (see `contact.step.residual`) of an island whose rates, without hold, are known; `scale`
+    (n,) is scratch. It is measured against the island's own forces and velocities: no less than there."""
+    low, high, first, last = span
+    v, x, u = point.v, point.x, point.u
+    speed, largest, rest, floor = quantum, 0.0, 0.0, math.inf
+    for r in range(groups.row[first], groups.row[last]):
+        speed, largest = max(speed, abs(groups.w[r])), max(largest, abs(x[r]))
+    for g in range(first, last):
+        row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        peak = 0.0
+        for entry in groups.W[at : at + groups.column[g + 1] - begin]:
+            peak = max(peak, entry * entry)
+        if peak > 0.0:
+            rest, floor = max(rest, peak), min(floor, peak)
+        for i in range(row, end):
+            bend = 0.0
+            for j in range(row, end):
+                bend += groups.R[g, i - row, j - row] * x[j]
+            speed = max(speed, abs(bend))
+            for j in range(begin, groups.column[g + 1]):
+                speed = max(speed, abs(groups.W[at] * v[groups.touched[j]]))
+                at += 1
+    if speed < ROUNDING * rest * largest:
+        speed = REST * rest * largest
+    if floor < math.inf:
+        largest = max(largest, FLOOR * speed / floor)
+    worst = 0.0
+    for i in range(low, high):
+        scale[i - low] = abs(bodies.c[i])
+        for j in range(bodies.first[i], bodies.last[i]):
+            scale[i - low] = max(scale[i - low], abs(bodies.H[i, j] * v[j]))
+    per_speed = 1.0 / speed if speed > 0.0 else 0.0
+    per_force = 1.0 / largest if largest > 0.0 else 0.0
+    for g in range(first, last):
+        row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        for _ in range(row, end):
+            for j in range(begin, groups.column[g + 1]):
+                place = groups.touched[j] - low
+                scale[place] = max(scale[place], abs(groups.W[at]) * largest)
+                at += 1
+        worst = max(worst, _miss(groups, g, row, end, x, u, per_speed, per_force))
+    for i in range(low, high):
+        if not abs(point.G[i]) <= worst * scale[i - low]:
+            worst = abs(point.G[i]) / scale[i - low]
+    return worst if math.isfinite(worst) else math.inf
+
+
+@inner_kernel
+def _miss(
+    groups: Groups, g: int, row: int, end: int, x: Reals, u: Reals, per_speed: float, per_force: float
+) -> float:
+    force, rate = x[row] * per_force, u[row] * per_speed
+    if groups.mu[g] < 0.0:
+        limit = groups.limit[g] * per_force if per_force > 0.0 else math.inf
+        return abs(force - min(max(force - rate, -limit), limit)) + 0.0 * rate
+    length = 0.0
+    for i in range(row + 1, end):
+        length += (x[i] * per_force - u[i] * per_speed) ** 2
+    length, radius, total = math.sqrt(length), groups.mu[g] * max(force, 0.0), 0.0
+    shrink = 1.0 if length <= radius else radius / length
+    for i in range(row + 1, end):
+        force_i = x[i] * per_force
+        total += (force_i - shrink * (force_i - u[i] * per_speed)) ** 2
+    return max(abs(min(rate, force)) + 0.0 * rate, math.sqrt(total))

@@ -1,0 +1,319 @@
+"""Newton's method on the laws of contact, in as many unknowns as an island has velocities.
+
+Algorithm: forces x and velocities v satisfy H v = W^T x + c, and the natural map x - P(x - r u) = 0 of each
+group, u = W v + R x + w; P projects a contact's force on the friction disc of its own normal force, r is one
+over the yield of bodies and contact. Each step eliminates the changes of forces group by group, where each
+force yields a little more than R (what forces redundant contacts have is not determined by the rest), and
+solves (H + W^T E W) dv = ... by Gaussian elimination. Old factors serve while they bring the map down fast.
+With `hold` > 0 forces yield in u as well, about `centre`: a subproblem of the proximal point method.
+Sources: Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92 (1991) 353-375; Rockafellar, SIAM J. Control
+Optim. 14 (1976) 877-898.
+Accepts: H positive definite, groups of up to four rows. Promises: the map does not grow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rungwise.contact.linear import factorise, substitute
+from rungwise.contact.solvers.space.measure import Point, Span, measure
+from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+
+GIVE = 1e-6
+"""Yield of a force, over the yield of its bodies and contact, with which steps are computed: steps err by as
+much, and forces by rounding over it. Chosen by trial, to a decade."""
+_FIRMER, _LEAST = 1e-3, 1e-14
+"""Factor on the yield where whole steps are slow, as where a light body carries a heavy one, and the least
+yield. Chosen by trial, to a decade."""
+_HALVINGS = 7
+_FALL = 1e-2
+"""Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
+_CHORDS, _FAST = 3, 0.2
+"""Most steps with old factors, and the factor by which each must bring the map down. Chosen by trial."""
+
+
+class Steps(NamedTuple):
+    """Scratch: matrix (n n,), order (n,), step dv (n,) and dx (rows,); slope (g, d, 2 d) of each group's
+    projection beside scratch; inverse (g, d, 2 d): M^-1 and E of each group; centre (rows,)."""
+
+    matrix: Reals
+    order: Ints
+    dv: Reals
+    dx: Reals
+    slope: Reals
+    inverse: Reals
+    centre: Reals
+
+
+@kernel
+def evaluate(
+    bodies: Bodies, groups: Groups, span: Span, hold: float, centre: Reals, point: Point, slope: Reals
+) -> float:
+    """Fill rates, imbalance, map and its slopes at a point; returns the size of the map, in the norm of
+    yields: energy."""
+    v, x, F, u, G = point
+    low, high, first, last = span
+    for i in range(low, high):
+        total = -bodies.c[i]
+        for j in range(bodies.first[i], bodies.last[i]):
+            total += bodies.H[i, j] * v[j]
+        G[i] = total
+    size = 0.0
+    for g in range(first, last):
+        row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        width, n = groups.column[g + 1] - begin, end - row
+        pace = reach(groups, g, n)
+        for i in range(n):
+            total, force = groups.w[row + i] + hold / pace * (x[row + i] - centre[row + i]), x[row + i]
+            for j in range(n):
+                total += groups.R[g, i, j] * x[row + j]
+            for j in range(width):
+                place = groups.touched[begin + j]
+                total += groups.W[at] * v[place]
+                G[place] -= groups.W[at] * force
+                at += 1
+            u[row + i] = total
+        _project(groups.mu[g], groups.limit[g], pace, row, n, x, u, F, slope[g])
+        for i in range(row, end):
+            size += F[i] * F[i] / pace
+    return math.sqrt(size)
+
+
+@inner_kernel
+def reach(groups: Groups, g: int, n: int) -> float:
+    """Force per rate with which the map looks ahead: one over the mean yield."""
+    total = groups.ahead[g]
+    for i in range(n):
+        total += groups.R[g, i, i] / n
+    return 1.0 / total if total > 0.0 else 1.0
+
+
+@inner_kernel
+def _project(
+    mu: float, limit: float, pace: float, row: int, n: int, x: Reals, u: Reals, F: Reals, slope: Reals
+) -> None:
+    """Fill F and the slope (n, n) of the projection."""
+    for i in range(n):
+        for j in range(n):
+            slope[i, j] = 0.0
+    ahead = x[row] - pace * u[row]
+    if mu < 0.0:
+        kept = min(max(ahead, -limit), limit)
+        F[row], slope[0, 0] = x[row] - kept, 1.0 if kept == ahead else 0.0
+        return
+    if ahead <= 0.0:
+        for i in range(n):
+            F[row + i] = x[row + i]
+        return
+    F[row], slope[0, 0] = pace * u[row], 1.0
+    length = 0.0
+    for i in range(row + 1, row + n):
+        F[i] = x[i] - pace * u[i]
+        length += F[i] * F[i]
+    length = math.sqrt(length)
+    if length <= mu * ahead:
+        for i in range(1, n):
+            F[row + i], slope[i, i] = pace * u[row + i], 1.0
+        return
+    shrink = mu * ahead / length
+    for i in range(1, n):
+        along = F[row + i] / length
+        slope[i, 0] = mu * along
+        for j in range(1, n):
+            slope[i, j] = -shrink * along * F[row + j] / length
+        slope[i, i] += shrink
+    for i in range(1, n):
+        F[row + i] = x[row + i] - shrink * F[row + i]
+
+
+@inner_kernel
+def _linearise(groups: Groups, g: int, give: float, slope: Reals, inverse: Reals) -> None:
+    """inverse[:n, :n] = M^-1 and inverse[:n, n:] = E = M^-1 slope pace, M = 1 - slope (1 - pace B), B = R +
+    give."""
+    n = groups.row[g + 1] - groups.row[g]
+    pace, d = reach(groups, g, n), groups.R.shape[1]
+    M = slope[:, d:]
+    for i in range(n):
+        for j in range(n):
+            total = slope[i, j] * (pace * give - 1.0)
+            for k in range(n):
+                total += slope[i, k] * pace * groups.R[g, k, j]
+            M[i, j] = total + (1.0 if i == j else 0.0)
+            inverse[i, j], inverse[i, d + j] = 1.0 if i == j else 0.0, pace * slope[i, j]
+    eliminate(M, inverse, n, d)
+
+
+@inner_kernel
+def eliminate(M: Reals, right: Reals, n: int, d: int) -> None:
+    """Replace both parts (n, n) of `right`, the second from column d, by M^-1 times them; M is lost."""
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(M[i, k]) > abs(M[best, k]):
+                best = i
+        if best != k:
+            for j in range(d):
+                M[k, j], M[best, j] = M[best, j], M[k, j]
+            for j in range(2 * d):
+                right[k, j], right[best, j] = right[best, j], right[k, j]
+        per = 1.0 / M[k, k]
+        for j in range(n):
+            M[k, j] *= per
+            right[k, j] *= per
+            right[k, d + j] *= per
+        for i in range(n):
+            factor = M[i, k]
+            if i != k and factor != 0.0:
+                for j in range(n):
+                    M[i, j] -= factor * M[k, j]
+                    right[i, j] -= factor * right[k, j]
+                    right[i, d + j] -= factor * right[k, d + j]
+
+
+@inner_kernel
+def added_yield(groups: Groups, g: int, n: int, give: float, hold: float) -> float:
+    """Yield of each force of a group in the equations of a step, beside R."""
+    least = groups.R[g, 0, 0]
+    for i in range(1, n):
+        least = min(least, groups.R[g, i, i])
+    pace = 1.0 / reach(groups, g, n)
+    return max(hold * pace, give * pace - least)
+
+
+@kernel
+def prepare(bodies: Bodies, groups: Groups, span: Span, give: float, hold: float, steps: Steps) -> bool:
+    """Factorise at the slopes in `steps`; False where that is singular."""
+    for g in range(span.first, span.last):
+        added = added_yield(groups, g, groups.row[g + 1] - groups.row[g], give, hold)
+        _linearise(groups, g, added, steps.slope[g], steps.inverse[g])
+    return bool(assemble(bodies, groups, span, steps))
+
+
+@kernel
+def assemble(bodies: Bodies, groups: Groups, span: Span, steps: Steps) -> bool:
+    """Factorise H + W^T E W; False where it is singular."""
+    low, high, first, last = span
+    n, d = high - low, groups.R.shape[1]
+    K = steps.matrix[: n * n].reshape(n, n)
+    for i in range(n):
+        for j in range(n):
+            K[i, j] = 0.0
+        for j in range(bodies.first[low + i], bodies.last[low + i]):
+            K[i, j - low] = bodies.H[low + i, j]
+    for g in range(first, last):
+        size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
+        width = groups.column[g + 1] - begin
+        if steps.inverse[g, 0, d] == 0.0:
+            continue
+        W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
+        for a in range(size):
+            for i in range(width):
+                push = 0.0
+                for b in range(size):
+                    push += W[b, i] * steps.inverse[g, b, d + a]
+                if push != 0.0:
+                    own = K[groups.touched[begin + i] - low]
+                    for j in range(width):
+                        own[groups.touched[begin + j] - low] += push * W[a, j]
+    return n == 0 or bool(factorise(K, n, steps.order))
+
+
+@kernel
+def find_step(groups: Groups, span: Span, point: Point, steps: Steps) -> None:
+    """Fill dv and dx, from the map at the point and the last factors."""
+    low, high, first, last = span
+    n, d = high - low, groups.R.shape[1]
+    dv, dx, inverse, F = steps.dv, steps.dx, steps.inverse, point.F
+    for i in range(low, high):
+        dv[i - low] = -point.G[i]
+    for g in range(first, last):
+        row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        width = groups.column[g + 1] - begin
+        for i in range(row, end):
+            total = 0.0
+            for j in range(row, end):
+                total += inverse[g, i - row, j - row] * F[j]
+            dx[i] = -total
+            for j in range(width):
+                dv[groups.touched[begin + j] - low] -= groups.W[at] * total
+                at += 1
+    substitute(steps.matrix[: n * n].reshape(n, n), n, steps.order, dv)
+    for g in range(first, last):
+        if inverse[g, 0, d] == 0.0:
+            continue
+        row, end, at, begin = groups.row[g], groups.row[g + 1], groups.entry[g], groups.column[g]
+        width = groups.column[g + 1] - begin
+        for i in range(row, end):
+            total = 0.0
+            for j in range(width):
+                total += groups.W[at] * dv[groups.touched[begin + j] - low]
+                at += 1
+            for j in range(row, end):
+                dx[j] -= inverse[g, j - row, d + i - row] * total
+
+
+@kernel
+def descend(
+    bodies: Bodies,
+    groups: Groups,
+    span: Span,
+    quantum: float,
+    give: float,
+    hold: float,
+    tol: float,
+    most: int,
+    point: Point,
+    trial: Point,
+    steps: Steps,
+) -> float:
+    """Move the point by Newton steps while the map falls, until the residual is within `tol`, or with hold
+    the map. Returns the yield of the last steps, less than `give` where whole steps were slow."""
+    size = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
+    for _ in range(most):
+        if not prepare(bodies, groups, span, give, hold, steps):
+            return give
+        for attempt in range(1 + _CHORDS):
+            find_step(groups, span, point, steps)
+            length, newer = 1.0, math.inf
+            for _ in range(_HALVINGS if attempt == 0 else 1):
+                _move(groups, span, point, length, steps, trial)
+                newer = evaluate(bodies, groups, span, hold, steps.centre, trial, steps.slope)
+                if newer <= ((1.0 - _FALL * length) if attempt == 0 else _FAST) * size:
+                    break
+                length, newer = 0.5 * length, math.inf
+            if not newer < math.inf:
+                evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
+                if attempt == 0 and give <= _LEAST:
+                    return give
+                give = max(give * _FIRMER, _LEAST) if attempt == 0 else give
+                break
+            if length == 1.0 and newer > _FAST * size:
+                give = max(give * _FIRMER, _LEAST)
+            size = newer
+            _take(groups, span, trial, point)
+            if hold > 0.0:
+                if size <= tol:
+                    return give
+            elif measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+                return give
+            if length < 1.0:
+                break
+    return give
+
+
+@inner_kernel
+def _move(groups: Groups, span: Span, point: Point, length: float, steps: Steps, trial: Point) -> None:
+    for i in range(span.low, span.high):
+        trial.v[i] = point.v[i] + length * steps.dv[i - span.low]
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        trial.x[r] = point.x[r] + length * steps.dx[r]
+
+
+@inner_kernel
+def _take(groups: Groups, span: Span, trial: Point, point: Point) -> None:
+    for i in range(span.low, span.high):
+        point.v[i], point.G[i] = trial.v[i], trial.G[i]
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        point.x[r], point.F[r], point.u[r] = trial.x[r], trial.F[r], trial.u[r]

@@ -1,0 +1,278 @@
+"""A primal-dual interior point method on an island, in as many unknowns as it has velocities.
+
+Algorithm: as `interior_point`: forces z and rates w stay inside Lorentz's cones and follow the path on which
+their product is a multiple of the unit, down to zero, with Nesterov and Todd's scaling and a predictor; w_n
+is the normal rate plus mu times the slip, which is linearised with the rest. A limited row stays between two
+limits; a row without limits yields a little about its last force. Changes of forces are eliminated group by
+group, as in `spatial_newton`, whose equations serve. Sources: those of `interior_point`.
+Accepts: what `spatial_newton` accepts. Promises: some twenty factorisations however redundant contacts are,
+where friction does not couple too strongly; among many solutions one in the midst of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rungwise.contact.solvers.space.measure import Point, Span
+from rungwise.contact.solvers.space.newton import (
+    GIVE,
+    Steps,
+    added_yield,
+    assemble,
+    eliminate,
+    evaluate,
+    find_step,
+    reach,
+)
+from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.contact.solvers.space.sweeps import accelerate
+from rungwise.kernel import Reals, inner_kernel, kernel
+
+_FORCE, _RATE = 10.0, 1.0
+"""The first z and w, in units of the energy of the rates without forces. As in `interior_point`."""
+_TO_THE_BOUNDARY, _RETAINED, _SHORT = 0.95, 0.7, 0.1
+"""As in `interior_point`."""
+_TINY = 1e-300
+
+
+class Duals(NamedTuple):
+    """Rates in the cones, w (rows,), of a limited row at its lower limit, and other (rows,) at its upper; aim
+    and toward (rows,): what dw and d(other) must be, but for the part linear in dx."""
+
+    w: Reals
+    other: Reals
+    aim: Reals
+    toward: Reals
+
+
+@kernel
+def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> None:
+    """Forces and rates on the axes of the cones, as large as the rates without forces are."""
+    x, w, other = point.x, duals.w, duals.other
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        x[r] = w[r] = other[r] = 0.0
+    accelerate(bodies, groups, span, point)
+    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+    energy = 0.0
+    for g in range(span.first, span.last):
+        row, end = groups.row[g], groups.row[g + 1]
+        for r in range(row, end):
+            energy += point.u[r] ** 2 * reach(groups, g, end - row)
+    unit = math.sqrt(max(energy, _TINY) / max(span.last - span.first, 1))
+    for g in range(span.first, span.last):
+        row = groups.row[g]
+        pace, mu, limit = math.sqrt(reach(groups, g, groups.row[g + 1] - row)), groups.mu[g], groups.limit[g]
+        if mu >= 0.0:
+            x[row] = _FORCE * unit * pace / (mu if mu > 0.0 else 1.0)
+            w[row] = _RATE * unit / pace
+        elif 0.0 < limit < math.inf:
+            w[row] = other[row] = _FORCE * _RATE * unit * unit / limit
+    accelerate(bodies, groups, span, point)
+
+
+@kernel
+def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> bool:
+    """Take one predicted and centred step along the path; False where it cannot be computed."""
+    product, cones = product_ahead(groups, span, point.x, duals, 0.0, steps)
+    product /= max(cones, 1)
+    length, turning = 0.0, 1.0
+    for _ in range(2):
+        evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+        for g in range(span.first, span.last):
+            _linearise(groups, g, point.x, turning, duals, steps.slope[g], steps.inverse[g])
+        if not assemble(bodies, groups, span, steps):
+            return False
+        centring, repaired = 0.0, 1.0
+        for predicts in (True, False):
+            _find(groups, span, centring * product, repaired, turning, point, duals, steps)
+            length = _longest(groups, span, point.x, duals, steps)
+            if predicts and product > 0.0:
+                ahead, _ = product_ahead(groups, span, point.x, duals, min(1.0, length), steps)
+                centring = min(1.0, max(ahead / (max(cones, 1) * product), 0.0)) ** 3
+                repaired = 1.0 - _RETAINED * centring
+        if length >= _SHORT:
+            break
+        turning = 0.0
+    if not length > 0.0:
+        return False
+    length = min(1.0, _TO_THE_BOUNDARY * length)
+    for i in range(span.low, span.high):
+        point.v[i] += length * steps.dv[i - span.low]
+    for r in range(groups.row[span.first], groups.row[span.last]):
+        point.x[r] += length * steps.dx[r]
+        duals.w[r] += length * duals.aim[r]
+        duals.other[r] += length * duals.toward[r]
+    return True
+
+
+@inner_kernel
+def _linearise(
+    groups: Groups, g: int, x: Reals, turning: float, duals: Duals, slope: Reals, inverse: Reals
+) -> None:
+    """slope[:n, :n] = S; inverse[:n, :n] = D^-1 Q^-1 and inverse[:n, d:] = D^-1 Q^-1 D^-1, with Q = (1 - e
+    turn^T) S + D^-1 R D^-1."""
+    row, n, d = groups.row[g], groups.row[g + 1] - groups.row[g], groups.R.shape[1]
+    mu, limit, w = groups.mu[g], groups.limit[g], duals.w
+    if n == 1:
+        S = 0.0
+        if mu >= 0.0:
+            S = w[row] / x[row]
+        elif limit == math.inf:
+            S = added_yield(groups, g, 1, GIVE, 0.0)
+        elif limit > 0.0:
+            S = w[row] / (limit + x[row]) + duals.other[row] / (limit - x[row])
+        slope[0, 0] = S
+        held = mu < 0.0 and limit == 0.0
+        inverse[0, 0] = inverse[0, d] = 0.0 if held else 1.0 / (S + groups.R[g, 0, 0])
+        return
+    slip, pull, dot = 0.0, 0.0, mu * x[row] * w[row]
+    for i in range(1, n):
+        slip += w[row + i] ** 2
+        pull += x[row + i] ** 2
+        dot += x[row + i] * w[row + i]
+    slip, pull, top = math.sqrt(slip), math.sqrt(pull), mu * x[row]
+    size_z = math.sqrt(max((top - pull) * (top + pull), _TINY))
+    size_w = math.sqrt(max((w[row] - slip) * (w[row] + slip), _TINY))
+    per = 1.0 / (2.0 * math.sqrt(0.5 * (1.0 + dot / (size_z * size_w))))
+    ratio = size_w / size_z
+    for i in range(n):
+        sign = 1.0 if i == 0 else -1.0
+        mine = per * (w[row + i] / size_w + sign * (top if i == 0 else x[row + i]) / size_z)
+        for j in range(n):
+            other = per * (w[row + j] / size_w + (top if j == 0 else -x[row + j]) / size_z)
+            slope[i, j] = 2.0 * ratio * mine * other
+        slope[i, i] -= sign * ratio
+    Q = slope[:, d:]
+    for j in range(n):
+        for i in range(n):
+            Q[i, j] = slope[i, j] + groups.R[g, i, j] / ((mu if i == 0 else 1.0) * (mu if j == 0 else 1.0))
+            inverse[i, j] = 1.0 if i == j else 0.0
+            inverse[i, d + j] = inverse[i, j] / (mu if j == 0 else 1.0)
+        for i in range(1, n):
+            Q[0, j] -= (turning * w[row + i] / slip if slip > 0.0 else 0.0) * slope[i, j]
+    eliminate(Q, inverse, n, d)
+    for j in range(n):
+        inverse[0, j] /= mu
+        inverse[0, d + j] /= mu
+
+
+@kernel
+def _find(
+    groups: Groups,
+    span: Span,
+    target: float,
+    repaired: float,
+    turning: float,
+    point: Point,
+    duals: Duals,
+    steps: Steps,
+) -> None:
+    """Fill dv and dx, and into aim and toward the changes of w and other, towards products `target`."""
+    x, u, F, w, aim = point.x, point.u, point.F, duals.w, duals.aim
+    for g in range(span.first, span.last):
+        row, end = groups.row[g], groups.row[g + 1]
+        mu, limit = groups.mu[g], groups.limit[g]
+        if mu < 0.0:
+            aim[row] = duals.toward[row] = 0.0
+            if 0.0 < limit < math.inf:
+                aim[row] = target / (limit + x[row]) - w[row]
+                duals.toward[row] = target / (limit - x[row]) - duals.other[row]
+            fault = u[row] - w[row] + duals.other[row]
+            F[row] = repaired * fault - aim[row] + duals.toward[row]
+            continue
+        if end - row == 1:
+            aim[row] = target / x[row] - w[row]
+            F[row] = repaired * (u[row] - w[row]) - aim[row]
+            continue
+        slip, inside = 0.0, (mu * x[row]) ** 2
+        for r in range(row + 1, end):
+            slip += w[r] ** 2
+            inside -= x[r] ** 2
+        slip, inside = math.sqrt(slip), max(inside, _TINY)
+        aim[row] = target * mu * x[row] / inside - w[row]
+        F[row] = repaired * (u[row] / mu + slip - w[row]) - aim[row]
+        for r in range(row + 1, end):
+            aim[r] = -target * x[r] / inside - w[r]
+            F[r] = repaired * (u[r] - w[r]) - aim[r]
+            F[row] += (turning * w[r] / slip if slip > 0.0 else 0.0) * aim[r]
+    find_step(groups, span, point, steps)
+    dx = steps.dx
+    for g in range(span.first, span.last):
+        row, end = groups.row[g], groups.row[g + 1]
+        mu, limit = groups.mu[g], groups.limit[g]
+        if mu < 0.0:
+            if 0.0 < limit < math.inf:
+                aim[row] -= w[row] / (limit + x[row]) * dx[row]
+                duals.toward[row] += duals.other[row] / (limit - x[row]) * dx[row]
+            continue
+        for i in range(row, end):
+            for j in range(row, end):
+                scale = mu if j == row and end - row > 1 else 1.0
+                aim[i] -= steps.slope[g, i - row, j - row] * scale * dx[j]
+
+
+@kernel
+def product_ahead(
+    groups: Groups, span: Span, x: Reals, duals: Duals, length: float, steps: Steps
+) -> tuple[float, int]:
+    """The sum of products after a step of this length, and the number of cones."""
+    w, other, total, cones = duals.w, duals.other, 0.0, 0
+    for g in range(span.first, span.last):
+        row, mu, limit = groups.row[g], groups.mu[g], groups.limit[g]
+        if mu < 0.0 and not 0.0 < limit < math.inf:
+            continue
+        cones += 1 if mu >= 0.0 else 2
+        for r in range(row, groups.row[g + 1]):
+            force, rate, more = x[r], w[r], other[r]
+            if length > 0.0:
+                force += length * steps.dx[r]
+                rate += length * duals.aim[r]
+                more += length * duals.toward[r]
+            if mu < 0.0:
+                total += (limit + force) * rate + (limit - force) * more
+            else:
+                total += (mu if mu > 0.0 and r == row else 1.0) * force * rate
+    return total, cones
+
+
+@kernel
+def _longest(groups: Groups, span: Span, x: Reals, duals: Duals, steps: Steps) -> float:
+    """The greatest step that keeps forces and rates in the cones."""
+    least = math.inf
+    for g in range(span.first, span.last):
+        row, end, mu, limit = groups.row[g], groups.row[g + 1], groups.mu[g], groups.limit[g]
+        if mu < 0.0:
+            if 0.0 < limit < math.inf:
+                least = min(least, _reach(limit + x[row], steps.dx[row]))
+                least = min(least, _reach(limit - x[row], -steps.dx[row]))
+                least = min(least, _reach(duals.w[row], duals.aim[row]))
+                least = min(least, _reach(duals.other[row], duals.toward[row]))
+            continue
+        scale = mu if end - row > 1 else 1.0
+        least = min(least, _leave(x, steps.dx, row, end, scale), _leave(duals.w, duals.aim, row, end, 1.0))
+    return least
+
+
+@inner_kernel
+def _reach(z: float, dz: float) -> float:
+    return -z / dz if dz < 0.0 else math.inf
+
+
+@inner_kernel
+def _leave(z: Reals, dz: Reals, row: int, end: int, scale: float) -> float:
+    """The step at which z + step dz, with its first entry times scale, leaves the cone."""
+    top, rise = scale * z[row], scale * dz[row]
+    least = _reach(top, rise)
+    a, half, left = rise * rise, top * rise, top * top
+    for i in range(row + 1, end):
+        a -= dz[i] * dz[i]
+        half -= z[i] * dz[i]
+        left -= z[i] * z[i]
+    left = max(left, 0.0)
+    inside = half * half - a * left
+    if end - row > 1 and inside >= 0.0 and (a < 0.0 or half < 0.0):
+        below = math.sqrt(inside) - half
+        if below > 0.0:
+            least = min(least, left / below)
+    return least

@@ -1,0 +1,84 @@
+"""The proximal point method on an island: forces yield a little about their last values.
+
+Algorithm: a sequence of subproblems, each by Newton's method in velocities (`spatial_newton`), in which
+forces yield in proportion to the residual that is left: redundant contacts, whose rates disagree by next to
+nothing, move their forces by amounts of their own size then. The proportion falls while subproblems are
+solved and rises when one is not; where that does not help, sweeps go on from there. Sources: Rockafellar,
+SIAM J. Control Optim. 14 (1976) 877-898; Yamashita and Fukushima, Computing Suppl. 15 (2001) 239-249, for
+weights in proportion to the residual.
+Accepts: what `spatial_newton` accepts. Promises: nothing; the residual is returned.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.contact.solvers.space.measure import Point, Span, measure
+from rungwise.contact.solvers.space.newton import Steps, descend, evaluate
+from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.contact.solvers.space.sweeps import Answers, accelerate, sweep
+from rungwise.kernel import inner_kernel, kernel
+
+_STEPS = 16
+"""Most Newton steps of a subproblem; chosen by trial."""
+_SETTLED = 0.1
+"""Map of a solved subproblem, over the map at its centre. Chosen by trial."""
+_LIGHTER, _HEAVIER = 0.3, 10.0
+"""Factors on the proportion after success and failure; chosen by trial."""
+_LEAST, _MOST = 1e-11, 0.1
+"""Least and most yield of forces, over the yield of bodies and contact; chosen by trial, to a decade."""
+_SWEEPS = 8
+"""Sweeps where the heaviest subproblem ends on a kink; chosen by trial."""
+_WINDOW, _STALLED = 8, 0.5
+"""The method ends where the least residual is above this share of its value so many subproblems earlier.
+Chosen by trial."""
+
+
+@kernel
+def approach(
+    bodies: Bodies,
+    groups: Groups,
+    answers: Answers,
+    span: Span,
+    quantum: float,
+    tol: float,
+    most: int,
+    point: Point,
+    trial: Point,
+    steps: Steps,
+) -> float:
+    """Move the point in up to so many subproblems until its residual is within `tol`; returns the
+    residual."""
+    found = residual_at(bodies, groups, span, quantum, point, steps)
+    least, earlier, proportion = found, math.inf, 1.0
+    for done in range(most):
+        if found <= tol or not found < math.inf:
+            break
+        if done % _WINDOW == 0:
+            if least > _STALLED * earlier:
+                break
+            earlier = least
+        hold = min(max(proportion * found, _LEAST), _MOST)
+        for r in range(groups.row[span.first], groups.row[span.last]):
+            steps.centre[r] = point.x[r]
+        goal = _SETTLED * evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+        descend(bodies, groups, span, quantum, 0.0, hold, goal, _STEPS, point, trial, steps)
+        left = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
+        found = residual_at(bodies, groups, span, quantum, point, steps)
+        least = min(least, found)
+        proportion *= _LIGHTER if left <= goal else _HEAVIER
+        if left > goal and hold >= _MOST:
+            sweep(groups, answers, span, _SWEEPS, point, steps.dx)
+            accelerate(bodies, groups, span, point)
+            found = residual_at(bodies, groups, span, quantum, point, steps)
+            least, proportion = min(least, found), 1.0
+    return found
+
+
+@inner_kernel
+def residual_at(
+    bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps
+) -> float:
+    """The island's residual at the point, whose rates are computed anew."""
+    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+    return float(measure(bodies, groups, span, quantum, point, steps.dv))

@@ -1,0 +1,398 @@
+"""Steps of any system, one after another, in Python around the core's kernels.
+
+The way of one step: `advance` halves its length until an attempt holds; an attempt (`_attempt`) asks the
+system for terms, solves (`core.step.solve_step`, which assembles the rung's problem and chooses inertia and
+restitution), moves, and looks at the gaps; where gaps are not linear over the step, it solves again from
+there. Then forces, deformations and work are taken over (`_accept`). A step that has no solution however
+short is a jam, or an end of support, if a certificate proves it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
+from rungwise.contact.step import ContactProblem, allocate_problem, trim
+from rungwise.kernel import Reals, kernel, steady
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
+from rungwise.simulation.core.accept import accept, forget
+from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
+from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
+from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
+from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
+from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
+from rungwise.simulation.core.support import without_law
+from rungwise.system.moving import Crowded, Moment, System
+from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
+
+LINEARISATIONS = 12
+"""Solutions of one attempt, each linear about the end of the solution before."""
+ROUNDED = 4
+"""Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
+trial."""
+EXACT, OVERLAP, UNSEEN = 1e-9, 1e-4, 1e-3
+"""Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved;
+the last on compliant rungs, beyond the overlap that the step's linear contacts foresee."""
+SEEN = 2.0
+"""Distance within which contacts are looked for, over the farthest motion in the step."""
+STUCK = 1e-3
+"""Motion over the system's length in a step: below this a step without solution has none, however short."""
+PAUSE = 2.0
+"""Nominal steps: an approach that loads cause within them is rest, not impact."""
+SINKING, SUNK = 0.1, 0.2
+"""Deformation over the system's length beyond which the compliant model fails, and beyond which a long step
+is halved, so that what the run shows last is how it fails."""
+CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
+"""A step is made longer or shorter for an error of its own size, times the first, by factors between the
+others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
+ROUNDING = 1e-12
+"""Rounding of positions over the system's length."""
+
+
+class Leap(NamedTuple):
+    """A step without momentum that goes far: from a time, of length h, how far as a length, and its motion v
+    (n,)."""
+
+    time: float
+    h: float
+    far: float
+    v: Reals
+
+
+@dataclass
+class Stepper:
+    """A run of `system` on `rung` in steps of length `step`; `theta` as in the theta rule.
+
+    `outcome` is RUNNING until a step has no solution, JAMMED or UNSUPPORTED with a checked `certificate`, or
+    NOT_CONVERGED; or until a contact has yielded too much for its model, MODEL_INVALID.
+    `residual` is the worst of all steps, `attempts` counts those refused, too; `clock` is the state's, as
+    Python reads it fastest. `leaps` are those of steps without momentum, `leapt` the last step's or 0,
+    `snaps` whether the run ended because a leap goes on; `outran` is the first step that was shortened
+    because things moved too far in it; `crawl` says what keeps steps short, and `lack` what the last attempt
+    of a run that is NOT_CONVERGED lacks.
+    """
+
+    system: System
+    rung: Rung
+    step: float
+    theta: float = 1.0
+    time: float = 0.0
+    outcome: Code = Code.RUNNING
+    certificate: Certificate | None = None
+    residual: float = 0.0
+    leaps: list[Leap] = field(default_factory=list)
+    outran: Leap | None = None
+    lack: str = ""
+    q: Reals = field(init=False)
+    state: State = field(init=False)
+    scratch: Scratch = field(init=False)
+    terms: Terms = field(init=False)
+    problem: ContactProblem = field(init=False)
+    clock: np.void = field(init=False)
+    attempts: int = field(init=False, default=0)
+    contacts: int = field(init=False, default=0)
+    _speeds: bytes = field(init=False, default=b"")
+    _trial: Reals = field(init=False)
+    _cause: int = field(init=False, default=INSOLUBLE)
+    crawl: Crawl = field(init=False)
+    _deep: float = field(init=False, default=0.0)
+    leapt: float = field(init=False, default=0.0)
+    snaps: bool = field(init=False, default=False)
+    _leaping: float = field(init=False, default=0.0)
+
+    def __post_init__(self) -> None:
+        size = self.system.size
+        n, d = size.velocities, size.directions
+        self.q, v = (np.array(part, float) for part in self.system.start())
+        self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d))
+        self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d))
+        self.terms = allocate_terms(n, size.slots, size.limited, d)
+        self.problem = allocate_problem(n, size.slots, size.limited, d)
+        self.terms.rounding[0] = ROUNDING * size.length
+        self.terms.pause[0] = PAUSE * self.step
+        self.terms.low[0] = math.inf
+        self.crawl = Crawl(self.step, self.time)
+        self._record = self.rung.record(self.theta)
+        self.clock = self.state.clock.view(np.dtype(self.state.clock.dtype.descr)).view(np.ndarray)[0]
+        self._pace, self._fill_pace = np.zeros(n), steady(fill_pace)
+        self._solve, self._take, self._forget = steady(solve_step), steady(accept), steady(forget)
+        self._keep_near = steady(keep_near)
+        clock = self.clock
+        clock["limited"] = size.limited
+        clock["surfaces"] = bool((self.terms.surface != APART).any())
+
+    @property
+    def v(self) -> Reals:
+        """Velocities (n_v,) at the end of the last step."""
+        return self.state.v
+
+    def run(self, duration: float) -> Code:
+        """Take steps until the time has grown by `duration`, or until a step has no solution."""
+        end = self.time + duration
+        while self.outcome == Code.RUNNING and self.time < end * (1.0 - 1e-12):
+            if self.leapt == 0.0 or not self.snaps_on(self.step):
+                self.advance(min(self.step, end - self.time))
+        return self.outcome
+
+    def advance(self, h: float, tol: float = math.inf) -> float:
+        """Take one step of length h, or shorter: halved as long as it has no solution, and shortened where
+        its error is above `tol`, a length. Where there is none, however short, `rw.solve` is asked once, for
+        forces to start from or for a proof. Returns the length for the next step.
+
+        To leading order the error of a step of first order is h |v' - v| / 2. Where nothing moves farther
+        than `tol` in the step, it is small enough.
+        """
+        asked = False
+        while True:
+            status, v = self._attempt(h)
+            if status == SUPPORTED:
+                error, moved = self._error(h, v) if tol < math.inf else (0.0, 0.0)
+                wish = (
+                    h * min(max(CAUTION * math.sqrt(tol / error), LEAST), MOST) if error > 0.0 else MOST * h
+                )
+                if error <= tol or moved <= tol:
+                    self._accept(h)
+                    return wish
+                self.crawl.vote(BENT, -1)
+                h = wish
+                continue
+            moved = h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(self.state.speed)))
+            stuck = min(STUCK * self.system.size.length, self.system.size.thin)
+            if status == UNSUPPORTED or moved < (
+                STUCK * stuck if self._cause == OVERLAPPING and self.rung.inertia > 0.0 else stuck
+            ):
+                if self._explain(status, asked):
+                    return h
+                asked = True
+                continue
+            self.crawl.vote(self._cause, self._culprit())
+            h *= 0.5
+
+    def _culprit(self) -> int:
+        """The slot of the contact at fault in an attempt that was refused, or -1: of the deepest overlap, or
+        of the greatest force before it."""
+        slots = self.scratch.slots[: self.contacts]
+        if self._cause == FAR or not len(slots):
+            return -1
+        force = self.state.force[slots, 0]
+        presses = self._cause != OVERLAPPING and force.max() > 0.0
+        return int(slots[np.argmax(force) if presses else np.argmin(self.terms.gap[: len(slots)])])
+
+    def _error(self, h: float, v: Reals) -> tuple[float, float]:
+        """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
+        old = np.where(self.state.prescribed == 1, v, self.state.v)
+        change = 0.5 * h * self.system.fastest(self.q, np.abs(v - old))
+        return 0.5 * change, 0.5 * h * self.system.fastest(self.q, np.maximum(np.abs(v), np.abs(old)))
+
+    def _attempt(self, h: float) -> tuple[int, Reals]:
+        """The status of a step of length h, and its velocities (n_v,); `_trial` is where they lead."""
+        self.attempts += 1
+        self.crawl.attempts += 1
+        self._cause, self._leaping, size = INSOLUBLE, 0.0, self.system.size
+        self._drive()
+        self.clock["tried"] = h
+        before = -math.inf if self.rung.compliant else self.system.least_gap(self.q)
+        self._trial, v, reach, begins = self.q, self.state.v, self._reach(h), True
+        for _ in range(LINEARISATIONS if self.rung.metric else ROUNDED):
+            if reach > size.farthest or not self._fill(self._trial, v, h, reach):
+                self._cause = FAR
+                return UNSOLVED, np.maximum(np.abs(self._pace), np.abs(v))
+            status = self._again(h)
+            if status != SUPPORTED:
+                return status, self.state.v
+            way = h * self.system.fastest(self.q, self.scratch.v_new)
+            if begins and self._leads_far(way):
+                verdict, paced = self._walk(h, way, reach)
+                if verdict != SUPPORTED:
+                    return verdict, paced
+            if way > reach:
+                reach, self._pace = SEEN * way, np.abs(self.scratch.v_new)
+                continue
+            v = self.scratch.v_new.copy()
+            if way > size.thin and self.system.passes(self.q, v, h):
+                break
+            self._trial = self.system.integrate(self.q, v, h)
+            if self._fits(v, h, way, before):
+                return SUPPORTED, v
+            if begins:
+                self._deep, begins = float(-self.terms.gap[: self.contacts].min(initial=0.0)), False
+        self._cause = OVERLAPPING
+        return UNSOLVED, v
+
+    def _leads_far(self, way: float) -> bool:
+        """Whether a step without momentum goes so far that it may leap."""
+        return self.rung.inertia == 0.0 and self.rung.loads and way > NEAR * self.system.size.length
+
+    def _walk(self, h: float, way: float, reach: float) -> tuple[int, Reals]:
+        """Whether balance is held along the way of a step without momentum that was just solved, of length h:
+        SUPPORTED with its solution as it was, or another status and how fast things would move.
+
+        What nothing holds where the step begins would come to rest against whatever lies in its way, however
+        far. So the contacts that are closed, or that driven motion closes in the step, have to balance the
+        loads alone. A motion that vanishes with the step is taken in steps no longer than the smallest thing.
+        One that does not leads out of balance: it settles, because loads or drives have jumped, or goes on
+        (`snaps_on`).
+        """
+        size, state, scratch, v = self.system.size, self.state, self.scratch, self.scratch.v_new.copy()
+        driven = h * self.system.fastest(self.q, state.speed)
+        everything, near = self.contacts, NEAR * size.length
+        self.contacts = self._keep_near(h, near, everything, state.speed, self.terms, scratch)
+        lone = self.contacts < everything
+        if lone and self._again(h) != SUPPORTED:
+            return (UNSUPPORTED, state.v) if driven < STUCK * size.length else (UNSOLVED, state.speed)
+        if lone:
+            self._fill(self.q, state.v, h, reach)
+        far = way > max(2.0 * size.length, DRIVEN * driven)
+        if far:
+            shorter = self._again(SHORTER * h)
+            moved = SHORTER * h * self.system.fastest(self.q, scratch.v_new)
+            if shorter == SUPPORTED and moved < 0.5 * way:
+                self.outran = self.outran or Leap(self.time, h, 0.5 * way, v)
+                self._cause = FAR
+                return UNSOLVED, v
+            self._leaping = 0.5 * way
+        if far or lone:
+            self._again(h)
+        return SUPPORTED, v
+
+    def snaps_on(self, h: float) -> bool:
+        """Whether what leapt in the last step would go on so in a small part of a step of length h, under the
+        same drives: then momentum decides where it rests, and the run is over."""
+        part = SHORTER * h
+        self._drive()
+        supported = (
+            self._fill(self.q, self.state.v, part, self._reach(part)) and self._again(part) == SUPPORTED
+        )
+        if supported and 0.5 * part * self.system.fastest(self.q, self.scratch.v_new) >= 0.5 * self.leapt:
+            self.outcome, self.snaps = Code.MODEL_INVALID, True
+        return self.snaps
+
+    def _again(self, h: float) -> int:
+        """Solve the problem of a step of length h from the terms that there are."""
+        return int(
+            self._solve(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        )
+
+    def _fits(self, v: Reals, h: float, way: float, before: float) -> bool:
+        """Whether things overlap no more at the end of a step to v than is allowed or was so `before`; on
+        compliant rungs than the contacts foresee, which are linear over a way."""
+        terms, size = self.terms, self.system.size
+        if self.rung.compliant:
+            if way <= STUCK * size.length:
+                return True
+            rows = terms.rows[: self.contacts * size.directions : size.directions]
+            foreseen = terms.gap[: self.contacts] + h * (rows @ v)
+            deepest = float(foreseen.min(initial=0.0))
+            if deepest < -SUNK * size.length and way > SINKING * size.length:
+                return False
+            least = deepest - UNSEEN * size.length
+        else:
+            allowed = (EXACT if self.rung.metric else OVERLAP) * size.length
+            least = min(before - float(terms.rounding[0]), -allowed)
+        return self.system.least_gap(self._trial) >= least
+
+    def _drive(self) -> None:
+        """Set which coordinates are free, and how fast the others move."""
+        speeds, clock = self.system.speeds(self.time), self.clock
+        if speeds.tobytes() == self._speeds:
+            return
+        self._speeds = speeds.tobytes()
+        free = np.flatnonzero(np.isnan(speeds))
+        self.state.speed[:] = np.nan_to_num(speeds)
+        self.state.prescribed[:] = ~np.isnan(speeds)
+        self.state.free[: len(free)] = free
+        clock["free"] = len(free)
+
+    def _reach(self, h: float) -> float:
+        """How far contacts are looked for in a step of length h, for what is known before it."""
+        falls = h if self.rung.inertia > 0.0 else 0.0
+        self._fill_pace(self.state.v, self.state.speed, self.terms.fall, falls, self._pace)
+        return SEEN * h * self.system.fastest(self.q, self._pace) + STUCK * self.system.size.length
+
+    def _fill(self, trial: Reals, v: Reals, h: float, reach: float) -> bool:
+        """Fill in terms at `trial`, as a step from q sees them: gaps less the contribution of v on the way
+        there. False where more contacts than there is room for are within reach of a long step."""
+        terms, state, rung = self.terms, self.state, self.rung
+        moment = Moment(self.time, trial, state.v, h, rung.inertia, rung.metric)
+        try:
+            slots, fresh = self.system.fill(moment, terms, reach)
+        except Crowded:
+            if reach > 2.0 * STUCK * self.system.size.length:
+                return False
+            raise
+        count, d = len(slots), self.system.size.directions
+        self.contacts = count
+        self.scratch.slots[:count] = slots
+        self._forget(slots, fresh, state)
+        if rung.compliant:
+            terms.deformation[: count * d] = state.deformation[slots].ravel()
+        if trial is not self.q:
+            terms.gap[:count] -= h * terms.rows[: count * d : d] @ v
+            self._expel(terms.gap[:count], h)
+        if rung.inertia == 0.0:
+            terms.heft[:, INERTIA] = np.abs(terms.inertia).sum(axis=1)
+            terms.heft[:, METRIC] = np.abs(terms.metric).sum(axis=1)
+        np.subtract(terms.load, self.system.driving, out=state.passive)
+        return True
+
+    def _expel(self, gap: Reals, h: float) -> None:
+        """Let overlap that the way to a trial place adds be gone at the end of the step. The models take a
+        `pause` for overlap, which is meant for what was there before."""
+        if self.rung.compliant or self.rung.metric:
+            return
+        added = gap < -max(self._deep, float(self.terms.rounding[0]))
+        slower = max(1.0, float(self.terms.pause[0]) / h)
+        gap[added] = slower * (gap[added] + self._deep) - self._deep
+
+    def _accept(self, h: float) -> None:
+        self.clock["time"] = self.time
+        sunk = self._take(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        self.system.accept()
+        self.residual = max(self.residual, float(self.clock["residual"]))
+        if self._leaping > 0.0:
+            self.leaps.append(Leap(self.time, h, self._leaping, self.state.v.copy()))
+        self.leapt = self._leaping
+        self.q, self.time = self._trial, self.time + h
+        if self.rung.compliant and sunk > SINKING * self.system.size.length:
+            self.outcome = Code.MODEL_INVALID
+        elif self.crawl.ends(self.time):
+            self.outcome = Code.NOT_CONVERGED
+
+    def _explain(self, status: int, asked: bool) -> bool:
+        """Set the outcome: a jam or a missing support if proved, else not converged. False where `rw.solve`,
+        unless it was asked before, solves the step: its forces are the forces to start from."""
+        clock, terms, state = self.clock, self.terms, self.state
+        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
+        if not np.isfinite(problem.c).all():
+            self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
+            return True
+        if status == UNSUPPORTED:
+            grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
+            resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
+            self.certificate = certify_unsupported(problem, resisting)
+            self.outcome = Code.UNSUPPORTED
+        else:
+            problem = without_law(problem, terms, state.free, self.rung.inertia)
+            self.certificate = certify_infeasible(problem)
+            if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
+                solved, self.certificate = ask(problem, terms, state, self.scratch)
+                if solved:
+                    return False
+            self.outcome = Code.JAMMED
+        if self.certificate is None:
+            self.outcome = Code.NOT_CONVERGED
+            overlaps = self._cause == OVERLAPPING
+            self.lack = lacking(status == UNSUPPORTED, overlaps, float(clock["residual"]))
+        return True
+
+
+@kernel
+def fill_pace(v: Reals, speed: Reals, fall: Reals, h: float, pace: Reals) -> None:
+    """How fast coordinates (n,) may be within a step: as they are, as they are driven, and as they fall."""
+    for i in range(len(pace)):
+        pace[i] = max(abs(v[i]), abs(speed[i])) + h * abs(fall[i])

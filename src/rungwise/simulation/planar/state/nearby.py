@@ -1,0 +1,121 @@
+"""Which contacts are near enough to matter: looking for them, and how far to look."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Reals, RecordArray, inner_kernel, kernel
+from rungwise.scene.template.records import HINGE, Records
+from rungwise.simulation.planar.state.workspace import State, Workspace
+from rungwise.system.planar import joints
+from rungwise.system.planar import terms as planar
+from rungwise.system.planar.gap import find_contacts
+from rungwise.system.planar.place import coordinate_count, turns
+from rungwise.system.planar.seams import find_seams
+from rungwise.system.terms import Terms
+
+AHEAD = 2.0
+"""Steps for which the motion is followed to find the faces that will touch."""
+NEAR = 1e-4
+"""Gaps below this fraction of the longest lever always count as contacts."""
+
+
+@kernel
+def look(records: Records, workspace: Workspace, v: Reals) -> None:
+    """Look for contacts within clock.margin at the placed bodies, which move on with `v` (n,)."""
+    state, seams, course = workspace.state, workspace.seams, workspace.course
+    course.horizon[0] = AHEAD * max(state.clock[0].tried, state.clock[0].next)
+    if seams.neighbours.shape[0] > seams.still[0]:
+        find_seams(records, state.placed, seams)
+    state.clock[0].least_gap = find_contacts(
+        records, state.placed, v, state.clock[0].margin, state.manifolds, seams, course
+    )
+
+
+@kernel
+def widen(records: Records, workspace: Workspace, margin: float) -> None:
+    """Let contacts up to `margin` count: look again when the last look did not reach so far."""
+    clock = workspace.state.clock[0]
+    margin = max(margin, NEAR * clock.reach)
+    clock.near = margin
+    if margin > clock.margin:
+        clock.margin = 2.0 * margin
+        look(records, workspace, workspace.state.v)
+    elif margin < clock.margin / 32.0:
+        clock.margin = 2.0 * margin
+
+
+@kernel
+def gather(records: Records, workspace: Workspace) -> int:
+    """Fill the rows that depend on where the bodies are; returns how many contacts there are."""
+    if records.supports.shape[0] > 0:
+        planar.turn_supports(records, workspace.state.placed.pose, workspace.terms)
+    state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
+    contacts = planar.gather(
+        records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,
+        workspace.terms, scratch.slots,
+    )  # fmt: skip
+    if records.joints.shape[0] == 0:
+        return contacts
+    return joints.stops(
+        records, state.placed.pose, state.q, contacts, 2 * records.pairs.shape[0] + 2 * n, workspace.terms,
+        scratch.slots, scratch.row,
+    )  # fmt: skip
+
+
+@kernel
+def begin_step(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Fill in loads and errors of servos for a step of length h, and measure and fill in the joints."""
+    state, scratch = workspace.state, workspace.scratch
+    if rung[0].loads:
+        planar.loads(
+            records, state.placed.pose, state.q, state.v, state.start, state.clock[0].time, h, rung[0].theta,
+            state.passive, workspace.terms,
+        )  # fmt: skip
+    if records.joints.shape[0] > 0:
+        joints.values(records, state.placed.pose, state.q, scratch.row, scratch.measures)
+        join(records, rung, workspace, h)
+
+
+@kernel
+def join(records: Records, rung: RecordArray, workspace: Workspace, h: float) -> None:
+    """Rows of the joints where the bodies are placed, in a step that began at `scratch.measures`."""
+    state, scratch = workspace.state, workspace.scratch
+    clock = state.clock[0]
+    joints.rows(
+        records, state.placed.pose, state.q, scratch.measures, state.start, clock.time + rung[0].theta * h,
+        h, rung[0].metric, clock.drives, workspace.terms, scratch.row,
+    )  # fmt: skip
+
+
+@inner_kernel
+def swing(records: Records, state: State, i: int) -> float:
+    """The factor that makes coordinate i a distance: 1, or the longest lever of an angle."""
+    coordinate = records.coordinates[i]
+    is_angle = turns(records.bodies[coordinate.body], i)
+    return float(max(state.clock[0].reach, coordinate.lever)) if is_angle else 1.0
+
+
+@kernel
+def fastest_pair(
+    records: Records, rung: RecordArray, terms: Terms, state: State, v: Reals, h: float
+) -> float:
+    """Bound on the relative speed of any two points, with the change by loads during h."""
+    fastest = 0.0
+    for b in range(records.bodies.shape[0]):
+        body = records.bodies[b]
+        speed = 0.0
+        for j in range(coordinate_count(body)):
+            i = body.coordinate + j
+            rate = abs(state.speed[i]) if state.prescribed[i] else abs(v[i])
+            if h > 0.0 and rung[0].inertia > 0.0 and not state.prescribed[i]:
+                rate += h * abs(terms.load[i]) / (rung[0].inertia * terms.inertia[i, i])
+            if turns(body, i):
+                rate *= state.clock[0].reach + (
+                    math.hypot(state.placed.pose[b, 0] - body.pivot_x, state.placed.pose[b, 1] - body.pivot_y)
+                    if body.motion == HINGE
+                    else 0.0
+                )
+            speed += rate
+        fastest = max(fastest, speed)
+    return 2.0 * fastest

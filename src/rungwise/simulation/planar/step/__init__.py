@@ -1,0 +1,1 @@
+"""One step of a planar run: attempts, halves, motions chosen, and what forbids a step."""

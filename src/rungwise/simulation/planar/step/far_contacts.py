@@ -1,0 +1,98 @@
+"""Contacts out of the reach of what is driven, in steps without momentum.
+
+Without inertia a step's problem asks for balance at its end alone. What nothing holds where the step begins
+then comes to rest against whatever lies in its way, however far. So the contacts that are closed when the
+step begins, or that driven motion closes in it, have to balance the loads alone, with springs, dampers,
+drives and dry friction: what balances only against others got there by momentum, which the rung leaves out.
+"""
+
+from __future__ import annotations
+
+from rungwise.contact.step import OPEN, SOLVED
+from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
+from rungwise.models.assemble import carried
+from rungwise.models.limit import greatest_load
+from rungwise.scene.template.records import Records
+from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
+from rungwise.simulation.planar.state.nearby import NEAR, gather
+from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.step.leaps import HEAVIER, LEFT, displacement, solve_again
+from rungwise.simulation.planar.step.preferred_motion import choose_motion
+
+
+@kernel
+def strides(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> bool:
+    """Whether the step just solved has no momentum and takes bodies to contacts that were out of the reach of
+    driven motion, or far with more inertia in the balance than the limit leaves there."""
+    if rung[0].inertia > 0.0 or not rung[0].loads:
+        return False
+    state, terms, scratch, met = workspace.state, workspace.terms, workspace.scratch, False
+    for k in range(contacts):
+        met |= scratch.contact_force[2 * k] > 0.0 and not _is_within(h, k, workspace)
+    if met and greatest_load(terms, state.clock[0].free, state.free)[0] == 0.0:
+        return False
+    return met or (state.clock[0].leaping > 0.0 and not is_balanced(h, LEFT, terms, state, scratch))
+
+
+@rare_kernel
+def stands(records: Records, rung: RecordArray, h: float, shortest: float, workspace: Workspace) -> bool:
+    """Whether contacts within that reach balance the loads alone, in a motion that inertia does not bound. If
+    not, their problem is left in the workspace, else the solution is as it was."""
+    clock = workspace.state.clock[0]
+    everything, clock.contacts = clock.contacts, 0
+    for k in range(everything):
+        if _is_within(h, k, workspace):
+            _put(k, clock.contacts, workspace)
+            clock.contacts += 1
+    held = solve_again(rung, h, workspace) == SUPPORTED and not _is_bound_by_inertia(records, h, workspace)
+    if held:
+        clock.contacts = gather(records, workspace)
+        choose_motion(records, rung, h, clock.contacts, shortest, workspace)
+    return held
+
+
+@rare_kernel
+def _is_bound_by_inertia(records: Records, h: float, workspace: Workspace) -> bool:
+    """Whether bodies move less than half as far with `HEAVIER` times the inertia that stands for none."""
+    state, terms, scratch, problem = workspace.state, workspace.terms, workspace.scratch, workspace.problem
+    clock = state.clock[0]
+    moved, _ = displacement(records, h, workspace)
+    more = (HEAVIER - 1.0) * clock.eps / h
+    for i in range(clock.free):
+        for b in range(state.q.shape[0]):
+            problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
+        for j in range(clock.free):
+            problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
+    status = solve_assembled(clock.contacts, clock.limited, clock.free, terms, state, scratch, problem, False)
+    if status != SOLVED:
+        return True
+    for i in range(clock.free):
+        scratch.v_new[state.free[i]] = scratch.x[i]
+    less, _ = displacement(records, h, workspace)
+    return bool(less < 0.5 * moved)
+
+
+@inner_kernel
+def _is_within(h: float, k: int, workspace: Workspace) -> bool:
+    """Whether contact k is closed, what is driven closes it in a step of length h, or it pushed in the last
+    step: a step that takes faces as flat may leave it a little open."""
+    state, gap = workspace.state, workspace.terms.gap[k]
+    if gap <= NEAR * state.clock[0].reach or state.modes[workspace.scratch.slots[k]] != OPEN:
+        return True
+    return bool(gap <= -h * carried(workspace.terms.rows, 2 * k, state.speed))
+
+
+@rare_kernel
+def _put(k: int, at: int, workspace: Workspace) -> None:
+    """Write what belongs to contact k in the place of contact `at`."""
+    terms = workspace.terms
+    workspace.scratch.slots[at] = workspace.scratch.slots[k]
+    for values in (terms.gap, terms.lever, terms.friction, terms.restitution):
+        values[at] = values[k]
+    for i in range(2):
+        terms.deformation[2 * at + i] = terms.deformation[2 * k + i]
+        for j in range(2):
+            terms.contact_stiffness[at, i, j] = terms.contact_stiffness[k, i, j]
+            terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
+        for j in range(terms.rows.shape[1]):
+            terms.rows[2 * at + i, j] = terms.rows[2 * k + i, j]

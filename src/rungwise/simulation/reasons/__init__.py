@@ -1,0 +1,1 @@
+"""Why runs end, and what keeps them, in words and with proofs."""

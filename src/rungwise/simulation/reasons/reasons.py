@@ -1,0 +1,226 @@
+"""Why a planar run ended, with proofs, and remarks on it so far."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rungwise.contact.judge import Balance, Certificate, certify_infeasible, certify_or_balance
+from rungwise.contact.step import OPEN, ContactProblem, keep_contacts, trim
+from rungwise.kernel import RecordArray
+from rungwise.models.ladder import Rung
+from rungwise.outcome import OUTCOMES, Code
+from rungwise.scene import Scene
+from rungwise.scene.scene import Bound
+from rungwise.simulation.core.support import without_law
+from rungwise.simulation.inputs import Segment, ignored
+from rungwise.simulation.planar.state.nearby import NEAR
+from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.reasons.hindered import Hindrance
+from rungwise.simulation.reasons.remarks import advice, remarks, untouchable
+from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
+from rungwise.wording import listed
+
+JAM, CLOSER, LOOKS = 0.25, 0.1, 4
+"""A step without solution counts as a jam when nothing would move in it by this part of the goal's tolerance;
+where no certificate is found, a step shorter by `CLOSER` is asked, at most `LOOKS` times."""
+SEEN = 1e-3
+"""Part of the fastest coordinate's speed from which on a coordinate is named."""
+
+
+class Ended(NamedTuple):
+    """How a run ended, why, and where a step had no solution the proof and the problem of that step, or the
+    `balance` that the loop may not have found."""
+
+    outcome: Code
+    reason: str
+    certificate: Certificate | None = None
+    problem: ContactProblem | None = None
+    balance: Balance | None = None
+
+
+@dataclass(frozen=True)
+class Reasons:
+    """A run as far as it has come: its scene at its parameters, rung, schedule, and what kernels read."""
+
+    scene: Scene
+    model: Rung
+    theta: float
+    inputs: tuple[Segment, ...]
+    bound: Bound
+    control: RecordArray
+    workspace: Workspace
+
+    def explain(self, code: Code) -> Ended:
+        """The outcome that the loop found, with its reason; a jam or a missing support must be proved, else
+        the run is not converged."""
+        outcome = OUTCOMES[code]
+        clock = self.workspace.state.clock[0]
+        reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
+        if code == Code.INVALID:
+            reason = self._undefined()
+        if code == Code.MODEL_INVALID and clock["snapped"]:
+            reason = self._snapped()
+        if code == Code.TIMEOUT and clock["segment"] < len(self.inputs):
+            reason = self._waited(int(clock["segment"])) or reason
+        if code not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
+            return Ended(code, reason)
+        n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
+        problem = trim(self.workspace.problem, n, contacts, limited)
+        certificate, balance = None, None
+        if code == Code.JAMMED:
+            problem = without_law(
+                problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
+            )
+            certificate = certify_infeasible(problem)
+        elif code == Code.UNSUPPORTED:
+            problem, _ = self._unsupported()
+            certificate, balance = certify_or_balance(problem, self.resisting())
+        if certificate is None:
+            return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem, balance)
+        reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
+        return Ended(code, reason, certificate, problem)
+
+    def _undefined(self) -> str:
+        """Which number that depends on time is not finite, and when."""
+        slot = int(self.workspace.scratch.undefined[0])
+        checks = self.scene.template.checks
+        path = checks.paths[checks.slots.tolist().index(slot)]
+        value = self.bound.buffer[slot]
+        now = self.workspace.state.values[len(self.scene.template.parameters)]
+        return f"{path}: must be finite, not {value:g}, at t = {now:g}"
+
+    def _waited(self, number: int) -> str:
+        """Which condition of the schedule did not come to hold within its segment, if that ended the run."""
+        clock, segment = self.workspace.state.clock[0], self.inputs[number]
+        if segment.until is None or clock["time"] < clock["switch"]:
+            return ""
+        return (
+            f"inputs.{number}.until: {segment.until} did not hold within {segment.duration:g}"
+            f" (from t = {clock['switched']:.6g} on)"
+        )
+
+    def _snapped(self) -> str:
+        """Which body left its balance, when, and which contacts had held it."""
+        state, template, records = self.workspace.state, self.scene.template, self.bound.records
+        pace = records.coordinates["lever"] * np.abs(self.workspace.scratch.v_new)
+        body = int(records.coordinates["body"][np.argmax(np.where(state.prescribed, 0.0, pace))])
+        slots = 2 * len(records.pairs)
+        pairs = np.unique(np.flatnonzero(state.force[:slots, 0] > 0.0) // 2)
+        held = {template.contacts[int(k)] for k in np.unique(records.pairs["contact"][pairs])}
+        near = sorted("|".join(names) for names in held if template.bodies[body] in names)
+        name, at = template.bodies[body], f" at {listed(near)}" if near else ""
+        return (
+            f"at t = {state.clock[0]['time']:.6g} {name} snaps out of its balance{at}: however"
+            " short the step, it moves on, and momentum, which this rung leaves out, decides where it rests."
+            " Use a dynamic rung, or damp the motion."
+        )
+
+    def _given_up(self, code: Code) -> str:
+        """Why a step that has neither a solution nor a proof ends the run."""
+        leap = None
+        if self.model.metric:
+            span = max(float(self.control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
+            leap = leap_ahead(self.scene, self.bound, self.workspace, self._far(), span)
+        return str(leap or f"{self._hindrance().why_ended(code)}. {self._hindrance().advice()}")
+
+    def _hindrance(self) -> Hindrance:
+        return Hindrance(self.scene, self.model, self.bound, self.control, self.workspace.state.clock)
+
+    def _far(self) -> float:
+        """Least jump of a target that is reported."""
+        return float(self.control[0]["tolerance"])
+
+    def notes(self) -> tuple[str, ...]:
+        """Remarks on the run so far (see `simulation.reasons.remarks`)."""
+        found = remarks(
+            self.model, self.theta, self.control, self.workspace.state.clock, self._least_moved(),
+            self._hindrance().why_short(),
+        )  # fmt: skip
+        found += ignored(self.scene, self.model, self.inputs) + untouchable(self.scene)
+        leap = leap_taken(self.scene, self.bound, self.workspace, self._far())
+        found += self._held()
+        return found if leap is None else (*found, str(leap))
+
+    def _held(self) -> tuple[str, ...]:
+        """A remark where bodies were held though another motion solved the step as well, with this motion."""
+        *other, time = self.workspace.scratch.other.tolist()
+        if time < 0.0:
+            return ()
+        pace = self.bound.records.coordinates["lever"] * np.array(other)
+        fastest = float(np.abs(pace).max(initial=0.0))
+        if fastest == 0.0:
+            return ()
+        names = self.scene.template.coordinates
+        motion = [
+            f"{names[i]} {pace[i] / fastest:+.2g}" for i in np.flatnonzero(np.abs(pace) > SEEN * fastest)
+        ]
+        return (
+            f"rest: at t = {time:.6g} friction may hold bodies, and holds them; but another motion solves the"
+            f" step as well: {', '.join(motion)} (parts of the fastest). Richer rungs may take it",
+        )
+
+    def _least_moved(self) -> float:
+        """Reach of the smallest body with a coordinate that forces move, by its largest shape; inf if there
+        is none."""
+        records, free = self.bound.records, self.workspace.state.prescribed == 0
+        least = math.inf
+        for b in np.unique(records.coordinates["body"][free]):
+            reach = records.shapes["reach"][records.shapes["body"] == b]
+            least = min(least, float(reach.max(initial=0.0)) or math.inf)
+        return least
+
+    def looks_closer(self) -> bool:
+        """Whether the run goes on, with shorter steps, from a state that looked like a jam but has no
+        certificate; then the run is prepared for it.
+
+        Where a contact is about to close in just this step, it has neither a solution nor a certificate.
+        """
+        clock, least = self.workspace.state.clock[0], JAM * CLOSER**LOOKS * self.control[0]["tolerance"]
+        if clock["outcome"] != Code.JAMMED or self.control[0]["jam"] * CLOSER < 0.99 * least:
+            return False
+        self.control["jam"] *= CLOSER
+        self._go_on()
+        return True
+
+    def goes_on(self, balance: Balance) -> None:
+        """Prepare the run to go on from a step without support, from the balance that its end names."""
+        _, kept = self._unsupported()
+        state, scratch, limited = self.workspace.state, self.workspace.scratch, len(balance.tau)
+        slots = scratch.slots[: len(kept)][kept]
+        lever = self.workspace.terms.lever[: len(kept)][kept]
+        state.modes[:] = OPEN
+        state.modes[slots] = balance.modes[: len(slots)]
+        state.force[slots] = lever[:, None] * balance.force.reshape(-1, 2)
+        scratch.limited_mode[:limited] = balance.modes[len(slots) :]
+        scratch.limited_force[:limited] = balance.tau
+        self._go_on()
+
+    def _unsupported(self) -> tuple[ContactProblem, np.ndarray[Any, np.dtype[np.bool_]]]:
+        """The problem of the last step, which nothing supports, with the contacts alone that have to balance
+        the loads (see `planar.far_contacts`), and which those are (k,)."""
+        state, terms = self.workspace.state, self.workspace.terms
+        n, contacts, limited = (int(state.clock[0][name]) for name in ("free", "contacts", "limited"))
+        problem = trim(self.workspace.problem, n, contacts, limited)
+        slots, gap = self.workspace.scratch.slots[:contacts], terms.gap[:contacts]
+        closing = -float(state.clock[0]["tried"]) * (terms.rows[: 2 * contacts : 2] @ state.speed)
+        near = (gap <= np.maximum(NEAR * state.clock[0]["reach"], closing)) | (state.modes[slots] != OPEN)
+        return keep_contacts(problem, near), near
+
+    def _go_on(self) -> None:
+        """Let the run go on: the frame recorded as the last frame is not the last."""
+        state, frames = self.workspace.state, self.workspace.frames
+        state.clock["outcome"] = Code.RUNNING
+        state.clock["frames"] -= 1
+        state.impulse[:] += frames.impulse[int(state.clock[0]["frames"])]
+
+    def resisting(self) -> np.ndarray[Any, np.dtype[np.float64]]:
+        """H of the last problem without its inertia."""
+        state, terms = self.workspace.state, self.workspace.terms
+        free = state.free[: int(state.clock[0]["free"])]
+        grid = np.ix_(free, free)
+        step = float(state.clock[0]["theta"]) * float(state.clock[0]["tried"])
+        return np.asarray(step * terms.stiffness[grid] + terms.damping[grid])

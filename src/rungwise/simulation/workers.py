@@ -1,0 +1,234 @@
+"""Samples on threads that run compiled code: the common ground of batches and rollouts."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from queue import SimpleQueue
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.contract import AnyScene
+from rungwise.scene.fields.values import shown
+from rungwise.scene.template import records as rec
+from rungwise.simulation.inputs import compiled
+from rungwise.simulation.options import ModelError, check_options, count, preferences
+from rungwise.simulation.planar.loop import STOPPED
+from rungwise.simulation.planar.samples import (
+    OPTIONS,
+    RESULT,
+    Place,
+    Programs,
+    Samples,
+    run_samples,
+)
+from rungwise.simulation.planar.state.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
+from rungwise.simulation.reasons.reasons import CLOSER, JAM, LOOKS
+from rungwise.simulation.run import LONGEST, TURN_S
+from rungwise.simulation.state import Memory, digest
+from rungwise.wording import choices, listed
+
+CHUNK = 256
+"""Runs of one compiled call: long enough that Python does not count, short enough for progress."""
+MOST_THREADS = 256
+"""More are not started: what runs give does not depend on it."""
+BUDGET = 1_000_000
+"""Greatest number of steps of one run; one that takes more has not converged."""
+
+
+class Workers:
+    """Threads for runs of one scene on one rung, with segments whose conditions are `until` and that ramp
+    where `ramps` says so; `budget` is the greatest number of steps of one run, and `jam` the motion in a step
+    without solution, in parts of the goal's tolerance, that counts as a jam. Other options as for
+    `Simulation`. Where runs are parts of one that lasts for `span`, their steps are no longer than its own.
+    Raises SceneError, ScheduleError or ModelError for wrong input."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        model: Rung,
+        over: Sequence[str],
+        parameters: Mapping[str, float] | None,
+        *,
+        until: Sequence[str | None] = (),
+        ramps: Sequence[bool] = (),
+        step: float | None = None,
+        tol: float | None = None,
+        duration: float | None = None,
+        span: float | None = None,
+        theta: float = 1.0,
+        motion: Mapping[str, float] | None = None,
+        budget: int | None = None,
+        jam: float = JAM * CLOSER**LOOKS,
+        threads: int | None = None,
+    ) -> None:
+        self.scene, self.model, self.over = scene, model, tuple(over)
+        step, tol, duration, self.theta = check_options(step, tol, duration, theta)
+        self._preferred = preferences(scene, model, motion)
+        template = scene.template
+        self.parameters, self.digest = scene.parameters(parameters), digest(scene)
+        self._columns = np.array([template.parameters.index(name) for name in self.over], np.int64)
+        self._until, self._ramps = tuple(until), np.array(ramps, np.int64)
+        conditions = template.conditions
+        self._programs = Programs(
+            numbers=template.fixed_numbers(), bounds=template.checks.bounds(), buffer=template.buffer,
+            parameters=np.array(list(self.parameters.values())), blank=np.zeros(1, CLOCK),
+        )  # fmt: skip
+        self._conditions = (conditions.code, conditions.constants, conditions.table)
+        self._rung = self.model.record(self.theta)
+        self._options = np.zeros(1, OPTIONS)
+        self._options["step"] = math.nan if step is None else step
+        self._options["duration"] = math.nan if duration is None else duration
+        self._options["span"] = math.nan if span is None else span
+        self._options["tol"] = 0.0 if tol is None else tol
+        self._options["longest"] = LONGEST
+        self._options["jam"] = jam
+        self._options["budget"] = BUDGET if budget is None else count("budget", budget, 1)
+        self.threads = threads_of(threads)
+        self._places: SimpleQueue[Place] = SimpleQueue()
+        for _ in range(self.threads):
+            self._places.put(self._place())
+
+    def run(
+        self,
+        points: Reals,
+        *,
+        bodies: Reals | None = None,
+        memories: Reals | None = None,
+        memory: Ints | None = None,
+        durations: Reals | None = None,
+        levels: Reals | None = None,
+        wrong: Ints | None = None,
+        keeps: bool = False,
+        chunk: int = CHUNK,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> Samples:
+        """Run every point (m, k), values of `over`; the other arrays are those of `Samples`, and no row of
+        one that is not given. The bytes do not depend on threads or `chunk`. `on_progress` is called with the
+        number of runs done, about ten times a second; what it raises ends the runs within one step, as Ctrl-C
+        does."""
+        chunk = count("chunk", chunk, 1)
+        m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
+        inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
+        samples = Samples(
+            points=points,
+            bodies=np.zeros((0, 2 * n + 1)) if bodies is None else bodies,
+            memories=np.zeros((0, size)) if memories is None else memories,
+            memory=np.full(m, -1) if memory is None else memory,
+            durations=np.zeros((1, segments)) if durations is None else durations,
+            levels=np.full((1, segments, inputs), math.nan) if levels is None else levels,
+            wrong=np.zeros(m, np.int64) if wrong is None else wrong,
+            results=np.zeros(m, RESULT),
+            final=np.zeros((m, 2 * n)),
+            kept=np.full((m if keeps else 0, max(segments, 1), size), math.nan),
+        )
+        signals = np.zeros(1, np.int64)
+        spans = [(at, min(at + chunk, m)) for at in range(0, m, chunk)]
+        if m == 1 and on_progress is None:
+            self._chunk(samples, 0, 1, signals)
+            return samples
+        with ThreadPoolExecutor(self.threads) as pool:
+            waiting = {pool.submit(self._chunk, samples, *span, signals) for span in spans}
+            try:
+                done = 0
+                for part in _sizes(waiting):
+                    done += part
+                    if on_progress is not None:
+                        on_progress(done)
+            except BaseException:
+                signals[STOPPED] = 1
+                for future in waiting:
+                    future.cancel()
+                raise
+        return samples
+
+    def _chunk(self, samples: Samples, first: int, last: int, signals: Ints) -> int:
+        place = self._places.get()
+        try:
+            run_samples(
+                self._programs, self._conditions, self._rung, self._options, self._columns, samples,
+                first, last, signals, place,
+            )  # fmt: skip
+        finally:
+            self._places.put(place)
+        return last - first
+
+    def goes_on(self, memory: Memory, parameters: Mapping[str, float]) -> bool:
+        """Whether a run with these parameters goes on from the memory as if it had not been interrupted."""
+        template, given = self.scene.template, self.parameters | dict(parameters)
+        free = template.inputs if memory.inputs else ()
+        kept = in_memory(self.workspace.state, "values", memory.values[None])[0]
+        same = all(
+            given[name] == value
+            for name, value in zip(template.parameters, kept, strict=False)
+            if name not in free
+        )
+        return bool(same and memory.model.record(memory.theta) == self._rung)
+
+    @property
+    def workspace(self) -> Workspace:
+        """The workspace of a thread that rests."""
+        place = self._places.get()
+        self._places.put(place)
+        return place.workspace
+
+    def _place(self) -> Place:
+        """Arrays of one thread."""
+        template, segments = self.scene.template, len(self._until)
+        buffer = template.buffer.copy()
+        records = rec.views(buffer, template.counts)
+        workspace = allocate(records, np.zeros(template.value_count), template, 3)
+        workspace.state.prefer[:] = self._preferred
+        inputs = compiled(
+            self.scene, np.zeros(segments), np.zeros((segments, len(template.inputs))), self._ramps.copy(),
+            self._until,
+        )  # fmt: skip
+        return Place(
+            buffer=buffer, control=np.zeros(1, CONTROL), records=records, inputs=inputs, workspace=workspace
+        )
+
+
+def threads_of(threads: int | None) -> int:
+    """How many threads: as many as there are cores if not given. Raises ModelError."""
+    if threads is None:
+        return os.cpu_count() or 1
+    try:
+        return min(count("threads", threads, 1), MOST_THREADS)
+    except ModelError:
+        raise ModelError(f"threads: {threads!r} must be at least 1") from None
+
+
+def outside(scene: AnyScene, over: Sequence[str], points: Reals) -> Ints:
+    """Whether each point (m, k) is outside the ranges of the parameters `over`."""
+    found = np.zeros(len(points), bool)
+    for column, name in zip(points.T, over, strict=True):
+        declared = scene.file.parameters[name].range
+        low, high = (-math.inf, math.inf) if declared is None else declared
+        found |= ~((column >= low) & (column <= high))
+    return found.astype(np.int64)
+
+
+def names_of(scene: AnyScene, over: Sequence[str], field: str = "over") -> tuple[str, ...]:
+    """The parameters' names, checked. Raises SceneError."""
+    known = scene.file.parameters
+    for place, name in enumerate(over):
+        if name not in known:
+            raise SceneError(f"{field}: unknown parameter {shown(name)}{choices(name, known)}")
+        if name in over[:place]:
+            raise SceneError(f"{field}: {name} is given twice")
+    if not over:
+        raise SceneError(f"{field}: needs at least one parameter; valid: {listed(known)}")
+    return tuple(over)
+
+
+def _sizes(waiting: set[Future[int]]) -> Iterator[int]:
+    """Numbers of runs, as chunks end; 0 where none ends for a while."""
+    left = set(waiting)
+    while left:
+        done, left = wait(left, timeout=TURN_S, return_when=FIRST_COMPLETED)
+        yield sum(future.result() for future in done)
