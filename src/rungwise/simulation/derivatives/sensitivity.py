@@ -3,7 +3,7 @@
 The data that a step assembles are smooth while its features and decisions stay as they are: which points
 touch, which contacts bounce, which coordinates have come to the end of their travel, theta, and how small the
 eps of a quasistatic rung is. So the data are differenced, centrally, with features and decisions held; the
-solution is then differentiated exactly (`contact.sensitivity`). A gap enters as psi / h and is not
+solution is then differentiated exactly (`contact.analysis.sensitivity`). A gap enters as psi / h and is not
 differenced through the threshold below which it counts as zero.
 """
 
