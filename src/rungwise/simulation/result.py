@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.judge import Certificate
 from rungwise.contact.step import ContactProblem
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
-from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.plain import cut
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
 from rungwise.simulation import trajectory
-from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
+from rungwise.simulation.record import Record, by_body
 from rungwise.simulation.state import Memory, State, digest
 
 if TYPE_CHECKING:
@@ -31,52 +27,24 @@ if TYPE_CHECKING:
     from rungwise.simulation.reasons.hard_steps import HardSteps
 
 
-@dataclass(frozen=True)
-class Run:
-    """The end of a run and its record.
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class Run(Record):
+    """The end of a run of a planar scene and its record (see `Record`).
 
-    `motion` holds the preferred velocities, `inputs` the schedule, `theta` is the theta in use (see
-    `Simulation`); `final` maps body -> coordinate -> value; `worst_residual` is the largest scaled residual
-    of a step that counts as solved; `problem` is the problem of the last step, where it had no solution, and
-    `certificate` proves a jam or a missing support; `hard` holds the saved hard steps, if asked for; `wall_s`
-    is the time that steps took, without compilation; `workspace` holds the arrays as the run left them;
-    `notes` are remarks on changes, omissions and oddities, a line each (see `simulation.reasons.remarks`)."""
+    `motion` holds the preferred velocities; `final` maps body -> coordinate -> value; `problem` is the
+    problem of the last step, where it had no solution; `hard` holds the saved hard steps, if asked for;
+    `workspace` holds the arrays as the run left them."""
 
     scene: Scene
-    model: Rung
-    parameters: dict[str, float]
     motion: dict[str, float]
-    inputs: tuple[Segment, ...]
-    theta: float
-    outcome: Outcome
-    reason: str
-    time: float
-    steps: int
     attempts: int
-    solves: int
-    worst_residual: float
-    wall_s: float
-    certificate: Certificate | None
     problem: ContactProblem | None
     workspace: Workspace | None
     hard: HardSteps | None = None
-    notes: tuple[str, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        """Whether the answer is positive: the run came to the goal."""
-        return self.outcome.exit_code == 0
 
     @property
     def began(self) -> bool:
-        """Whether the scene is possible at its start."""
         return self.workspace is not None
-
-    def __repr__(self) -> str:
-        return (
-            f"<Run of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at t ="
-            f" {self.time:.6g}, {self.steps} steps, worst residual {self.worst_residual:.1e}>"
-        )
 
     def _repr_html_(self) -> str:
         import rungwise
@@ -92,13 +60,9 @@ class Run:
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
-        """Coordinates at the end, by body and name."""
-        places: dict[str, dict[str, float]] = {}
-        if self.workspace is not None:
-            for name, value in zip(self.scene.template.coordinates, self.workspace.state.q, strict=True):
-                body, coordinate = name.split(".")
-                places.setdefault(body, {})[coordinate] = float(value)
-        return places
+        if self.workspace is None:
+            return {}
+        return by_body(self.scene.template.coordinates, self.workspace.state.q)
 
     @property
     def energy_gained(self) -> float:
@@ -112,8 +76,8 @@ class Run:
     @property
     def state(self) -> State:
         """The state at the end of the run. Raises ValueError for a run that never began."""
-        if self.workspace is None:
-            raise ValueError(f"the run did not begin: {self.reason}")
+        self.check_begun()
+        assert self.workspace is not None
         return self._state(self.workspace.state.memory, digest(self.scene))
 
     @property
@@ -135,38 +99,20 @@ class Run:
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `trajectory.dataset`). Raises ValueError for a run that never began."""
-        if self.workspace is None:
-            raise ValueError(f"the run did not begin: {self.reason}")
+        self.check_begun()
+        assert self.workspace is not None
         data = trajectory.dataset(self.scene, self.model, self.workspace, pair_labels(self.scene))
         return data.assign_attrs(outcome=str(self.outcome), reason=self.reason)
 
     def summary(self) -> dict[str, object]:
-        """Plain values, as `rungwise sim --json` prints them."""
-        return {
-            "scene": self.scene.name,
-            "model": self.model.name,
-            "parameters": self.parameters,
-            "motion": self.motion,
-            "inputs": [asdict(segment) for segment in self.inputs],
-            "outcome": str(self.outcome),
-            "reason": self.reason,
-            "time": self.time,
-            "steps": self.steps,
-            "attempts": self.attempts,
-            "solves": self.solves,
-            "final": self.final,
-            "worst_residual": self.worst_residual,
-            "certificate": None if self.certificate is None else self.certificate.kind,
-            "energy_gained": self.energy_gained,
-            "notes": list(self.notes),
-            "wall_s": round(self.wall_s, 6),
-            **({} if self.hard is None else {"hard": self.hard.summary()}),
-        }
-
-    @keywords
-    def save(self, folder: str | Path) -> Path:
-        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
-        return trajectory.save(folder, self.trajectory, self.summary())
+        found: dict[str, object] = {}
+        for name, value in super().summary().items():
+            found[name] = value
+            if name == "parameters":
+                found["motion"] = self.motion
+            elif name == "steps":
+                found["attempts"] = self.attempts
+        return found if self.hard is None else found | {"hard": self.hard.summary()}
 
 
 def pair_labels(scene: Scene) -> list[str]:

@@ -2,8 +2,8 @@
 
 Directions go through one step after another: the change of a step's data along each direction is of first
 order, and where a mode is about to change the solution still has a derivative along directions
-(`contact.analysis.sensitivity`), which obeys the chain rule though it is not linear. Source: Robinson, Math. Oper.
-Res. 16 (1991) 292-309 (chain rule of B-derivatives).
+(`contact.analysis.sensitivity`), which obeys the chain rule though it is not linear. Source: Robinson, Math.
+Oper. Res. 16 (1991) 292-309 (chain rule of B-derivatives).
 """
 
 from __future__ import annotations

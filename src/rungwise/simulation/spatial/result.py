@@ -3,85 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate
-from rungwise.keywords import keywords
-from rungwise.models.ladder import Rung
-from rungwise.outcome import Outcome
-from rungwise.plain import cut
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.inputs import Segment
+from rungwise.simulation.record import Record, by_body
 from rungwise.simulation.spatial.frames import REACTIONS, WORK, Frame
 from rungwise.simulation.state import Memory, State, digest
-from rungwise.simulation.trajectory import save
 from rungwise.system.spatial.space import Space
 
 if TYPE_CHECKING:
     import xarray
 
 
-@dataclass(frozen=True, eq=False)
-class SpaceRun:
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
+class SpaceRun(Record):
     """The end of a run in space and its record; what a planar `Run` has, it has under the same names.
 
     `frames` are the states kept, with their contacts; `space` is the system as the run left it;
     `energy_gained` is the energy that contacts added in steps in which something bounced."""
 
     scene: SpaceScene
-    model: Rung
-    parameters: dict[str, float]
-    inputs: tuple[Segment, ...]
-    theta: float
-    outcome: Outcome
-    reason: str
-    time: float
-    steps: int
-    solves: int
-    worst_residual: float
-    wall_s: float
-    certificate: Certificate | None
     frames: tuple[Frame, ...]
     space: Space | None
     energy_gained: float = 0.0
-    notes: tuple[str, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        """Whether the answer is positive: the run came to the goal."""
-        return self.outcome.exit_code == 0
 
     @property
     def began(self) -> bool:
-        """Whether the scene is possible at its start."""
         return bool(self.frames)
-
-    def __repr__(self) -> str:
-        return (
-            f"<SpaceRun of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at t ="
-            f" {self.time:.6g}, {self.steps} steps, worst residual {self.worst_residual:.1e}>"
-        )
 
     @property
     def final(self) -> dict[str, dict[str, float]]:
-        """Coordinates at the end, by body and name."""
-        places: dict[str, dict[str, float]] = {}
-        if self.frames:
-            for name, value in zip(self.scene.template.coordinates, self.frames[-1].q, strict=True):
-                body, _, coordinate = name.partition(".")
-                places.setdefault(body, {})[coordinate] = float(value)
-        return places
+        return by_body(self.scene.template.coordinates, self.frames[-1].q) if self.frames else {}
 
     @property
     def state(self) -> State:
         """The state at the end of the run. Raises ValueError for a run that never began."""
-        if not self.frames:
-            raise ValueError(f"the run did not begin: {self.reason}")
+        self.check_begun()
         return self.states[-1]
 
     @cached_property
@@ -99,34 +60,8 @@ class SpaceRun:
     @cached_property
     def trajectory(self) -> xarray.Dataset:
         """The recorded frames (see `dataset`). Raises ValueError for a run that never began."""
-        if not self.frames:
-            raise ValueError(f"the run did not begin: {self.reason}")
+        self.check_begun()
         return dataset(self)
-
-    def summary(self) -> dict[str, object]:
-        """Plain values, as `rungwise sim --json` prints them."""
-        return {
-            "scene": self.scene.name,
-            "model": self.model.name,
-            "parameters": self.parameters,
-            "inputs": [asdict(segment) for segment in self.inputs],
-            "outcome": str(self.outcome),
-            "reason": self.reason,
-            "time": self.time,
-            "steps": self.steps,
-            "solves": self.solves,
-            "final": self.final,
-            "worst_residual": self.worst_residual,
-            "certificate": None if self.certificate is None else self.certificate.kind,
-            "energy_gained": self.energy_gained,
-            "notes": list(self.notes),
-            "wall_s": round(self.wall_s, 6),
-        }
-
-    @keywords
-    def save(self, folder: str | Path) -> Path:
-        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
-        return save(folder, self.trajectory, self.summary())
 
 
 def dataset(run: SpaceRun) -> xarray.Dataset:

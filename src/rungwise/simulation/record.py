@@ -1,0 +1,121 @@
+"""What runs of all worlds have in common at their end."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rungwise.contact.judge import Certificate
+from rungwise.keywords import keywords
+from rungwise.models.ladder import Rung
+from rungwise.outcome import Outcome
+from rungwise.plain import cut
+from rungwise.simulation.inputs import Segment
+from rungwise.simulation.state import State
+from rungwise.simulation.trajectory import save
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """The end of a run and its record.
+
+    `inputs` holds the schedule, `theta` is the theta in use (see `Simulation`); `worst_residual` is the
+    largest scaled residual of a step that counts as solved; `certificate` proves a jam or a missing support;
+    `wall_s` is the time that steps took, without compilation; `notes` are remarks on changes, omissions and
+    oddities, a line each (see `simulation.reasons.remarks`)."""
+
+    scene: Any
+    model: Rung
+    parameters: dict[str, float]
+    inputs: tuple[Segment, ...]
+    theta: float
+    outcome: Outcome
+    reason: str
+    time: float
+    steps: int
+    solves: int
+    worst_residual: float
+    wall_s: float
+    certificate: Certificate | None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether the answer is positive: the run came to the goal."""
+        return self.outcome.exit_code == 0
+
+    @property
+    @abstractmethod
+    def began(self) -> bool:
+        """Whether the scene is possible at its start."""
+
+    @property
+    @abstractmethod
+    def states(self) -> list[State]:
+        """The states of the recorded frames, in the order of `trajectory.time`."""
+
+    @property
+    @abstractmethod
+    def trajectory(self) -> xarray.Dataset:
+        """The recorded frames. Raises ValueError for a run that never began."""
+
+    @property
+    @abstractmethod
+    def energy_gained(self) -> float:
+        """Energy that contacts added in steps in which something bounced."""
+
+    @property
+    @abstractmethod
+    def final(self) -> dict[str, dict[str, float]]:
+        """Coordinates at the end, by body and name."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}: {self.outcome} at"
+            f" t = {self.time:.6g}, {self.steps} steps, worst residual {self.worst_residual:.1e}>"
+        )
+
+    def check_begun(self) -> None:
+        """Raise ValueError for a run that never began."""
+        if not self.began:
+            raise ValueError(f"the run did not begin: {self.reason}")
+
+    def summary(self) -> dict[str, object]:
+        """Plain values, as `rungwise sim --json` prints them."""
+        return {
+            "scene": self.scene.name,
+            "model": self.model.name,
+            "parameters": self.parameters,
+            "inputs": [asdict(segment) for segment in self.inputs],
+            "outcome": str(self.outcome),
+            "reason": self.reason,
+            "time": self.time,
+            "steps": self.steps,
+            "solves": self.solves,
+            "final": self.final,
+            "worst_residual": self.worst_residual,
+            "certificate": None if self.certificate is None else self.certificate.kind,
+            "energy_gained": self.energy_gained,
+            "notes": list(self.notes),
+            "wall_s": round(self.wall_s, 6),
+        }
+
+    @keywords
+    def save(self, folder: str | Path) -> Path:
+        """Write trajectory and summary into `folder` (see `trajectory.save`)."""
+        return save(folder, self.trajectory, self.summary())
+
+
+def by_body(names: Iterable[str], values: Iterable[float]) -> dict[str, dict[str, float]]:
+    """Values of coordinates, by body and name."""
+    found: dict[str, dict[str, float]] = {}
+    for name, value in zip(names, values, strict=True):
+        body, _, coordinate = name.partition(".")
+        found.setdefault(body, {})[coordinate] = float(value)
+    return found
