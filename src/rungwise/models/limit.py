@@ -109,7 +109,7 @@ def resting_inertia(h: float, terms: Terms, n: int, free: Ints) -> float:
 
 
 @kernel
-def stirs(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
+def is_moving(h: float, terms: Terms, n: int, free: Ints, v: Reals) -> bool:
     """Whether something moves with `v` beyond `STIR` roundings of positions in the step."""
     moves = False
     for i in range(n):

@@ -15,7 +15,7 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Predictor, Stage
 from rungwise.planning.plan import Plan
-from rungwise.planning.search.layout import Course, lay
+from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.search.shooting import Search, run_moves, shoot
 from rungwise.planning.search.tree import grow
@@ -85,7 +85,7 @@ class Replanner:
     def _next(self, work: Work, rest: Reals, levels: Reals) -> tuple[Course | None, Reals]:
         """The next move, laid out, and the moves (k, d) after it; None where there is none."""
         for vectors in self._plans(work, rest, levels):
-            course = lay(
+            course = lay_out(
                 work.moves, work.transit, self._nominal, work.start, vectors[:1], work.seed, levels, True
             )
             if course.segments and not course.blocked and (course.reached or course.outcome in GOES_ON):

@@ -45,7 +45,7 @@ class Course:
         return self.outcome == Code.GOAL
 
 
-def lay(
+def lay_out(
     moves: Moves, transit: Transit, predictor: Predictor, start: Places, vectors: Reals, seed: int,
     before: Reals | None = None, draws_back: bool = False,
 ) -> Course:  # fmt: skip

@@ -17,7 +17,7 @@ from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.placements import GOALS, NEAREST, Placing
 from rungwise.planning.motion.propagate import Budget, Places, Predictor, Stage
 from rungwise.planning.motion.transit import Transit
-from rungwise.planning.search.layout import Course, lay
+from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes
 from rungwise.planning.task.task import Task, guarded_scene
 from rungwise.simulation.state import State
@@ -172,4 +172,4 @@ def known(work: Work) -> str:
 
 
 def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:
-    return lay(work.moves, work.transit, predictor, work.start, vectors, work.seed)
+    return lay_out(work.moves, work.transit, predictor, work.start, vectors, work.seed)

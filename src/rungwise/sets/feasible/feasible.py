@@ -30,7 +30,7 @@ from rungwise.sets.cells.labels import Label, bounds_of, labels
 from rungwise.sets.cells.tree import FIRST_LEVEL, BudgetSpent, Tree
 from rungwise.sets.feasible import arrays, export
 from rungwise.sets.feasible.cluster import runner
-from rungwise.sets.feasible.oracle import Asker
+from rungwise.sets.feasible.oracle import Oracle
 from rungwise.sets.motions import SLOWEST, SOLUTIONS, decisive
 from rungwise.sets.request import ACCURACY, THETA, batch_of, box_of, digest, smallest
 from rungwise.sets.store import Log, SetError
@@ -289,12 +289,12 @@ def feasible_set(
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
     with runner(batch, cluster, loaded, request) as runs:
-        asker = Asker(runs, intervals, tree.finest, budget, log, on_progress, ends)
-        made, hits = _grow(tree, asker, near, probes, np.random.default_rng(seed))
-        crossings = _cross(tree, asker)
+        oracle = Oracle(runs, intervals, tree.finest, budget, log, on_progress, ends)
+        made, hits = _grow(tree, oracle, near, probes, np.random.default_rng(seed))
+        crossings = _cross(tree, oracle)
     result = FeasibleSet(
         scene=loaded, model=rung, over=batch.over, box=intervals, tol=tol, tree=tree,
-        crossings=crossings, evaluations=asker.count, probes=made, hits=hits, request=request,
+        crossings=crossings, evaluations=oracle.count, probes=made, hits=hits, request=request,
     )  # fmt: skip
     if out is not None:
         result.save(out)
@@ -330,22 +330,22 @@ def _neighbour(near: FeasibleSet, request: Mapping[str, Any]) -> str:
 
 
 def _grow(
-    tree: Tree, asker: Asker, near: FeasibleSet | None, probes: int, generator: np.random.Generator
+    tree: Tree, oracle: Oracle, near: FeasibleSet | None, probes: int, generator: np.random.Generator
 ) -> tuple[int, int]:
     """Refine, then probe leaves that look uniform until a round finds nothing new; returns its probes and
     hits."""
-    asker.task = "cells"
+    oracle.task = "cells"
     try:
         if near is None:
-            tree.grow(asker)
+            tree.grow(oracle)
         else:
-            tree.grow_around(near.tree, asker)
+            tree.grow_around(near.tree, oracle)
     except BudgetSpent:
-        bound, more = ("limit", "time") if asker.time_is_over else ("budget", "runs")
+        bound, more = ("limit", "time") if oracle.time_is_over else ("budget", "runs")
         raise SetError(f"{bound}: is too small for the first cells; give more {more}") from None
     made = hits = 0
     for _ in range(PROBE_ROUNDS if probes else 0):
-        asker.task = "probes"
+        oracle.task = "probes"
         places = generator.uniform(0.0, 1 << tree.finest, (probes, tree.axes))
         levels, index = tree.locate(places)
         expected = np.full(len(places), -1, np.int64)
@@ -356,7 +356,7 @@ def _grow(
             expected[here] = np.where((found == found[:, :1]).all(axis=1), found[:, 0], -1)
         places, expected = places[expected >= 0], expected[expected >= 0]
         try:
-            found, _ = asker(places)
+            found, _ = oracle(places)
         except BudgetSpent:
             tree.spent = True
             break
@@ -364,20 +364,20 @@ def _grow(
         made, hits = len(places), int(wrong.sum())
         if not hits:
             break
-        asker.task = "cells"
-        tree.probe(places[wrong], asker)
+        oracle.task = "cells"
+        tree.probe(places[wrong], oracle)
     return made, hits
 
 
-def _cross(tree: Tree, asker: Asker) -> dict[int, tuple[Ints, Reals]]:
+def _cross(tree: Tree, oracle: Oracle) -> dict[int, tuple[Ints, Reals]]:
     """Crossings by level; cells in which the boundary is no plane go to the next level."""
-    asker.task = "boundary"
+    oracle.task = "boundary"
     crossings = {}
     for level in range(tree.target, tree.finest + 1):
-        crossings[level] = solve(tree, level, asker)
+        crossings[level] = solve(tree, level, oracle)
         _, _, sides = planes(tree, level, *crossings[level])
         coarse = (sides[:, 0] < 0) & tree.is_mixed(tree.leaves[level], level)
         if level == tree.finest or not coarse.any():
             break
-        tree.split(level, coarse, asker)
+        tree.split(level, coarse, oracle)
     return crossings

@@ -43,7 +43,7 @@ class InProcess:
             yield number, found.outcome, found.margin
 
 
-class Asker:
+class Oracle:
     """Answers in batches; `count` is the number of runs so far, `task` their purpose. Raises BudgetSpent
     where that is spent, or the time `ends` by the monotonic clock; batches that are done then are kept."""
 

@@ -21,10 +21,10 @@ from rungwise.models.limit import (
     LIMIT,
     STIR,
     greatest_load,
+    is_moving,
     limit_inertia,
     noticed_load,
     resting_inertia,
-    stirs,
 )
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import Scratch, State
@@ -180,7 +180,7 @@ def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
         if state.speed[i] != 0.0:
             return False
         resisted |= terms.damping[i, i] > 0.0 or terms.stiffness[i, i] > 0.0
-    return resisted and not stirs(h, terms, clock.free, state.free, state.v)
+    return resisted and not is_moving(h, terms, clock.free, state.free, state.v)
 
 
 @kernel

@@ -29,7 +29,7 @@ from rungwise.simulation.planar.step.midpoint_rows import (
     note_early,
     yield_fully,
 )
-from rungwise.simulation.planar.step.opened_contacts import note_strays
+from rungwise.simulation.planar.step.opened_contacts import note_opened
 from rungwise.simulation.planar.step.preferred_motion import SUDDEN, choose_motion
 from rungwise.simulation.planar.step.snaps import is_coarse
 from rungwise.system.planar import joints
@@ -335,7 +335,7 @@ def _rounding_of_work(h: float, terms: Terms, contacts: int, state: State, scrat
 def _finish(records: Records, rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> None:
     """Set velocities, work and the contact forces that conditions read."""
     state, terms, scratch = workspace.state, workspace.terms, workspace.scratch
-    note_strays(records, h, contacts, workspace)
+    note_opened(records, h, contacts, workspace)
     state.clock[0].leapt = state.clock[0].leaping
     work = state.clock[0].contact_work
     account(rung, h, terms, contacts, state, scratch, state.v)

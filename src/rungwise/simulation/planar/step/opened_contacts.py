@@ -20,7 +20,7 @@ on the step was too long. Chosen by trial."""
 
 
 @inner_kernel
-def note_strays(records: Records, h: float, contacts: int, workspace: Workspace) -> None:
+def note_opened(records: Records, h: float, contacts: int, workspace: Workspace) -> None:
     """Remember the widest gap of a contact that carried load, after a step of length h."""
     clock, terms, before = workspace.state.clock[0], workspace.terms, workspace.before.features
     for k in range(contacts):
