@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.viewing.sets import page as sets
+from rungwise.viewing.sets import html as sets
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 import browser as driver
@@ -126,7 +126,7 @@ def test_a_click_in_the_slice_shows_the_nearest_run(page: Any, found: list[rw.Fe
 @in_browser
 def test_the_command_repeats_the_run(page: Any, tmp_path: Path) -> None:
     choose(page, 1.0, 0.9, 0.3)
-    page.evaluate("$('pick-1').click()")
+    page.evaluate("$('front-1').click()")
     first, second = page.evaluate("$('command').textContent").splitlines()
     assert second == "rungwise view run --html run.html"
     arguments = shlex.split(first)
@@ -137,7 +137,7 @@ def test_the_command_repeats_the_run(page: Any, tmp_path: Path) -> None:
     ran = json.loads(done.stdout)
     assert (ran["model"], ran["outcome"]) == ("dynamic-compliant", "goal")
     assert {name: ran["parameters"][name] for name in BOX} == {"v1": 1.0, "v2": 0.9, "mu": 0.3}
-    page.evaluate("$('pick-0').click()")
+    page.evaluate("$('front-0').click()")
 
 
 @in_browser
@@ -162,7 +162,7 @@ def test_boundaries_that_coincide_are_striped(page: Any) -> None:
 
 @in_browser
 def test_the_legend_says_what_every_mark_is(page: Any) -> None:
-    said = page.evaluate("$('legend').textContent + $('stage-legend').textContent")
+    said = page.evaluate("$('slice-legend').textContent + $('legend').textContent")
     names = page.evaluate("SETS.map(set => set.name)")
     for word in (*names, "feasible", "doomed", "striped", "hatched", "chosen point", "stored runs", "slips"):
         assert word in said
@@ -208,7 +208,7 @@ def test_a_click_on_the_surface_finds_the_boundary(page: Any) -> None:
             ratios.append(min(v1 / v2, v2 / v1))
             page.evaluate("drawSpace(false)")
     assert len(ratios) == 6 and ratios == pytest.approx([0.5] * 6, abs=0.04)
-    page.evaluate("$('cut').checked = true, SETS[1].visible = true, redraw()")
+    page.evaluate("$('cut').checked = true, SETS[1].visible = true, redraw(true)")
 
 
 @in_browser

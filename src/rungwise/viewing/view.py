@@ -17,7 +17,7 @@ from rungwise.simulation import trajectory
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.plane.html import page
-from rungwise.viewing.sets import page as sets
+from rungwise.viewing.sets import html as sets
 from rungwise.viewing.sets import slices
 from rungwise.viewing.space.html import page as space_page
 from rungwise.viewing.space.runs import film_of, holds_space

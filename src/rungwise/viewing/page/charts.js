@@ -22,8 +22,7 @@ class Chart {
   }
 
   pick(event) {
-    const box = this.canvas.getBoundingClientRect();
-    const part = (event.clientX - box.left - EDGE.left) / (box.width - EDGE.left - EDGE.right);
+    const part = (placeIn(event)[0] - EDGE.left) / (this.canvas.getBoundingClientRect().width - EDGE.left - EDGE.right);
     seek(END * Math.min(1, Math.max(0, part)));
   }
 

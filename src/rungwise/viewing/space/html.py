@@ -15,25 +15,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.viewing.plane.html import CURVES, LARGEST, Part, bytes_of, fill, kept, numbered, quantised
+from rungwise.viewing.skeleton import (
+    CURVES,
+    LARGEST,
+    along_time,
+    bytes_of,
+    fill,
+    kind_of_runs,
+    numbered,
+    quantised,
+    within,
+)
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import Film, FilmError, Solid
 from rungwise.viewing.space.shapes import scale, shape
 from rungwise.viewing.write import write
 
 OWN = files("rungwise.viewing.space") / "page"
-STYLES: tuple[Part, ...] = ("page.css", OWN / "space.css")
-SCRIPTS: tuple[Part, ...] = (
-    "unpack.js",
-    *(
-        OWN / name
-        for name in ("films.js", "linear.js", "gpu.js", "bodies.js", "camera.js", "stage.js", "forces.js")
-    ),
-    "legend.js",
-    "charts.js",
-    "clock.js",
-    OWN / "player.js",
-)
+DRAWING = ("linear.js", "gpu.js", "bodies.js", "camera.js", "stage.js", "forces.js")
+KIND = kind_of_runs(OWN, "space", "films.js", tuple(OWN / name for name in DRAWING))
 LONGEST_S = 30.0
 """A run of one second to so many plays in real time, others in six seconds."""
 
@@ -54,13 +54,7 @@ def page(films: Sequence[Film], largest: int = LARGEST) -> str:
     Raises FilmError.
     """
     same_bodies(films)
-    every = 1
-    while True:
-        thinned = [film.thinned(kept(len(film.time), every)) for film in films]
-        text = fill(OWN / "space.html", title(films), STYLES, SCRIPTS, _data(thinned))
-        if len(text) <= largest or max(len(film.time) for film in thinned) <= 2:
-            return text
-        every = max(every + 1, int(np.ceil(every * len(text) / largest)))
+    return within(films, lambda thinned: fill(KIND, title(films), _data(thinned)), largest)
 
 
 def same_bodies(films: Sequence[Film]) -> None:
@@ -98,12 +92,17 @@ def _data(films: Sequence[Film]) -> dict[str, Any]:
         "units": dict(films[0].units),
         "real": films[0].units.get("time") == "s" and 1.0 <= end <= LONGEST_S,
         "contacts": [" | ".join(pair) for pair in pairs],
-        "gaps": any(film.gaps is not None for film in films),
-        "pushes": any(film.pushes is not None for film in films),
+        "gap": "least gap of each pair of bodies" if _known(films, "gaps") else "",
+        "push": "normal force of each pair of bodies" if _known(films, "pushes") else "",
         "shapes": [json.loads(text) for text in shapes],
         "casts": [json.loads(text) for text in casts],
         "clips": clips,
     }
+
+
+def _known(films: Sequence[Film], kind: str) -> bool:
+    """Whether there are curves of that kind, `gaps` or `pushes`."""
+    return any(film.pairs and getattr(film, kind) is not None for film in films)
 
 
 def curves_of(films: Sequence[Film]) -> list[tuple[str, str]]:
@@ -128,27 +127,19 @@ def curve_of(film: Film, kind: str, pair: tuple[str, str]) -> NDArray[np.float64
 
 def _clip(film: Film, pairs: Sequence[tuple[str, str]]) -> dict[str, Any]:
     """A film as `filmOf` of films.js reads it."""
-    t, frames = film.touches, len(film.time)
+    t = film.touches
     moving = np.flatnonzero(film.moving())
     poses = np.concatenate([film.places, film.turns], axis=2)
+    gap, push = (np.array([curve_of(film, kind, pair) for pair in pairs]).T for kind in ("gaps", "pushes"))
     return {
-        "outcome": film.outcome,
-        "reason": film.reason,
+        **along_time(film, poses[:, moving].reshape(len(film.time), -1), gap, push, t.point, t.force),
         "notes": list(film.notes),
         "bodies": list(film.bodies),
         "pairs": [" | ".join(pair) for pair in film.pairs],
-        "time": bytes_of(film.time, "<f4"),
         "moving": moving.tolist(),
         "rest": poses[0].round(9).tolist(),
-        "pose": quantised(poses[:, moving].reshape(frames, -1)),
-        "gap": bytes_of(np.array([curve_of(film, "gaps", pair) for pair in pairs]).T, "<f4"),
-        "push": bytes_of(np.array([curve_of(film, "pushes", pair) for pair in pairs]).T, "<f4"),
-        "first": bytes_of(np.searchsorted(t.frame, np.arange(frames + 1)), "<u4"),
         "pair": bytes_of(t.pair, "<u2"),
-        "mode": bytes_of(t.mode, "<u1"),
-        "point": quantised(t.point),
         "normal": quantised(t.normal),
-        "force": quantised(t.force),
         "friction": quantised(t.friction[:, None]),
     }
 

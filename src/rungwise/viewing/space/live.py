@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.viewing.plane.html import numbered
+from rungwise.viewing.skeleton import numbered
 from rungwise.viewing.space.extent import box, largest_force
 from rungwise.viewing.space.film import OPEN, Film, FilmError
 from rungwise.viewing.space.html import curve_of, curves_of, same_bodies, title

@@ -82,7 +82,7 @@ function onCamera(canvas, clicked) {
     } else if (e.buttons & 2 || e.shiftKey) shift(dx, dy);
     else turn(0.008 * dx, 0.008 * dy);
   });
-  const up = e => { if (fingers.delete(e.pointerId) && moved <= 3 && e.type === "pointerup") clicked(e); };
+  const up = e => { if (fingers.delete(e.pointerId) && moved <= 3 && e.type === "pointerup") clicked(...placeIn(e)); };
   canvas.addEventListener("pointerup", up);
   canvas.addEventListener("pointercancel", up);
 }

@@ -1,32 +1,15 @@
 // The films of this page, unpacked (see html.py).
 
-const DATA = JSON.parse($("data").textContent);
-
 function filmOf(c, index) {
   const slot = new Int32Array(c.bodies.length).fill(-1);
   c.moving.forEach((body, k) => { slot[body] = k; });
   return {
-    ...c, index, slot, visible: true, solidity: 0.4,
-    colour: () => css(`--model-${index % PALETTE.length}`),
-    time: new Float32Array(bytes(c.time)),
-    pose: unpack(c.pose),
-    gap: new Float32Array(bytes(c.gap)),
-    push: new Float32Array(bytes(c.push)),
-    first: new Uint32Array(bytes(c.first)),
-    pair: new Uint16Array(bytes(c.pair)),
-    mode: new Uint8Array(bytes(c.mode)),
-    point: unpack(c.point),
-    normal: unpack(c.normal),
-    force: unpack(c.force),
-    friction: unpack(c.friction),
+    ...clipOf(c, index), slot, solidity: 0.4,
+    pair: new Uint16Array(bytes(c.pair)), normal: unpack(c.normal), friction: unpack(c.friction),
   };
 }
 
 const CLIPS = DATA.clips.map(filmOf);
-const END = Math.max(...CLIPS.map(c => c.time[c.time.length - 1]));
-const shown = () => CLIPS.filter(c => c.visible);
-const layout = { beside: false, front: 0 };
-const inFront = () => shown().find(c => c.index === layout.front) || shown()[0];
 
 // Place and turn (x y z, w x y z) of a body between two frames.
 function poseOf(clip, body, k, fraction, out) {

@@ -43,7 +43,7 @@ function marksAt(clip, t, eye, axes, height, options) {
   const k = frameAt(clip, t), found = [], nominal = NOMINAL * view.radius * options.length;
   const sized = Math.min(1, height / FULL_SIZE) * (clip.first[k + 1] - clip.first[k] > MANY ? 0.6 : 1);
   for (let i = clip.first[k]; i < clip.first[k + 1]; i++) {
-    const place = [...clip.point.subarray(3 * i, 3 * i + 3)], force = [...clip.force.subarray(3 * i, 3 * i + 3)], normal = unit(clip.normal.subarray(3 * i, 3 * i + 3));
+    const place = [...clip.place.subarray(3 * i, 3 * i + 3)], force = [...clip.force.subarray(3 * i, 3 * i + 3)], normal = unit(clip.normal.subarray(3 * i, 3 * i + 3));
     const depth = -dot(minus(place, eye), axes[2]), pixel = sized * 2 * TAN * depth / height, size = Math.hypot(...force);
     if (depth <= 0) continue;
     const full = size * stage.perForce, long = Math.min(full, LONGEST * nominal);

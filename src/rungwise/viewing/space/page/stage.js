@@ -1,16 +1,10 @@
-// The stage: panels, the bodies in them with shadows, ghosts of models that are elsewhere, and names.
+// The stage: bodies with shadows, ghosts of models that are elsewhere, and names.
 
 const SUN = unit([-0.25, -0.6, 1.0]);
-const HEAD = 24, SEAM = 8, SAME = 0.004;  // pixels; and how near, in sizes of the whole, a body is to be in the same place
+const SAME = 0.004;  // how near, in sizes of the whole, a body is to be in the same place
 const THROUGH = 0.28;  // what is left of bodies that are seen through
-let colours = {}, gpu = null;
+let gpu = null;
 const stage = { panels: [] };  // as last drawn
-
-function readColours() {
-  for (const name of ["page", "ink", "faint", "line", "panel", "stick", "slip", "open"]) colours[name] = css(`--${name}`);
-  colours.models = CLIPS.map(c => c.colour());
-  colours.night = root.classList.contains("dark") ? 1 : 0;
-}
 
 function makeGpu(canvas) {
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
@@ -21,22 +15,8 @@ function makeGpu(canvas) {
   return made;
 }
 
-// Panels of the canvas: as many columns as make the smaller side of each largest.
-function panelsOf(width, height) {
-  const clips = shown(), front = inFront();
-  if (!clips.length) return [];
-  const beside = layout.beside && clips.length > 1, count = beside ? clips.length : 1, head = CLIPS.length > 1 ? HEAD : 0;
-  let best = null;
-  for (let columns = 1; columns <= count; columns++) {
-    const w = (width - SEAM * (columns - 1)) / columns, h = height / Math.ceil(count / columns) - head, size = Math.min(w, 1.4 * h);
-    if (!best || size > best.size * 1.02) best = { columns, w, h, size };
-  }
-  return [...Array(count).keys()].map(i => ({
-    clip: beside ? clips[i] : front, ghosts: beside ? [] : clips.filter(c => c !== front), head, width: best.w, height: best.h,
-    x: i % best.columns * (best.w + SEAM), y: Math.floor(i / best.columns) * (best.h + head) + head,
-  }));
-}
-const panelAt = (x, y) => stage.panels.find(p => x >= p.x && x <= p.x + p.width && y >= p.y - p.head && y <= p.y + p.height);
+// Panels whose smaller side is as large as may be.
+const panelsOf = (width, height) => panelsIn(width, height, (w, h) => Math.min(w, 1.4 * h));
 
 // One mesh: where, in which colour in place of its own (and how much of it), and how solid.
 function drawMesh(mesh, world, { tint = [0, 0, 0, 0], solidity = 1, flat = 0, cell = 0, fade = 0, middle = [0, 0], lines = false } = {}) {
@@ -149,12 +129,6 @@ function drawStage(t, options) {
     stage.panels.forEach(panel => drawPanel(panel, t, options, ratio));
   }
   drawOver(options);
-}
-
-// The greatest of 1, 2 and 5 times a power of ten that is not greater.
-function round125(x) {
-  const power = 10 ** Math.floor(Math.log10(x) + 1e-9);
-  return power * [5, 2, 1].find(m => m * power <= x * (1 + 1e-9));
 }
 
 // What is written over the panels: models, names where there is room, axes, and the scales.

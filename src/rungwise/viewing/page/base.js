@@ -1,5 +1,8 @@
 "use strict";
-// Columns of numbers unpacked from base64 (see html.py), and what pages of either kind share.
+// What all scripts need: the data of the page, unpacked from base64 (see skeleton.py), numbers for people, elements, pointers.
+
+const $ = id => document.getElementById(id);
+const DATA = JSON.parse($("data").textContent);
 
 function bytes(text) {
   const raw = atob(text), out = new Uint8Array(raw.length);
@@ -45,11 +48,11 @@ const PALETTE = [["#0072b2", "#56b4e9"], ["#d55e00", "#f08a3c"], ["#007f5f", "#2
 
 const root = document.documentElement;
 const css = name => getComputedStyle(root).getPropertyValue(name).trim();
-const $ = id => document.getElementById(id);
 // Numbers for people.
 const short = x => x === 0 ? "0" : Math.abs(x) >= 1e6 || Math.abs(x) < 1e-3 ? x.toExponential(2).replace(/\.?0+e/, "e") : String(+x.toPrecision(4));
 
 const withUnit = (x, unit) => unit ? `${short(x)} ${unit}` : short(x);
+const inUnit = kind => DATA.units[kind] ? ` [${DATA.units[kind]}]` : "";
 
 function element(tag, text, parent, attributes) {
   const e = document.createElement(tag);
@@ -64,4 +67,23 @@ function fitted(canvas) {
   const w = Math.max(1, Math.round(box.width * ratio)), h = Math.max(1, Math.round(box.height * ratio));
   if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
   return [box.width, box.height, ratio];
+}
+
+// Place of an event in its canvas.
+function placeIn(event) {
+  const box = event.currentTarget.getBoundingClientRect();
+  return [event.clientX - box.left, event.clientY - box.top];
+}
+
+// A pointer that goes more than three pixels drags, one that does not clicks; the wheel zooms.
+function onPointer(canvas, { dragged, clicked, zoomed }) {
+  let moved = 0;
+  canvas.addEventListener("wheel", e => { e.preventDefault(); zoomed(Math.exp(-0.0015 * e.deltaY), ...placeIn(e)); }, { passive: false });
+  canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); moved = 0; });
+  canvas.addEventListener("pointermove", e => {
+    if (!e.buttons) return;
+    moved += Math.abs(e.movementX) + Math.abs(e.movementY);
+    if (moved > 3) dragged(e.movementX, e.movementY);
+  });
+  canvas.addEventListener("pointerup", e => { if (moved <= 3) clicked(...placeIn(e)); });
 }

@@ -1,23 +1,36 @@
 // The page of sets: what is chosen, the run nearest to it, and controls.
 
-const state = { t: 0, playing: false, stage: true, slice: true, space: true, fine: 0, last: 0, frames: 0, work: 0 };
-const end = () => Math.max(0, ...runsOf(chosen.run).map(c => c.time[c.time.length - 1]));
-const reduced = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
+const PACE = { seconds: 4, rest: 0.25 };
+const SETTLED_MS = 250;  // after which surfaces are drawn finely
+const MODELS = SETS;
+const KEYS = {};
 
-function redraw() { state.stage = state.slice = state.space = true; state.fine = performance.now() + 250; }
-function play(on) { if (on && state.t >= end()) state.t = 0; state.playing = on; state.last = 0; $("play").textContent = on ? "pause" : "play"; }
-function seek(t) { state.t = Math.min(end(), Math.max(0, t)); state.stage = true; }
+const end = () => Math.max(0, ...runsOf(chosen.run).map(c => c.time[c.time.length - 1]));
+
+function paint(t, anew) {
+  drawStage(t, { forces: true, contacts: true, names: true, length: 50 });
+  if (anew) drawSlice();
+  if (D === 3 && (anew || eye.turned || eye.settled)) {
+    const fine = eye.settled && !anew && !eye.turned;
+    drawSpace(fine);
+    eye.turned = eye.settled = false;
+    clearTimeout(eye.timer);
+    if (!fine) eye.timer = setTimeout(() => { eye.settled = true; redraw(); }, SETTLED_MS);
+  }
+}
 
 function choose(part) {
   chosen.point = Float64Array.from(part);
   Object.assign(chosen, nearest(chosen.point));
-  state.t = 0; play(!reduced);
-  tell(); redraw();
+  state.t = 0; measure(); play(!reduced);
+  tell(); redraw(true);
 }
+
+function fronted() { choose(chosen.point); }
 
 // Everything that is said in words about the chosen point.
 function tell() {
-  const at = values(chosen.point), set = SETS[chosen.model], row = DATA.runs[chosen.run];
+  const at = values(chosen.point), set = sliced(), row = DATA.runs[chosen.run];
   others().forEach(a => {
     const slider = $(`value-${a}`);
     if (+slider.value !== chosen.point[a]) slider.value = chosen.point[a];
@@ -31,8 +44,7 @@ function tell() {
     const clip = runsOf(chosen.run)[k];
     $(`run-${k}`).textContent = clip ? clip.outcome : "";
   });
-  layout.front = chosen.model;
-  tellReasons($("reasons"), runsOf(chosen.run), clip => clip.label);
+  tellReasons(runsOf(chosen.run));
   const list = (part, digits) => DATA.over.map((o, a) => `${o.name} = ${+values(part)[a].toPrecision(digits)}`).join(", ");
   $("run-title").textContent = row ? `stored run at ${list(row.at, 4)}` : "no run is stored";
   $("where").textContent = `Chosen: ${list(chosen.point, 6)}.` + (row ? ` The nearest of ${DATA.runs.length} stored points`
@@ -48,30 +60,6 @@ function commandOf(set, at) {
   return `rungwise sim ${scene} --model ${model} ${fixed}${sets}${options} --out run\nrungwise view run --html run.html`;
 }
 
-function tick(now) {
-  const began = performance.now();
-  if (state.playing) {
-    const passed = state.last ? Math.min(0.1, (now - state.last) / 1000) : 0;
-    state.last = now; state.stage = true;
-    state.t += passed * (end() || 1) / 4;  // four seconds, and one more at the end
-    if (state.t >= 1.25 * end()) state.t = 0;
-  }
-  if (state.stage) {
-    const t = Math.min(state.t, end());
-    drawStage(t, { forces: true, contacts: true, names: true, length: 50 });
-    $("time").max = end(); $("time").value = t; $("clock").textContent = `t = ${t.toPrecision(3)} of ${withUnit(end(), DATA.units.time)}`;
-  }
-  if (state.slice) drawSlice();
-  if (D === 3 && (state.space || (state.fine && now > state.fine))) {
-    const fine = state.fine > 0 && now > state.fine;
-    drawSpace(fine);
-    if (fine) state.fine = 0;
-  }
-  if (state.stage || state.slice || state.space) { state.frames++; state.work += performance.now() - began; }
-  state.stage = state.slice = state.space = false;
-  requestAnimationFrame(tick);
-}
-
 function buildSliders() {
   const box = $("sliders");
   box.replaceChildren();
@@ -82,7 +70,7 @@ function buildSliders() {
       DATA.over.forEach((o, a) => element("option", o.name, select, { value: a, selected: chosen[key] === a }));
       select.onchange = () => {
         if (chosen[other] === +select.value) chosen[other] = chosen[key];
-        chosen[key] = +select.value; buildSliders(); tell(); redraw(); $(key).focus();
+        chosen[key] = +select.value; buildSliders(); tell(); redraw(true); $(key).focus();
       };
     }
   }
@@ -95,17 +83,15 @@ function buildSliders() {
   }
 }
 
-function buildModels() {
+function buildTable() {
   const table = $("models"), head = element("tr", "", table);
   for (const text of ["show", "slice", "model", ...DATA.present.map(k => DATA.labels[k]), "runs", "at the point", "stored run"]) element("th", text, head);
   SETS.forEach((set, k) => {
     const row = element("tr", "", table);
-    const show = element("input", "", element("td", "", row), { type: "checkbox", checked: true, id: `show-${k}`, ariaLabel: `show ${set.name}` });
-    show.onchange = () => { set.visible = show.checked; buildLegend(); redraw(); };
-    const pickModel = element("input", "", element("td", "", row), { type: "radio", name: "slice", checked: k === 0, id: `pick-${k}`, ariaLabel: `slice of ${set.name}` });
-    pickModel.onchange = () => { chosen.model = k; choose(chosen.point); };
-    const name = element("td", "", row), swatch = element("span", "", name, { className: "swatch" });
-    swatch.style.background = `var(--model-${k % PALETTE.length})`;
+    visibleBox(element("td", "", row), set, set.name);
+    frontBox(element("td", "", row), set, { ariaLabel: `slice of ${set.name}` });
+    const name = element("td", "", row);
+    swatch(name, set);
     name.append(set.name);
     for (const label of DATA.present) element("td", `${(100 * (set.volumes[DATA.labels[label]] || 0)).toFixed(2)} %`, row);
     element("td", `${set.evaluations}${set.complete ? "" : " (budget spent)"}`, row);
@@ -116,9 +102,10 @@ function buildModels() {
     + `${short(100 * DATA.tol)} % of each side; pictures have ${N} cells along each.`;
 }
 
-function buildLegend() {
-  const box = $("legend");
-  box.replaceChildren();
+function captions() {
+  const box = $("slice-legend");
+  box.replaceChildren(); $("legend").replaceChildren();
+  stageLegend($("legend"));
   for (const k of DATA.present)
     legendRow(box, DATA.labels[k], g => { g.fillStyle = labelColour(k); g.strokeStyle = colours.faint; g.lineWidth = 1; g.fillRect(5, 3, 24, 12); g.strokeRect(5, 3, 24, 12); });
   const many = visible(), sample = colour => g => { g.strokeStyle = colour; g.lineWidth = LINE; line(g, 2, 9, 32, 9); };
@@ -131,82 +118,55 @@ function buildLegend() {
   }
   legendRow(box, "chosen point", g => cross(g, 17, 9));
   legendRow(box, "stored runs; the one that is played", g => { runSpot(g, 9, 9, false); runSpot(g, 24, 9, true); });
-  $("stage-legend").replaceChildren();
-  stageLegend($("stage-legend"));
-}
-
-function paintTheme() {
-  const dark = root.classList.contains("dark");
-  PALETTE.forEach((pair, i) => root.style.setProperty(`--model-${i}`, pair[dark ? 1 : 0]));
-  readColours(); buildLegend(); redraw();
 }
 
 function turn(yaw, pitch) {
   eye.yaw += yaw; eye.pitch = Math.min(1.55, Math.max(-1.55, eye.pitch + pitch));
-  state.space = true; state.fine = performance.now() + 250;
-}
-
-function onSpace() {
-  const canvas = $("space");
-  let moved = 0;
-  canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); moved = 0; });
-  canvas.addEventListener("pointermove", e => {
-    if (!e.buttons) return;
-    moved += Math.abs(e.movementX) + Math.abs(e.movementY);
-    if (moved > 3) turn(-0.01 * e.movementX, 0.01 * e.movementY);
-  });
-  canvas.addEventListener("pointerup", e => {
-    if (moved > 3) return;
-    const box = canvas.getBoundingClientRect(), found = pick(e.clientX - box.left, e.clientY - box.top);
-    if (found) choose(found.part);
-  });
-  canvas.addEventListener("wheel", e => {
-    e.preventDefault(); eye.zoom = Math.min(6, Math.max(0.4, eye.zoom * Math.exp(-0.0015 * e.deltaY))); turn(0, 0);
-  }, { passive: false });
-  $("cut").onchange = redraw;
-}
-
-function onSlice() {
-  const canvas = $("slice"), at = e => { const box = canvas.getBoundingClientRect(); choose(partsAt(e.clientX - box.left, e.clientY - box.top)); };
-  canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); at(e); });
-  canvas.addEventListener("pointermove", e => { if (e.buttons) at(e); });
+  eye.turned = true; redraw();
 }
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-function onKey(event) {
-  if (event.ctrlKey || event.altKey || event.metaKey) return;
-  const arrow = ARROWS[event.key], focus = event.target;
-  if (arrow && focus === $("space")) turn(0.1 * arrow[0], -0.1 * arrow[1]);
-  else if (arrow && focus === $("slice")) {
+// Arrow keys of a canvas that has the focus.
+function onArrows(canvas, pressed) {
+  canvas.addEventListener("keydown", e => {
+    if (!ARROWS[e.key] || e.ctrlKey || e.altKey || e.metaKey) return;
+    pressed(...ARROWS[e.key]); e.preventDefault();
+  });
+}
+
+function onSpace() {
+  onPointer($("space"), {
+    dragged: (dx, dy) => turn(-0.01 * dx, 0.01 * dy),
+    clicked: (x, y) => { const found = pick(x, y); if (found) choose(found.part); },
+    zoomed: factor => { eye.zoom = Math.min(6, Math.max(0.4, eye.zoom * factor)); turn(0, 0); },
+  });
+  onArrows($("space"), (right, up) => turn(0.1 * right, -0.1 * up));
+  $("cut").onchange = () => redraw(true);
+}
+
+function onSlice() {
+  const canvas = $("slice"), at = e => choose(partsAt(...placeIn(e)));
+  canvas.addEventListener("pointerdown", e => { canvas.setPointerCapture(e.pointerId); at(e); });
+  canvas.addEventListener("pointermove", e => { if (e.buttons) at(e); });
+  onArrows(canvas, (right, up) => {
     const part = Float64Array.from(chosen.point), move = (a, by) => { part[a] = Math.min(1, Math.max(0, part[a] + by / N)); };
-    move(chosen.across, arrow[0]);
-    if (chosen.up >= 0) move(chosen.up, arrow[1]);
+    move(chosen.across, right);
+    if (chosen.up >= 0) move(chosen.up, up);
     choose(part);
-  } else if (event.key === " " && (focus === document.body || focus.tagName === "CANVAS")) play(!state.playing);
-  else if (event.key === "t" && focus.tagName !== "SELECT") $("theme").click();
-  else return;
-  event.preventDefault();
+  });
 }
 
 function start() {
-  $("title").textContent = document.title;
+  startPlayer();
   $("about").textContent = DATA.over.map(o => `${o.name} in ${short(rounded(o.low, o))} to ${short(o.high)}${o.unit ? " " + o.unit : ""}`).join(", ");
-  if (window.matchMedia("(prefers-color-scheme: dark)").matches) root.classList.add("dark");
   $("space-part").hidden = D !== 3;
   document.querySelector("main").classList.toggle("two", D !== 3);
-  buildSliders(); buildModels(); paintTheme();
+  buildSliders(); buildTable(); paintTheme(); arrange(false);
   if (D === 3) onSpace();
   onSlice();
-  $("beside-part").hidden = SETS.length === 1;
-  $("beside").onchange = () => { layout.beside = $("beside").checked; buildLegend(); redraw(); };
-  $("theme").onclick = () => { root.classList.toggle("dark"); paintTheme(); };
-  $("play").onclick = () => play(!state.playing);
-  $("time").oninput = () => { play(false); seek(+$("time").value); };
-  document.addEventListener("keydown", onKey);
-  window.addEventListener("resize", redraw);
   choose(chosen.point);
-  requestAnimationFrame(tick);
+  begin();
 }
 
 start();

@@ -1,7 +1,7 @@
 // Surfaces over three parameters: triangles into a depth buffer of our own, so that it needs no graphics card,
 // and every pixel tells what is seen there. Surfaces that coincide are striped in their colours.
 
-const eye = { yaw: -0.6, pitch: 0.45, zoom: 1 };
+const eye = { yaw: -0.6, pitch: 0.45, zoom: 1, turned: false, settled: false, timer: 0 };
 const NOTHING = 0, PLANE = 1, FIRST = 2;
 const TOGETHER = Math.max(0.012, 1.5 * DATA.tol), BAND = 9;  // surfaces this near coincide; the width of a stripe
 const raster = { width: 0, height: 0, depth: null, owner: null, sets: null, bright: null, image: null, canvas: document.createElement("canvas") };
@@ -82,7 +82,7 @@ function paintPlane(look, scale, axis, level, cut) {
   const { width, height, depth, owner, pixels } = raster, [p, q] = [0, 1, 2].filter(a => a !== axis);
   const det = look.right[p] * look.up[q] - look.right[q] * look.up[p];
   if (Math.abs(det) < 1e-3) return;
-  const paints = DATA.labels.map((_, k) => rgb(labelColour(k))), set = SETS[chosen.model], part = new Float64Array(3);
+  const paints = DATA.labels.map((_, k) => rgb(labelColour(k))), set = sliced(), part = new Float64Array(3);
   part[axis] = level + 0.5;
   for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) {
     const s = (x + 0.5 - width / 2) / scale - level * look.right[axis], t = (height / 2 - y - 0.5) / scale - level * look.up[axis];

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,18 @@ from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.sets.motions import SLOWEST
 from rungwise.viewing.plane.clip import Clip, clip
 from rungwise.viewing.plane.extent import bounds, largest_force
-from rungwise.viewing.plane.html import LARGEST, STAGE, bytes_of, clip_data, fill, quantised
+from rungwise.viewing.plane.html import STAGE, clip_data
+from rungwise.viewing.skeleton import LARGEST, Kind, bytes_of, fill, quantised
 from rungwise.viewing.units import common_units
 
-SCRIPTS = ("unpack.js", "setdata.js", *STAGE, "slice.js", "space.js", "sets.js")
+OWN = files("rungwise.viewing.sets") / "page"
+KIND = Kind(
+    "sets",
+    parts=(OWN / "sets.html",),
+    data=OWN / "setdata.js",
+    drawing=(*STAGE, OWN / "slice.js", OWN / "surfaces.js"),
+    main=(OWN / "sets.js",),
+)
 CELLS, SIDE = 1_000_000, 400
 """Cells in which labels are shown, at most, and along one parameter."""
 TRIANGLES = 20_000
@@ -37,7 +46,7 @@ def page(found: Sequence[FeasibleSet], largest: int = LARGEST) -> str:
     title = f"sets of {found[0].scene.name} over {', '.join(found[0].over)}"
     fixed = _data(found)
     while True:
-        text = fill("sets.html", title, ("page.css", "sets.css"), SCRIPTS, fixed | _runs(found[0].box, rows))
+        text = fill(KIND, title, fixed | _runs(found[0].box, rows))
         if len(text) <= largest or len(rows) <= 1:
             return text
         rows = rows[: len(rows) // 2]

@@ -1,6 +1,5 @@
 // Sets over a box, on a grid of labels; the runs that are stored, and the point that is chosen.
 
-const DATA = JSON.parse($("data").textContent);
 const D = DATA.over.length, N = DATA.cells;
 const CLIPS = DATA.clips.map((c, i) => clipOf(
   { ...c, label: DATA.sets[i % DATA.sets.length].name, bodies: structuredClone(DATA.bodies[c.bodies]) }, i % DATA.sets.length));
@@ -8,8 +7,9 @@ const SETS = DATA.sets.map((set, index) => ({
   ...set, index, visible: true, labels: unroll(set.grid), mesh: set.mesh && meshOf(set.mesh),
   colour: () => css(`--model-${index % PALETTE.length}`),
 }));
-// `point` holds parts 0..1 of the box, `across` and `up` the axes of the slice, `model` the set that it shows.
-const chosen = { point: new Float64Array(D).fill(0.5), across: 0, up: D > 1 ? 1 : -1, model: 0, run: -1, alike: 0 };
+// `point` holds parts 0..1 of the box, `across` and `up` the axes of the slice, which shows the set in front.
+const chosen = { point: new Float64Array(D).fill(0.5), across: 0, up: D > 1 ? 1 : -1, run: -1, alike: 0 };
+const sliced = () => SETS[layout.front];
 
 const visible = () => SETS.filter(s => s.visible);
 const runsOf = row => row < 0 ? [] : CLIPS.slice(row * SETS.length, (row + 1) * SETS.length);
@@ -58,7 +58,7 @@ const ALIKE = ["at which every model ends as here", `at which the model of the s
 function nearest(point) {
   const here = SETS.map(s => labelAt(s, point));
   const tests = [row => row.labels.every((label, s) => label === here[s]),
-    row => row.labels[chosen.model] === here[chosen.model], () => true];
+    row => row.labels[layout.front] === here[layout.front], () => true];
   for (const [alike, test] of tests.entries()) {
     let run = -1, least = Infinity;
     DATA.runs.forEach((row, i) => {

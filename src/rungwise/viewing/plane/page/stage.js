@@ -1,18 +1,9 @@
-// The stage: bodies with their true outlines. Models stand side by side, one to a panel, or one is in front, with
-// the outlines of the others where they are elsewhere: its ghosts.
+// The stage: bodies with their true outlines, and the outlines of ghosts where they are elsewhere.
 
 const view = { x: 0, y: 0, scale: 1, whole: true };
-const layout = { beside: false, front: 0, most: null };  // `most`: the height allowed, where the canvas may take less
-const HEAD = 24, FOOT = 30, SEAM = 8, SAME = 2.5, DOT = 6, MARGIN = 22;
+const FOOT = 30, SAME = 2.5, DOT = 6, MARGIN = 22;
 const FONT = "12px system-ui, sans-serif";
 const stage = { panels: [], texts: [] };  // as last drawn
-let colours = {};
-
-function readColours() {
-  for (const name of ["page", "ink", "faint", "line", "object", "robot", "obstacle", "stick", "slip", "open"])
-    colours[name] = css(`--${name}`);
-  colours.models = CLIPS.map(c => c.colour());
-}
 
 // The scale at which all bodies and their names have room.
 function fit(width, height) {
@@ -26,29 +17,16 @@ function showWhole(width, height) {
   view.x = (x0 + x1) / 2; view.y = (y0 + y1) / 2;
 }
 
-const inFront = () => shown().find(c => c.index === layout.front) || shown()[0];
-
-// Panels of the canvas: as many columns as make the bodies largest.
+// Panels as large as makes the bodies largest; where the canvas may take less than its most (`layout.most`), no higher than
+// they need.
 function panelsOf(width, height) {
-  const clips = shown(), front = inFront();
-  if (!clips.length) return [];
-  const beside = layout.beside && clips.length > 1, count = beside ? clips.length : 1, head = CLIPS.length > 1 ? HEAD : 0;
-  const [x0, y0, x1, y1] = DATA.bounds;
-  let best = null;
-  for (let columns = 1; columns <= count; columns++) {
-    const rows = Math.ceil(count / columns), w = (width - SEAM * (columns - 1)) / columns, h = (height - FOOT) / rows - head;
-    const scale = fit(w, h), enough = layout.most ? Math.max(2 * MARGIN + 1.2 * scale * (y1 - y0), 0.45 * w) : h;
-    if (!best || scale > best.scale * 1.02) best = { columns, w, h: Math.min(h, enough), scale };
-  }
-  return [...Array(count).keys()].map(i => ({
-    clip: beside ? clips[i] : front, ghosts: beside ? [] : clips.filter(c => c !== front), head, width: best.w, height: best.h,
-    x: i % best.columns * (best.w + SEAM), y: Math.floor(i / best.columns) * (best.h + head) + head,
-  }));
+  const [, y0, , y1] = DATA.bounds;
+  const enough = (w, h) => Math.min(h, layout.most ? Math.max(2 * MARGIN + 1.2 * fit(w, h) * (y1 - y0), 0.45 * w) : h);
+  return panelsIn(width, height - FOOT, fit, enough);
 }
 
 // Place in its panel of a point of the world.
 const spotIn = panel => (x, y) => [panel.width / 2 + view.scale * (x - view.x), panel.height / 2 - view.scale * (y - view.y)];
-const panelAt = (x, y) => stage.panels.find(p => x >= p.x && x <= p.x + p.width && y >= p.y - p.head && y <= p.y + p.height);
 
 // Outline of a rounded convex polygon in its body's frame: edges moved out by the radius, arcs between them.
 function pathOf(shape) {

@@ -70,12 +70,6 @@ function breakAt(g, x, y, ux, uy, colour) {
   across(0, 5, colours.page); across(-2.5, 1.6, colour); across(2.5, 1.6, colour);
 }
 
-// The greatest of 1, 2 and 5 times a power of ten that is not greater.
-function round125(x) {
-  const power = 10 ** Math.floor(Math.log10(x) + 1e-9);
-  return power * [5, 2, 1].find(m => m * power <= x * (1 + 1e-9));
-}
-
 // A length and a force as they are drawn, below the panels.
 function drawScales(g, height, options) {
   const panel = stage.panels[0];
@@ -90,4 +84,21 @@ function drawScales(g, height, options) {
   const force = round125(DATA.force * 60 / options.length), at = long + 8 + g.measureText(said).width + 28, tip = at + options.length * force / DATA.force;
   arrow(g, tip, y, force, 0, options.length, colours.ink, null);
   g.fillStyle = colours.ink; g.fillText(withUnit(force, DATA.units.force), tip + 7, y);
+}
+
+// Rows that explain the stage; the scales of lengths and forces stand below it.
+function stageLegend(box) {
+  legendRow(box, "contact open", g => mark(g, 17, 9, OPEN, colours.open));
+  legendRow(box, "contact sticks, or rests", g => mark(g, 17, 9, STICK, colours.stick));
+  legendRow(box, "contact slips", g => mark(g, 17, 9, SLIP, colours.slip));
+  if (CLIPS.some(c => c.force.length)) {
+    legendRow(box, "force, at its scale", g => arrow(g, 31, 9, DATA.force, 0, 28, colours.ink, null));
+    legendRow(box, "force too large for its arrow", g => { arrow(g, 31, 9, DATA.force, 0, 28, colours.ink, null); breakAt(g, 11, 9, 1, 0, colours.ink); });
+  }
+  if (!layout.beside && shown().length > 1)
+    legendRow(box, "another model, where it is elsewhere", g => {
+      g.strokeStyle = colours.models[shown().find(c => c !== inFront()).index]; g.lineWidth = 2.2; g.strokeRect(5, 3, 24, 12);
+    });
+  for (const role of new Set(CLIPS.flatMap(c => c.bodies.map(b => b.role))))
+    legendRow(box, role, g => { g.fillStyle = colours[role]; g.strokeStyle = colours.ink; g.fillRect(5, 3, 24, 12); g.strokeRect(5, 3, 24, 12); });
 }

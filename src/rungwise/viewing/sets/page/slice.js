@@ -30,8 +30,8 @@ function drawSlice() {
   const [width, height, ratio] = fitted($("slice")), g = $("slice").getContext("2d"), b = boxOfSlice();
   g.setTransform(ratio, 0, 0, ratio, 0, 0);
   g.fillStyle = colours.page; g.fillRect(0, 0, width, height);
-  const many = visible(), labels = new Map([...many, SETS[chosen.model]].map(set => [set, labelsOfSlice(set)]));
-  const own = labels.get(SETS[chosen.model]), rows = own.length / N;
+  const many = visible(), labels = new Map([...many, sliced()].map(set => [set, labelsOfSlice(set)]));
+  const own = labels.get(sliced()), rows = own.length / N;
   sheet.width = N; sheet.height = rows;
   const image = sheet.getContext("2d").createImageData(N, rows), paints = DATA.labels.map((_, k) => rgb(labelColour(k)));
   for (let j = 0; j < rows; j++) for (let i = 0; i < N; i++)

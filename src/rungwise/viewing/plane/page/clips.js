@@ -1,0 +1,3 @@
+// The runs of this page.
+
+const CLIPS = DATA.clips.map(clipOf);
