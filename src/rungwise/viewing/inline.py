@@ -19,11 +19,9 @@ from rungwise.sets.doomed.doomed import DoomedSet
 from rungwise.sets.feasible.feasible import FeasibleSet
 from rungwise.simulation.result import Run
 from rungwise.viewing.designs import design_bars
-from rungwise.viewing.plane.clip import clip
-from rungwise.viewing.plane.html import page
-from rungwise.viewing.plane.strip import strip
+from rungwise.viewing.drawers import DRAWERS
 from rungwise.viewing.sets.slices import doomed_slices, feasible_slices
-from rungwise.world.find import world_of
+from rungwise.world.contract import AnyRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,13 +59,19 @@ def plot(result: Shown, *, frames: int = 6) -> Figure:
     if isinstance(result, Plan):
         if not result.found:
             raise PictureError(f"plot: there is no plan: {result.reason}")
-        run = result.replay()
-        if world_of(run.scene).dimension == 3:
-            raise PictureError("plot: runs in space are drawn by rungwise.view, as html")
-        return strip([clip(cast(Run, run))], frames)
+        return _strip(result.replay(), frames)
     if result.outcome == Outcome.INVALID:
         raise PictureError(f"plot: the run did not begin: {result.reason}")
-    return strip([clip(result)], frames)
+    return _strip(result, frames)
+
+
+def _strip(run: AnyRun, frames: int) -> Figure:
+    if run.scene.world not in DRAWERS:
+        raise PictureError(f"plot: there are no pictures of runs in {run.scene.world}")
+    drawer = DRAWERS[run.scene.world]
+    if drawer.strip is None:
+        raise PictureError(f"plot: {drawer.runs} are drawn by rungwise.view, as html")
+    return cast("Figure", drawer.strip([drawer.clip(run)], frames))
 
 
 @keywords
@@ -79,7 +83,7 @@ def to_html(result: Run | Plan | FeasibleSet | DoomedSet) -> str:
         return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
     if isinstance(result, Plan):
         run = result.replay() if result.found else None
-        return _table_of_plan(result) + (_animation(run) if isinstance(run, Run) else "")
+        return _table_of_plan(result) + ("" if run is None else _animation(run))
     if not isinstance(result, FeasibleSet | DoomedSet):
         raise PictureError(f"to_html: must be a run, a plan or a set, not {shown(result)}")
     return _table_of_set(result) + ("" if find_spec("matplotlib") is None else _picture(plot(result)))
@@ -117,8 +121,12 @@ def _table_of_set(found: FeasibleSet | DoomedSet) -> str:
     return table(cut(f"{found.scene.name} on {found.model.name}", 120), [*rows, ("runs", runs)])
 
 
-def _animation(run: Run) -> str:
-    content = html.escape(page([clip(run)], INLINE), quote=True)
+def _animation(run: AnyRun) -> str:
+    """The page of a run in a frame; nothing of a world without pictures."""
+    if run.scene.world not in DRAWERS:
+        return ""
+    drawer = DRAWERS[run.scene.world]
+    content = html.escape(drawer.page([drawer.clip(run)], INLINE), quote=True)
     return f'<iframe srcdoc="{content}" style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
 
 

@@ -9,22 +9,17 @@ from typing import Any
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.planning.plan import Plan, load_plan
-from rungwise.scene import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.sets.feasible.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
 from rungwise.simulation import trajectory
-from rungwise.viewing.plane import strip
-from rungwise.viewing.plane.clip import Clip, clip
-from rungwise.viewing.plane.html import page
+from rungwise.viewing.drawers import Drawer, drawer_of, drawer_of_saved
 from rungwise.viewing.sets import html as sets
 from rungwise.viewing.sets import slices
-from rungwise.viewing.space.html import page as space_page
-from rungwise.viewing.space.runs import film_of, holds_space
+from rungwise.viewing.skeleton import LARGEST
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
 from rungwise.world.contract import AnyRun
-from rungwise.world.find import world_of
 
 Source = AnyRun | Plan | FeasibleSet | str | Path
 
@@ -56,11 +51,6 @@ def view(
     """
     listed_runs = _listed(runs)
     sources = [_source(one) for one in listed_runs]
-    spatial = [one for one in sources if _is_in_space(one)]
-    if spatial:
-        if len(spatial) < len(sources):
-            raise ViewError("runs: runs in space and planar runs go to pages of their own")
-        return _in_space(spatial, html, png, gif)
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -70,44 +60,36 @@ def view(
         if len(found) < len(sources) or gif is not None:
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
         return _sets(found, html, png)
+    drawer = _drawer(sources)
+    if (png is not None and drawer.png is None) or (gif is not None and drawer.gif is None):
+        raise ViewError(f"view: {drawer.runs} go to html only")
     try:
-        clips = [clip(source) for source in sources if not _is_in_space(source)]
-    except SceneError as error:
+        clips = [drawer.clip(source) for source in sources]
+        drawer.alike(clips)
+    except InputError as error:
         raise ViewError(str(error)) from None
-    _same_bodies(clips)
     if html is None and png is None and gif is None:
-        html = f"{clips[0].scene}.html"
+        html = f"{drawer.name(clips[0])}.html"
     made: list[tuple[str, str | Path, Callable[[Path], object]]] = []
     if html is not None:
-        text = page(clips)
+        text = drawer.page(clips, LARGEST)
         made.append(("html", html, lambda file: file.write_text(text, "utf-8")))
-    if png is not None:
+    if png is not None and (to_png := drawer.png) is not None:
         needs_matplotlib("png")
-        made.append(("png", png, lambda file: strip.save_png(clips, file, frames, at)))
-    if gif is not None:
+        made.append(("png", png, lambda file: to_png(clips, file, frames, at)))
+    if gif is not None and (to_gif := drawer.gif) is not None:
         needs_matplotlib("gif")
-        made.append(("gif", gif, lambda file: strip.save_gif(clips, file)))
+        made.append(("gif", gif, lambda file: to_gif(clips, file)))
     return [write(*one) for one in made]
 
 
-def _is_in_space(source: Source) -> bool:
-    if isinstance(source, Path):
-        return holds_space(source)
-    return not isinstance(source, FeasibleSet | str) and world_of(source.scene).dimension == 3
-
-
-def _in_space(
-    runs: Sequence[Any], html: str | Path | None, png: str | Path | None, gif: str | Path | None
-) -> list[Path]:
-    if png is not None or gif is not None:
-        raise ViewError("view: runs in space go to html only")
-    try:
-        films = [film_of(run) for run in runs]
-        text = space_page(films)
-    except InputError as error:
-        raise ViewError(str(error)) from None
-    target = f"{films[0].title}.html" if html is None else html
-    return [write("html", target, lambda file: file.write_text(text, "utf-8"))]
+def _drawer(sources: Sequence[Any]) -> Drawer:
+    """What draws all of them."""
+    drawers = [drawer_of_saved(one) if isinstance(one, Path) else drawer_of(one.scene) for one in sources]
+    if any(other is not drawers[0] for other in drawers):
+        kinds = dict.fromkeys(drawer.runs for drawer in drawers)
+        raise ViewError(f"runs: {' and '.join(kinds)} go to pages of their own")
+    return drawers[0]
 
 
 def _is_source(source: object) -> bool:
@@ -176,11 +158,3 @@ def _sets(found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path
         drawing = slices.feasible_slices(found)
         files.append(write("png", png, lambda file: drawing.savefig(file, format="png", dpi=120)))
     return files
-
-
-def _same_bodies(clips: Sequence[Clip]) -> None:
-    for other in clips[1:]:
-        if (other.bodies, other.contacts) != (clips[0].bodies, clips[0].contacts):
-            raise ViewError(
-                f"runs: {clips[0].scene} and {other.scene} do not have the same bodies; view them one by one"
-            )

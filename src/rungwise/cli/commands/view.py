@@ -98,15 +98,14 @@ def view(
 def _live(runs: Sequence[AnyRun]) -> int:
     """Serve a page of runs in space until Ctrl-C."""
     from rungwise.errors import InputError
-    from rungwise.viewing.space.live import open_live
-    from rungwise.viewing.space.runs import film_of
-    from rungwise.world.find import world_of
+    from rungwise.viewing.drawers import drawer_of
 
-    in_space = [run for run in runs if world_of(run.scene).dimension == 3]
-    if not in_space or len(in_space) < len(runs):
-        refuse("view: --live shows runs of one scene in space")
     try:
-        with open_live([film_of(run) for run in in_space]) as page:
+        live = {drawer_of(run.scene).live for run in runs}
+        serve = live.pop() if len(live) == 1 else None
+        if serve is None:
+            refuse("view: --live shows runs of one scene in space")
+        with serve([drawer_of(run.scene).clip(run) for run in runs]) as page:
             show(f"{page.url} (Ctrl-C ends it)")
             page.wait()
     except InputError as error:
@@ -121,9 +120,7 @@ def _parting(
     from rungwise.planning.diagnosis.diagnose import diagnose
     from rungwise.planning.diagnosis.sentences import UNTOUCHED
     from rungwise.planning.plan import PLACES_ONLY
-    from rungwise.scene import Scene
-    from rungwise.viewing.plane.parting import draw_parting
-    from rungwise.viewing.write import ViewError
+    from rungwise.viewing.drawers import drawer_of
 
     if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
         refuse("parting: needs one saved plan (JSON) and two rungs, or none")
@@ -141,12 +138,10 @@ def _parting(
             found = max(moving, key=lambda each: each.distance)
         else:
             refuse("parting: the plan parts on none of its stages; name two rungs with --model")
-        if not isinstance(plan.scene, Scene):
+        draw = drawer_of(plan.scene).parting
+        if draw is None:
             refuse("parting: is drawn of planar plans only")
-        try:
-            written = draw_parting(found, plan.scene, file, parameters=plan.parameters, at=at)
-        except ViewError as error:
-            refuse(str(error))
+        written = draw(found, plan.scene, file, parameters=plan.parameters, at=at)
     if as_json:
         show_json({"files": [str(written)], "diagnosis": found.summary()})
     else:

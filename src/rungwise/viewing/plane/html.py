@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rungwise.viewing.plane.clip import Clip
 from rungwise.viewing.plane.extent import bounds, largest_force, receives_first
 from rungwise.viewing.skeleton import CURVES, LARGEST, along_time, fill, kind_of_runs, numbered, within
+from rungwise.viewing.write import ViewError
 
 OWN = files("rungwise.viewing.plane") / "page"
 STAGE = tuple(OWN / name for name in ("stage.js", "marks.js", "names.js"))
@@ -21,6 +22,15 @@ KIND = kind_of_runs(OWN, "plane", "clips.js", STAGE)
 def page(clips: Sequence[Clip], largest: int = LARGEST) -> str:
     """Text of the file. Clips must be of one scene's bodies and contacts (see `view`)."""
     return within(clips, lambda thinned: fill(KIND, title(thinned), _data(thinned)), largest)
+
+
+def same_bodies(clips: Sequence[Clip]) -> None:
+    """Raises ViewError unless the clips are of the same bodies and contacts."""
+    for other in clips[1:]:
+        if (other.bodies, other.contacts) != (clips[0].bodies, clips[0].contacts):
+            raise ViewError(
+                f"runs: {clips[0].scene} and {other.scene} do not have the same bodies; view them one by one"
+            )
 
 
 def title(clips: Sequence[Clip]) -> str:

@@ -1,0 +1,62 @@
+"""What draws the runs of a world: the one place that tells worlds apart for pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rungwise.scene.contract import AnyScene
+from rungwise.viewing.plane import html as planar
+from rungwise.viewing.plane import strip
+from rungwise.viewing.plane.clip import clip
+from rungwise.viewing.plane.parting import draw_parting
+from rungwise.viewing.space import html as spatial
+from rungwise.viewing.space.live import Live, open_live
+from rungwise.viewing.space.runs import film_of, holds_space
+from rungwise.viewing.write import ViewError
+
+
+@dataclass(frozen=True)
+class Drawer:
+    """How runs of a world are drawn. `clip` makes of a run, or of the folder of a saved one, what is drawn;
+    `alike` raises InputError where several show different bodies; `name` is the stem of their file and `page`
+    the text of a page of at most so many bytes. What the world does not have is None: stills (`strip`,
+    `png`), a moving picture (`gif`), a page that is served (`live`), the picture of a diagnosis (`parting`).
+    """
+
+    runs: str
+    clip: Callable[[Any], Any]
+    alike: Callable[[Sequence[Any]], None]
+    name: Callable[[Any], str]
+    page: Callable[[Sequence[Any], int], str]
+    strip: Callable[..., Any] | None = None
+    png: Callable[..., None] | None = None
+    gif: Callable[..., None] | None = None
+    live: Callable[[Sequence[Any]], Live] | None = None
+    parting: Callable[..., Path] | None = None
+
+
+PLANE = Drawer(
+    "planar runs", clip, planar.same_bodies, lambda each: str(each.scene), planar.page,
+    strip=strip.strip, png=strip.save_png, gif=lambda clips, file: strip.save_gif(clips, file),
+    parting=draw_parting,
+)  # fmt: skip
+SPACE = Drawer(
+    "runs in space", film_of, spatial.same_bodies, lambda each: str(each.title), spatial.page, live=open_live
+)
+DRAWERS = {"rungwise.world.planar": PLANE, "rungwise.world.spatial": SPACE}
+"""By the module of the world, which a scene names."""
+
+
+def drawer_of(scene: AnyScene) -> Drawer:
+    """Raises ViewError where no pictures are drawn of the scene's world."""
+    if scene.world not in DRAWERS:
+        raise ViewError(f"view: there are no pictures of runs in {scene.world}, the world of {scene.name}")
+    return DRAWERS[scene.world]
+
+
+def drawer_of_saved(folder: Path) -> Drawer:
+    """What draws the run that was saved in a folder."""
+    return SPACE if holds_space(folder) else PLANE
