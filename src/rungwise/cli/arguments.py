@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,6 +22,20 @@ SetOption = Annotated[
     list[str] | None, typer.Option("--set", help="name=value of a parameter; may be repeated.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
+
+ThreadsOption = Annotated[
+    int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
+]
+ClusterOption = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")]
+
+
+def numeric(name: str, about: str, metavar: str = "NUMBER") -> Any:
+    """An option whose value is a number."""
+    return typer.Option(name, parser=number, metavar=metavar, help=about)
 
 
 def number(text: str) -> float:
@@ -41,6 +55,12 @@ def load_scene(source: str) -> AnyScene:
 def parameters_of(scene: AnyScene, values: list[str] | None) -> dict[str, float]:
     """All parameters of the scene, with the values given by --set."""
     return scene.parameters(given_values(scene, values))
+
+
+def load_with(source: str, values: list[str] | None) -> tuple[AnyScene, dict[str, float]]:
+    """A scene, and all its parameters with the values given by --set."""
+    scene = load_scene(source)
+    return scene, parameters_of(scene, values)
 
 
 def given_values(scene: AnyScene, values: list[str] | None) -> dict[str, float]:

@@ -12,10 +12,12 @@ from rungwise.cli import progress
 from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
+    SeedOption,
     SetOption,
+    ThreadsOption,
     given_values,
     load_scene,
-    number,
+    numeric,
     writable,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
@@ -29,24 +31,16 @@ def compare(
     model: Annotated[str, typer.Option("--model", help="Only pairs with this rung, or all.")] = "all",
     values: SetOption = None,
     samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn besides the scene's.")] = 8,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")] = 0,
+    seed: SeedOption = 0,
     accuracy: Annotated[
         float,
-        typer.Option(
-            "--accuracy", parser=number, metavar="NUMBER",
-            help="Motions this near count as alike, as a part of the scene's extent.",
-        ),
+        numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent."),
     ] = 0.01,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--time", parser=number, metavar="NUMBER",
-            help="End of the runs; if not given, when the last rung has come to an end.",
-        ),
+        numeric("--time", "End of the runs; if not given, when the last rung has come to an end."),
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
-    ] = None,
+    threads: ThreadsOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
     ] = None,

@@ -13,10 +13,10 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
+    ThreadsOption,
     intervals,
-    load_scene,
-    number,
-    parameters_of,
+    load_with,
+    numeric,
     writable_file,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, show, show_json
@@ -38,12 +38,12 @@ def design(
     draws: Annotated[int, typer.Option("--draws", min=1, help="Samples to try a design.")] = 50,
     tol: Annotated[
         float,
-        typer.Option("--tol", parser=number, metavar="NUMBER", help="Accuracy of the set's boundary."),
+        numeric("--tol", "Accuracy of the set's boundary."),
     ] = 0.01,
     budget: Annotated[int, typer.Option("--budget", min=1, help="Greatest number of runs.")] = 200_000,
     limit: Annotated[
         float | None,
-        typer.Option("--limit", parser=number, metavar="SECONDS", help="Ends with the best design so far."),
+        numeric("--limit", "Ends with the best design so far.", metavar="SECONDS"),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the search and of the draws.")] = 0,
     values: SetOption = None,
@@ -51,7 +51,7 @@ def design(
         Path | None, typer.Option("--out", help="Scene file with the best values as defaults.")
     ] = None,
     png: Annotated[Path | None, typer.Option("--png", help="Picture: how far each may drift.")] = None,
-    threads: Annotated[int | None, typer.Option("--threads", min=1, help="Threads to use.")] = None,
+    threads: ThreadsOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Choose parameters with which a scene succeeds, as far from failure as may be."""
@@ -62,8 +62,7 @@ def design(
     names, box = intervals("over", over)
     try:
         with plain_errors():
-            loaded = load_scene(scene)
-            parameters = parameters_of(loaded, values)
+            loaded, parameters = load_with(scene, values)
             if png is not None:
                 needs_matplotlib("png")
             for file in (out, png):

@@ -13,10 +13,10 @@ from rungwise.cli.arguments import (
     JsonOption,
     SceneArgument,
     SetOption,
+    ThreadsOption,
     intervals,
-    load_scene,
-    number,
-    parameters_of,
+    load_with,
+    numeric,
     writable,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
@@ -35,18 +35,13 @@ def doomed(
     cells: Annotated[int | None, typer.Option("--cells", help="Cells along each axis.")] = None,
     stride: Annotated[
         list[float] | None,
-        typer.Option(
-            "--stride", parser=number, metavar="NUMBER",
-            help="Macro-step in cells that the fastest coordinate moves; may be repeated.",
-        ),
+        numeric("--stride", "Macro-step in cells that the fastest coordinate moves; may be repeated."),
     ] = None,
     padding: Annotated[int, typer.Option("--padding", help="Cells around a cell that speak for it.")] = 1,
     solutions: Annotated[
         str, typer.Option("--solutions", help="slowest; or any motion that overlaps nothing (kinematic).")
     ] = "slowest",
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
-    ] = None,
+    threads: ThreadsOption = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the set and the figure.")] = None,
     as_json: JsonOption = False,
 ) -> int:  # fmt: skip
@@ -64,8 +59,7 @@ def doomed(
             refuse(f"inputs: {name[:60]} needs an interval, {name[:60]}=LOW:HIGH")
     try:
         with plain_errors():
-            loaded = load_scene(scene)
-            parameters = parameters_of(loaded, values)
+            loaded, parameters = load_with(scene, values)
             if out is not None:
                 writable(out)
             with progress.counting(model, quiet=as_json or not sys.stderr.isatty()) as on_progress:

@@ -16,7 +16,7 @@ from rungwise.cli.arguments import (
     given_values,
     load_plan_file,
     load_scene,
-    number,
+    numeric,
     writable_file,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
@@ -44,23 +44,17 @@ def plan(
     budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
     limit: Annotated[
         float | None,
-        typer.Option(
-            "--limit",
-            parser=number,
-            metavar="SECONDS",
-            help="The search ends after this time, wherever it is.",
-        ),
+        numeric("--limit", "The search ends after this time, wherever it is.", metavar="SECONDS"),
     ] = None,
     improve: Annotated[
         int, typer.Option("--improve", min=0, help="Simulated steps spent on plans of less cost.")
     ] = 0,
     robust: Annotated[
         float | None,
-        typer.Option(
+        numeric(
             "--robust",
-            parser=number,
+            "Rate of success: open loop, with guarded moves or re-planning; the first that suffices.",
             metavar="RATE",
-            help="Rate of success: open loop, with guarded moves or re-planning; the first that suffices.",
         ),
     ] = None,
     samples: Annotated[int, typer.Option("--samples", min=1, help="Samples that prove the rate.")] = 200,

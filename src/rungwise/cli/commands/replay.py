@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from rungwise.cli.arguments import (
-    JsonOption,
-    SetOption,
-    load_plan_file,
-    load_scene,
-    number,
-    parameters_of,
-)
+from rungwise.cli.arguments import JsonOption, SetOption, load_plan_file, load_scene, numeric, parameters_of
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
@@ -41,18 +34,14 @@ def replay(
         ),
     ] = None,
     values: SetOption = None,
-    duration: Annotated[
-        float | None, typer.Option("--time", parser=number, metavar="NUMBER", help="End of the run.")
-    ] = None,
+    duration: Annotated[float | None, numeric("--time", "End of the run.")] = None,
     tol: Annotated[
         float | None,
-        typer.Option("--tol", parser=number, metavar="NUMBER", help="Error allowed per step of the run."),
+        numeric("--tol", "Error allowed per step of the run."),
     ] = None,
     step: Annotated[
         float | None,
-        typer.Option(
-            "--step", parser=number, metavar="NUMBER", help="The judge's step; the model's own if not given."
-        ),
+        numeric("--step", "The judge's step; the model's own if not given."),
     ] = None,
     as_json: JsonOption = False,
 ) -> int:

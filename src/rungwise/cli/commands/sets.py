@@ -10,13 +10,14 @@ import typer
 
 from rungwise.cli import progress
 from rungwise.cli.arguments import (
+    ClusterOption,
     JsonOption,
     SceneArgument,
     SetOption,
+    ThreadsOption,
     intervals,
-    load_scene,
-    number,
-    parameters_of,
+    load_with,
+    numeric,
     writable,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
@@ -42,32 +43,22 @@ def sets(
     ] = False,
     tol: Annotated[
         float,
-        typer.Option(
-            "--tol", parser=number, metavar="NUMBER", help="Accuracy of the boundary, as a part of the box."
-        ),
+        numeric("--tol", "Accuracy of the boundary, as a part of the box."),
     ] = 0.01,
     accuracy: Annotated[
         float | None,
-        typer.Option("--accuracy", parser=number, metavar="NUMBER", help="Error allowed per step of a run."),
+        numeric("--accuracy", "Error allowed per step of a run."),
     ] = None,
     probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
     limit: Annotated[
         float | None,
-        typer.Option(
-            "--limit",
-            parser=number,
-            metavar="SECONDS",
-            help="Each set ends after this time, with the cells that are known.",
+        numeric(
+            "--limit", "Each set ends after this time, with the cells that are known.", metavar="SECONDS"
         ),
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", min=1, help="Threads; all cores if not given.")
-    ] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
-    ] = None,
+    threads: ThreadsOption = None,
+    cluster: ClusterOption = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
     ] = 0,
@@ -113,8 +104,7 @@ def sets(
     try:
         with plain_errors():
             files.check(exports, len(names))
-            loaded = load_scene(scene)
-            parameters = parameters_of(loaded, values)
+            loaded, parameters = load_with(scene, values)
             if out is not None:
                 writable(out)
             for name, each in wanted:

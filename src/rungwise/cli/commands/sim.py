@@ -14,7 +14,7 @@ from rungwise.cli.arguments import (
     SceneArgument,
     SetOption,
     load_scene,
-    number,
+    numeric,
     parameters_of,
     writable,
 )
@@ -31,39 +31,23 @@ def sim(
     values: SetOption = None,
     step: Annotated[
         float | None,
-        typer.Option(
-            "--step", parser=number, metavar="NUMBER", help="Length of a step; the scene's own if not given."
-        ),
+        numeric("--step", "Length of a step; the scene's own if not given."),
     ] = None,
     tol: Annotated[
         float | None,
-        typer.Option(
-            "--tol", parser=number, metavar="NUMBER", help="Error allowed per step: step lengths are chosen."
-        ),
+        numeric("--tol", "Error allowed per step: step lengths are chosen."),
     ] = None,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--time", parser=number, metavar="NUMBER", help="End of the run; the scene's own if not given."
-        ),
+        numeric("--time", "End of the run; the scene's own if not given."),
     ] = None,
     theta: Annotated[
         float,
-        typer.Option(
-            "--theta",
-            parser=number,
-            metavar="NUMBER",
-            help="Theta rule on the dynamic-compliant rung, 0.5 to 1.",
-        ),
+        numeric("--theta", "Theta rule on the dynamic-compliant rung, 0.5 to 1."),
     ] = 1.0,
     inertia: Annotated[
         float | None,
-        typer.Option(
-            "--inertia",
-            parser=number,
-            metavar="NUMBER",
-            help="The paper's epsilon, 0 to 1, in place of the rung's own.",
-        ),
+        numeric("--inertia", "The paper's epsilon, 0 to 1, in place of the rung's own."),
     ] = None,
     inputs: Annotated[
         Path | None,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, number
+from rungwise.cli.arguments import JsonOption, numeric
 from rungwise.cli.terminal import refuse, show, show_json
 
 
@@ -15,7 +15,7 @@ def solve(
     file: Annotated[Path, typer.Argument(help="FCLIB HDF5, text of Siconos' numerics, or ContactBench npz.")],
     tol: Annotated[
         float,
-        typer.Option("--tol", parser=number, metavar="NUMBER", help="Residual to reach; it has no unit."),
+        numeric("--tol", "Residual to reach; it has no unit."),
     ] = 1e-9,
     kind: Annotated[
         str | None,

@@ -9,7 +9,14 @@ from typing import Annotated
 import typer
 
 from rungwise.cli import progress
-from rungwise.cli.arguments import JsonOption, load_plan_file, number
+from rungwise.cli.arguments import (
+    ClusterOption,
+    JsonOption,
+    SeedOption,
+    ThreadsOption,
+    load_plan_file,
+    numeric,
+)
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, show, show_json
 
 
@@ -23,27 +30,25 @@ def verify(
         str | None,
         typer.Option("--mode", help='"open loop", "guarded moves", "re-planning"; default: the plan\'s own.'),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")] = 0,
+    seed: SeedOption = 0,
     tol: Annotated[
         float | None,
-        typer.Option("--tol", parser=number, metavar="NUMBER", help="Error allowed per step."),
+        numeric("--tol", "Error allowed per step."),
     ] = None,
     rate: Annotated[
         float,
-        typer.Option(
-            "--rate", parser=number, metavar="RATE",
-            help="The answer is positive (exit code 0) where the lower bound of success is at least this.",
+        numeric(
+            "--rate",
+            "The answer is positive (exit code 0) where the lower bound of success is at least this.",
+            metavar="RATE",
         ),
     ] = 0.9,
     limit: Annotated[
         float | None,
-        typer.Option("--limit", parser=number, metavar="SECONDS", help="Ends with the samples run so far."),
+        numeric("--limit", "Ends with the samples run so far.", metavar="SECONDS"),
     ] = None,
-    threads: Annotated[int | None, typer.Option("--threads", min=1, help="Threads to use.")] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
-    ] = None,
+    threads: ThreadsOption = None,
+    cluster: ClusterOption = None,
     as_json: JsonOption = False,
 ) -> int:  # fmt: skip
     """Run a plan from starts, with parameters and inputs, that are drawn by its task."""

@@ -7,14 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli.arguments import (
-    JsonOption,
-    SetOption,
-    load_plan_file,
-    load_scene,
-    number,
-    parameters_of,
-)
+from rungwise.cli.arguments import JsonOption, SetOption, load_plan_file, load_with, numeric
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 from rungwise.world.contract import AnyRun
 
@@ -43,7 +36,7 @@ def view(
     frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
     at: Annotated[
         float | None,
-        typer.Option("--at", parser=number, metavar="NUMBER", help="Time of the one frame in the PNG."),
+        numeric("--at", "Time of the one frame in the PNG."),
     ] = None,
     parting: Annotated[
         Path | None,
@@ -166,8 +159,7 @@ def _runs(source: str, models: list[str] | None, values: list[str] | None) -> li
     from rungwise.world.run import simulate
 
     with plain_errors():
-        scene = load_scene(source)
-        parameters = parameters_of(scene, values)
+        scene, parameters = load_with(source, values)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
         runs = [simulate(scene, name, parameters=parameters) for name in chosen]
     for run in runs:
