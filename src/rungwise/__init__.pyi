@@ -44,6 +44,7 @@ from .scene import InvalidScene, Scene, SceneBuilder, SceneError, parts, schema,
 from .scene.read import load
 from .scene.space import SpaceScene
 from .scene.space.read import shipped_in_space
+from .scene.worlds import add_world
 from .sets.cells.labels import Label
 from .sets.doomed.doomed import DoomedSet, doomed_set, load_doomed_set
 from .sets.feasible.difference import Between, between
@@ -143,6 +144,7 @@ __all__ = [
     "Touching",
     "Verification",
     "ViewError",
+    "add_world",
     "ask",
     "between",
     "compare",

@@ -12,7 +12,7 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from rungwise.gym.episodes import Episodes
-from rungwise.gym.picture import Camera
+from rungwise.gym.picture import Camera, NoCamera
 from rungwise.gym.settings import GymError, Options, Settings, read_settings
 from rungwise.gym.space_picture import SpaceCamera
 from rungwise.models.ladder import Rung
@@ -20,7 +20,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
-from rungwise.world.contract import AnyRun
+from rungwise.world.contract import OTHER_SHAPES, SOLIDS, AnyRun
 from rungwise.world.find import world_of
 
 RENDER_MODES = ("rgb_array",)
@@ -70,7 +70,7 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         self._episodes = Episodes(self.settings, 1)
         self.observation_space = self._episodes.observed.space
         self.action_space = self._episodes.action_space
-        self._camera = camera_of(self.settings)
+        self._camera = camera_of(self.settings, self.render_mode)
         if seed is not None:
             self._np_random, self._np_random_seed = seeding.np_random(seed)
 
@@ -133,10 +133,15 @@ class SceneEnv(gymnasium.Env[NDArray[Any], NDArray[Any]]):
         return self._episodes.replay(0)
 
 
-def camera_of(settings: Settings) -> Camera | SpaceCamera:
-    """What draws episodes."""
+def camera_of(settings: Settings, render_mode: str | None) -> Camera | SpaceCamera | NoCamera:
+    """What draws episodes. Raises GymError where pictures are asked for of what nothing draws."""
     scene: Any = settings.scene
-    return SpaceCamera(scene) if world_of(scene).dimension == 3 else Camera(scene, settings.model)
+    shapes = world_of(scene).shapes
+    if shapes == OTHER_SHAPES and render_mode is not None:
+        raise GymError(f"render_mode: nothing draws the bodies of {scene.name}; valid: null")
+    if shapes == OTHER_SHAPES:
+        return NoCamera()
+    return SpaceCamera(scene) if shapes == SOLIDS else Camera(scene, settings.model)
 
 
 def checked_render_mode(mode: object) -> str | None:

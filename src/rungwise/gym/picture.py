@@ -50,6 +50,20 @@ class Camera:
         return np.asarray(canvas.buffer_rgba())[..., :3].copy()  # type: ignore[no-untyped-call]
 
 
+class NoCamera:
+    """Draws nothing, for scenes whose bodies only their world knows."""
+
+    def begin(self) -> None:
+        """Nothing of an episode is kept."""
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def picture(self, _parameters: Mapping[str, float], state: State) -> NDArray[np.uint8]:
+        """Raises GymError."""
+        raise GymError(f"render_mode: nothing draws bodies with the coordinates {', '.join(state.names[:9])}")
+
+
 def _joined(before: View | None, now: View) -> View:
     """A view with room for both, in which forces have the scale of the greater ones."""
     if before is None:

@@ -61,7 +61,7 @@ class SceneVectorEnv(VectorEnv[NDArray[Any], NDArray[Any], NDArray[Any]]):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._cameras = [camera_of(self.settings) for _ in range(self.num_envs)]
+        self._cameras = [camera_of(self.settings, self.render_mode) for _ in range(self.num_envs)]
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None

@@ -70,6 +70,7 @@ def compare(
     steps = _Steps(on_progress, 2 + len(MOVING) + sum(1 + len(pair.paths) for pair in pairs))
     extent, lengths = world_of(loaded).measures(values, longest)
     match = world_of(loaded).matched(values, longest)
+    pairs = [pair._replace(paths=tuple(p for p in pair.paths if p.is_within(match))) for pair in pairs]
     bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads)
     drawn = bench.inputs.draw(samples, rng)
     until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.models.ladder import Rung
-from rungwise.world.matching import DAMPING, STIFFNESS
+from rungwise.world.matching import DAMPING, STIFFNESS, Matched
 
 CONTACT = tuple(10.0 ** np.linspace(0.0, 4.0, 5))
 INERTIA = tuple(10.0 ** np.linspace(-1.0, -5.0, 5))
@@ -33,6 +33,10 @@ class Path:
     def factors(self, at: float) -> dict[str, float]:
         """Factors of stiffness and damping, by the names of the matched scene's parameters."""
         return {STIFFNESS: self.stiffness(at), DAMPING: self.damping(at)}
+
+    def is_within(self, matched: Matched) -> bool:
+        """Whether the matched scene has the parameters that the path changes."""
+        return all(name in matched.parameters for name in self.factors(self.values[0]))
 
 
 def _one(_: float) -> float:

@@ -1,4 +1,4 @@
-"""Reading a scene of either kind."""
+"""Reading a scene of any world."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.scene import Scene
 from rungwise.scene.space import is_space, load_space
 from rungwise.scene.space.read import shipped_in_space
+from rungwise.scene.worlds import is_of_world, load_of_world
 
 
 @keywords
 def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
     """Read a scene: from the name of a shipped scene, the path of a YAML file, or its content as a mapping;
     or, in space, from a model file (MJCF or URDF). A scene that has been read is returned as it is. Drawings
-    and model files are looked for beside the YAML file, for a mapping in the working folder.
+    and model files are looked for beside the YAML file, for a mapping in the working folder. Content with a
+    field `world` is read by the world of that name (see `add_world`).
 
     Raises SceneError: one line that names the field and its valid values.
     """
@@ -28,14 +30,25 @@ def load(source: AnyScene | str | Path | Mapping[str, Any]) -> AnyScene:
         if not hasattr(source, "world"):
             raise SceneError(f"scene: must be a name, a path or a mapping, not {shown(source)}")
         return source
+    named = _content(source)
+    if is_of_world(named):
+        return load_of_world(named)
     if is_space(source):
         return load_space(source)
     return planar.read(source, sorted((*planar.shipped(), *shipped_in_space())))
+
+
+def _content(source: str | Path | Mapping[str, Any]) -> Any:
+    """The content of a mapping, or of a YAML file; None of anything else, and of scenes that ship."""
+    if isinstance(source, Mapping):
+        return source
+    is_file = Path(source).suffix.lower() in (".yaml", ".yml") and Path(source).is_file()
+    return planar.read_yaml("scene", source) if is_file else None
 
 
 def load_planar(source: AnyScene | str | Path | Mapping[str, Any]) -> Scene:
     """A planar scene. Raises SceneError as `load` does, and for scenes of other worlds."""
     scene = load(source)
     if not isinstance(scene, Scene):
-        raise SceneError("scene: is in space, and what is asked is known of planar scenes only")
+        raise SceneError(f"scene: {scene.name} is not planar; this is known of planar scenes only")
     return scene

@@ -35,6 +35,8 @@ def touching(run: Run, body: str, within: float | None = None) -> Touching:
 
     Raises ValueError for an unknown body, or a run that did not begin.
     """
+    if not isinstance(run, Run):
+        raise ValueError("run: is not planar; contacts at the end are known of planar runs only")
     names = run.scene.template.bodies
     if body not in names:
         raise ValueError(f"body: unknown {body!r}{choices(body, names)}")

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 
 OBJECT, ROBOT, OBSTACLE = "object", "robot", "obstacle"
 """Roles of bodies."""
+OUTLINES, SOLIDS, OTHER_SHAPES = "outlines", "solids", "other"
+"""What bodies of a scene are, to what draws them and leads robots about them: outlines in the plane, solids
+in space, or what only the scene's world knows."""
 Told = Callable[[int], None]
 """Called with the number of runs done, about ten times a second; what it raises ends the runs."""
 
@@ -301,11 +304,11 @@ class Marks(Protocol):
 
 
 class World(Protocol):
-    """A scene and what can be asked of it. dimension: of the space that bodies move in; comparison_steps and
+    """A scene and what can be asked of it. shapes: what its bodies are (see `OUTLINES`); comparison_steps and
     replanning_steps: most steps of one run of a comparison, and of planning one move anew, by what a step
     costs."""
 
-    dimension: int
+    shapes: str
     comparison_steps: int
     replanning_steps: int
 

@@ -18,8 +18,8 @@ from rungwise.models.ladder import Rung
 from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
+from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
-from rungwise.simulation.spatial.frames import WORK
 from rungwise.simulation.state import Memory, State, digest
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rungwise.simulation.spatial.result import SpaceRun
     from rungwise.world.contract import AnyRun
 
-PLANAR = "scene: is planar; only scenes in space are replayed in another simulator"
+ELSEWHERE = "scene: is not in space; only scenes in space are replayed in another simulator"
 
 
 def replay(
@@ -64,6 +64,7 @@ def _planned(
     source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
 ) -> AnyRun | None:
     """The run of a saved plan; None for a scene."""
+    from rungwise.world.contract import SOLIDS
     from rungwise.world.find import world_of
 
     if Path(source).suffix.lower() != ".json":
@@ -72,8 +73,8 @@ def _planned(
         refuse("set: a plan has its own parameters")
     plan = load_plan_file(Path(source))
     run = plan.replay(model, tol=tol, duration=duration)
-    if world_of(run.scene).dimension != 3:
-        refuse(PLANAR)
+    if world_of(run.scene).shapes != SOLIDS:
+        refuse(ELSEWHERE)
     return run
 
 
@@ -81,12 +82,13 @@ def _run(
     source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
 ) -> AnyRun:
     """The run of a scene."""
+    from rungwise.world.contract import SOLIDS
     from rungwise.world.find import world_of
     from rungwise.world.run import simulate
 
     loaded = load_scene(source)
-    if world_of(loaded).dimension != 3:
-        refuse(PLANAR)
+    if world_of(loaded).shapes != SOLIDS:
+        refuse(ELSEWHERE)
     run: AnyRun = simulate(
         loaded,
         model or "dynamic-compliant",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from rungwise.planning.motion.moves import Moves, Stroke, pushed_length
 from rungwise.planning.motion.propagate import Places
 from rungwise.planning.motion.transit import NEAR, Transit
 from rungwise.planning.task.task import Task
-from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching
 from rungwise.system.spatial.drives import joints_of
 from rungwise.world.carriers import Carrier, TaskError
@@ -38,13 +38,19 @@ AROUND = 64
 """Places of joints that are tried to come away from what a robot touches."""
 
 
+def _room(task: Task) -> SpatialConfigurations:
+    """Where the bodies of a scene of solids may be placed."""
+    room: Any = world_of(task.scene).configurations(task.parameters, task.size)
+    found: SpatialConfigurations = room
+    return found
+
+
 class Tool:
     """A body that joints lead, and the objects that it may push at."""
 
     def __init__(self, task: Task, room: SpatialConfigurations, carrier: Carrier) -> None:
         import mujoco
 
-        assert isinstance(task.scene, SpaceScene)
         self._mujoco, self.room, self.carrier = mujoco, room, carrier
         m = self.model = room.model
         self.data, names = mujoco.MjData(m), list(task.scene.template.bodies)
@@ -158,8 +164,7 @@ class SpaceMoves(Moves):
 
     def __init__(self, task: Task) -> None:
         super().__init__(task)
-        assert isinstance(task.scene, SpaceScene)
-        self.room = SpatialConfigurations(task.scene, task.parameters, task.size)
+        self.room = _room(task)
         self.tools = [Tool(task, self.room, carrier) for carrier in task.carriers]
 
     @property
@@ -237,8 +242,7 @@ class SpaceTransit(Transit):
 
     def __init__(self, task: Task, question: Question) -> None:
         super().__init__(task, question)
-        assert isinstance(task.scene, SpaceScene)
-        self._space = SpatialConfigurations(task.scene, task.parameters, task.size)
+        self._space = _room(task)
         led = np.searchsorted(self._space.numbers, self._columns)
         reach = self._space.reach_of(self._space.of_numbers[led])
         self._pairs = np.flatnonzero((reach[self._space.pairs] > 0.0).any(axis=(1, 2)))

@@ -22,7 +22,7 @@ from rungwise.planning.search.push_effects import Pushes
 from rungwise.planning.task.task import Task, guarded_scene
 from rungwise.simulation.state import State
 from rungwise.world.carriers import TaskError
-from rungwise.world.contract import OBJECT
+from rungwise.world.contract import OBJECT, SOLIDS
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
@@ -154,7 +154,7 @@ def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
 
 def _moves_of(task: Task) -> Moves:
     """Moves of a task."""
-    if world_of(task.scene).dimension == 3 and task.carriers:
+    if world_of(task.scene).shapes == SOLIDS and task.carriers:
         from rungwise.planning.motion.joint_transit import SpaceMoves
 
         return SpaceMoves(task)

@@ -21,6 +21,7 @@ from rungwise.scene.read import load
 from rungwise.simulation import options
 from rungwise.simulation.state import State
 from rungwise.world.carriers import Carrier, TaskError, pair
+from rungwise.world.contract import OUTLINES
 from rungwise.world.find import world_of
 from rungwise.world.questions import ask, geometry
 
@@ -127,7 +128,7 @@ class Task:
 
     @property
     def planar(self) -> Scene:
-        """The scene, where it is planar. Raises TaskError for one in space."""
+        """The scene, where it is planar. Raises TaskError for one of another world."""
         return in_plane(self.scene)
 
     def allows(self, levels: Reals) -> NDArray[np.bool_]:
@@ -193,9 +194,9 @@ def _is_slow(stops: Reals, carriers: tuple[Carrier, ...], size: float) -> bool:
 
 
 def in_plane(scene: AnyScene) -> Scene:
-    """A planar scene. Raises TaskError for one in space."""
-    if world_of(scene).dimension != 2:
-        raise TaskError(f"scene: {scene.name} is in space; this is known for planar scenes only")
+    """A planar scene. Raises TaskError for one of another world."""
+    if world_of(scene).shapes != OUTLINES:
+        raise TaskError(f"scene: {scene.name} is not planar; this is known for planar scenes only")
     return cast(Scene, scene)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -14,7 +14,6 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.scene.errors import SceneError
 from rungwise.scene.language.expression import STACK, Programs, evaluate
-from rungwise.scene.language.names import Names
 from rungwise.scene.scene import InvalidScene
 from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels
@@ -22,6 +21,7 @@ from rungwise.scene.space.laws import contact_laws, sides_of
 from rungwise.scene.space.model import change, compiled, model_path, read_spec, targets
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.space.refused import left_out, refuse
+from rungwise.scene.stated import Numbers
 from rungwise.wording import choices
 
 if TYPE_CHECKING:
@@ -164,31 +164,6 @@ def _expressions(given: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from _expressions(each, f"{path}.{key}" if path else str(key))
     elif given is not None:
         yield path, str(given)
-
-
-@dataclass
-class Numbers:
-    """Values of a scene's numbers at its parameters."""
-
-    names: Names
-    values: Reals
-    stack: Reals = field(default_factory=lambda: np.zeros(STACK))
-
-    def one(self, text: float | str, path: str) -> float:
-        """The value of a number. Raises InvalidScene where it is none."""
-        programs = Programs([self.names.number(str(text), path)])
-        start, stop = programs.table[0]
-        value = float(evaluate(programs.code, programs.constants, start, stop, self.values, self.stack))
-        if not np.isfinite(value):
-            raise InvalidScene(f"{path}: must be finite, not {value:g}")
-        return value
-
-    def positive(self, text: float | str, path: str) -> float:
-        """The value of a number that must be more than 0."""
-        value = self.one(text, path)
-        if not 0.0 < value < np.inf:
-            raise InvalidScene(f"{path}: {value:g} must be > 0")
-        return value
 
 
 def _start(scene: Source, model: mujoco.MjModel, number: Numbers) -> tuple[Reals, Reals, Reals]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import Annotated
 
 from pydantic import Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
 
 from rungwise.scene.fields.fields import Parameter
 from rungwise.scene.fields.shapes import MANY, ONE
+from rungwise.scene.fields.stated import check_inputs
 from rungwise.scene.fields.strict import Strict
 from rungwise.scene.fields.task import Task
 from rungwise.scene.fields.values import Name, Number, Pattern, Text
@@ -97,7 +97,5 @@ class SpaceFile(Strict):
 
     @model_validator(mode="after")
     def _inputs_are_parameters(self) -> SpaceFile:
-        for name in self.inputs:
-            if name not in self.parameters:
-                raise PydanticCustomError("unknown_field", "inputs: {name} is no parameter", {"name": name})
+        check_inputs(self.inputs, self.parameters)
         return self

@@ -17,7 +17,8 @@ from rungwise.scene.space.fields import SpaceFile
 from rungwise.scene.space.labels import Labels, label, labels
 from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, read_spec
 from rungwise.scene.space.refused import refuse
-from rungwise.scene.space.scene import SpaceScene, SpaceTemplate
+from rungwise.scene.space.scene import SpaceScene
+from rungwise.scene.stated import NameTemplate
 from rungwise.scene.template.task import check_task
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     model = compiled(spec, path)
     refuse(model)
     names = labels(model)
-    scene = SpaceScene(file, folder, _template(file, model, names), names, spec.to_xml())
+    scene = SpaceScene(file, _template(file, model, names), folder, names, spec.to_xml())
     check_names(scene, spec, model)
     if file.task is not None:
         moving = [names.bodies[b] for b in range(model.nbody) if model.body_weldid[b]]
@@ -91,8 +92,8 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     return scene
 
 
-def _template(file: SpaceFile, model: mujoco.MjModel, names: Labels) -> SpaceTemplate:
-    return SpaceTemplate(
+def _template(file: SpaceFile, model: mujoco.MjModel, names: Labels) -> NameTemplate:
+    return NameTemplate(
         tuple(file.parameters),
         file.inputs,
         names.bodies,

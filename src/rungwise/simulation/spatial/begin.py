@@ -2,63 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
 from rungwise.kernel import Reals
 from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
-from rungwise.scene.space.bind import normalise
 from rungwise.scene.space.elements import equality
-from rungwise.simulation.core.stepper import OVERLAP, Stepper
-from rungwise.simulation.spatial.memory import memory_parts
+from rungwise.simulation.core.stepper import OVERLAP
+from rungwise.simulation.moving.begin import Fault, worst
 from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.state import State, StateError, check_state, digest
+from rungwise.simulation.state import StateError
 from rungwise.system.spatial.space import Space
 
 OPEN = 1e-2
 """An equality may be open, and a limit passed, by this part of the system's length at a start that no run has
 led to: what rounded numbers of files make, and runs whose states are taken without their memory."""
-
-
-def begin_at(state: State, scene: SpaceScene, stepper: Stepper) -> Reals | None:
-    """Put a run at a state; returns the memory (w,) of the state's run, None if it has none or is of another
-    scene. Raises StateError."""
-    check_state(state, scene)
-    stepper.q = state.q.copy()
-    normalise(stepper.q, scene, "state.q", StateError)
-    stepper.state.v[:] = state.v
-    stepper.time = state.time
-    stepper.state.clock["time"] = state.time
-    return memory_of(state, scene)
-
-
-def memory_of(state: State, scene: SpaceScene) -> Reals | None:
-    """The memory (w,) of a checked state, None where it has none or is of another scene. Raises StateError
-    where it is of other q, v or time."""
-    if state.memory is None or state.memory.scene != digest(scene):
-        return None
-    template, values = scene.template, state.memory.values[memory_parts(scene).values]
-    time = len(template.parameters)
-    places = time + 1 + len(template.coordinates)
-    rates = places + len(template.velocities)
-    own = {"time": values[time : time + 1], "q": values[time + 1 : places], "v": values[places:rates]}
-    for field, known in own.items():
-        if not np.array_equal(known, np.atleast_1d(getattr(state, field))):
-            raise StateError(
-                f"state.{field}: differs from the state's memory; make a state with State.of,"
-                " or replace memory by None, too"
-            )
-    return state.memory.values
-
-
-class Fault(NamedTuple):
-    """Two geoms that overlap, or an equality that is open, a limit that is passed; and by how much."""
-
-    kind: str
-    numbers: tuple[int, int]
-    by: float
 
 
 def faults(space: Space, q: Reals) -> list[Fault]:
@@ -70,7 +26,7 @@ def faults(space: Space, q: Reals) -> list[Fault]:
 def faults_before(scene: SpaceScene, parameters: dict[str, float], q: Reals) -> list[Fault]:
     """What was amiss in the state's own run at these parameters. Raises StateError."""
     try:
-        return faults(Prepared.of(scene, parameters).space, q)
+        return faults(Prepared.of(scene, parameters).system, q)
     except SceneError as error:
         raise StateError(f"state.memory: {error}") from None
 
@@ -79,18 +35,9 @@ def misplaced(scene: SpaceScene, space: Space, q: Reals, before: list[Fault], fi
     """What is amiss at q, more than before and more than rounding explains: the bodies that overlap most, or
     else the joint, tendon or equality that is farthest off; "" if nothing is. A step would close it at any
     speed. The line begins with `field`, the start or the state."""
-    allowed: dict[tuple[str, tuple[int, int]], float] = {}
-    for kind, numbers, by in before:
-        allowed[kind, numbers] = max(by, allowed.get((kind, numbers), 0.0))
     least = {"overlap": OVERLAP * space.size.length, "joint": OPEN * space.size.length}
-    amiss = [
-        fault for fault in faults(space, q)
-        if fault.by > least[fault.kind] + allowed.get((fault.kind, fault.numbers), 0.0)
-    ]  # fmt: skip
-    if not amiss:
-        return ""
-    worst = max(amiss, key=lambda fault: (fault.kind == "overlap", fault.by))
-    return f"{field}: {_told(scene, space, worst)}"
+    found = worst(faults(space, q), before, least)
+    return "" if found is None else f"{field}: {_told(scene, space, found)}"
 
 
 def _told(scene: SpaceScene, space: Space, fault: Fault) -> str:

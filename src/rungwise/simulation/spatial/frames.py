@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.moving.frames import worked
 from rungwise.system.spatial.space import Space
 from rungwise.system.terms import JOINT, SUPPORT
 
@@ -45,33 +44,6 @@ class Frame(NamedTuple):
 REACTIONS = ("drive_force", "limit_force", "joint_force", "dry_friction")
 """What acts on each velocity beside contacts and loads: drives, travel limits, equalities, dry friction in
 joints."""
-WORK = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
-
-
-@dataclass
-class Recorder:
-    """Keeps at most `most` frames, none if that is 0, every `stride` steps; the stride doubles when they are
-    full."""
-
-    most: int
-    stride: int
-    frames: list[Frame] = field(default_factory=list)
-    _since: int = 0
-
-    def take(self, stepper: Stepper, space: Space, memory: Callable[[], Reals], last: bool = False) -> None:
-        """Keep the state, if it is its turn or the last."""
-        if self.most == 0:
-            return
-        self._since += 1
-        if not last and self.frames and self._since < self.stride:
-            return
-        if self.frames and self.frames[-1].time == stepper.time:
-            self.frames.pop()
-        if len(self.frames) >= self.most:
-            del self.frames[1::2]
-            self.stride *= 2
-        self._since = 0
-        self.frames.append(frame(stepper, space, memory()))
 
 
 def frame(stepper: Stepper, space: Space, memory: Reals) -> Frame:
@@ -80,7 +52,7 @@ def frame(stepper: Stepper, space: Space, memory: Reals) -> Frame:
     return Frame(
         stepper.time, stepper.q.copy(), stepper.v.copy(), memory, touching(stepper, space),
         float(clock["residual"]), space.energy(stepper.q, stepper.v),
-        np.array([float(clock[name]) for name in WORK]), reactions(stepper, space),
+        worked(clock), reactions(stepper, space),
     )  # fmt: skip
 
 

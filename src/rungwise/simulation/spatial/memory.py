@@ -1,4 +1,4 @@
-"""What a run in space hands on from step to step beside q and v, as one array."""
+"""What the core and the features of a run in space hand on from step to step, as one array."""
 
 from __future__ import annotations
 
@@ -8,32 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.moving.memory import begin_anew
 from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.space import Space
-
-
-class Parts(NamedTuple):
-    """Where in a memory (w,) what lies: of the schedule's clock, the run's own numbers, values that
-    conditions read, and the core's."""
-
-    clock: slice
-    own: slice
-    values: slice
-    core: slice
-
-
-OWN = 4
-"""Numbers of a run: length of the next step, margins of goal and danger, energy gained."""
-
-
-def memory_parts(scene: SpaceScene) -> Parts:
-    """Where in memories of this scene's runs what lies."""
-    clock = 2 + len(scene.template.inputs)
-    values = clock + OWN + scene.template.value_count
-    return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
-
 
 HEAD = 7
 """Numbers before all others: margin of contacts, how far the last step leapt, limited rows, slots of the
@@ -112,9 +90,5 @@ def hand_on(stepper: Stepper, space: Space, values: Reals) -> None:
     clock, margin, fall = stepper.state.clock.copy(), space.margin, stepper.terms.fall.copy()
     recall(stepper, space, values)
     stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
-    stepper.scratch.limited_force[:] = stepper.scratch.limited_mode[:] = 0
-    stepper.state.impulse[:] = 0.0
-    stepper.leapt = 0.0
-    if not stepper.rung.compliant:
-        stepper.state.deformation[:] = 0.0
+    begin_anew(stepper)
     space.look_within(margin)

@@ -16,12 +16,12 @@ class Prepared(NamedTuple):
     """A bound scene and its system, which one run at a time may use."""
 
     bound: SpaceBound
-    space: Space
+    system: Space
 
     @property
     def bytes(self) -> int:
         """Memory that it takes, about."""
-        return OWN + int(self.space.model.nbuffer + self.space.data.nbuffer)
+        return OWN + int(self.system.model.nbuffer + self.system.data.nbuffer)
 
     @classmethod
     def of(cls, scene: SpaceScene, parameters: Mapping[str, float]) -> Prepared:

@@ -10,6 +10,7 @@ from rungwise.kernel import Reals
 from rungwise.scene.space.labels import Labels
 from rungwise.simulation.core.crawl import CAUSES, why_nowhere
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.moving.snaps import snaps
 from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed
@@ -27,11 +28,7 @@ def snapped(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
     pairs = {tuple(model.geom_bodyid[pair].tolist()) for pair in pushed}
     near = sorted("|".join(names[x] for x in pair) for pair in pairs if name in {names[x] for x in pair})
     at = f" at {listed(near)}" if near else ""
-    return (
-        f"at t = {stepper.time:.6g} {name} snaps out of its balance{at}: after {stepper.leapt:.3g} in one"
-        " step it moves on however short the next is, and momentum, which this rung leaves out, decides"
-        " where it rests. Use a dynamic rung, or damp the motion."
-    )
+    return snaps(stepper, name, at)
 
 
 def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:

@@ -18,11 +18,11 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.simulation.inputs import condition
+from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import positive
 from rungwise.simulation.spatial.frames import Frame
 from rungwise.simulation.spatial.result import SpaceRun
-from rungwise.simulation.spatial.schedule import Clock
-from rungwise.simulation.spatial.values import Values
 from rungwise.wording import choices
 
 if TYPE_CHECKING:

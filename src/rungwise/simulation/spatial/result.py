@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.record import Record, by_body
-from rungwise.simulation.spatial.frames import REACTIONS, WORK, Frame
-from rungwise.simulation.state import Memory, State, digest
+from rungwise.simulation.moving.result import MovingRun, measured, named, told, worked
+from rungwise.simulation.spatial.frames import REACTIONS, Frame
 from rungwise.system.spatial.space import Space
 
 if TYPE_CHECKING:
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class SpaceRun(Record):
+class SpaceRun(MovingRun):
     """The end of a run in space and its record; what a planar `Run` has, it has under the same names.
 
     `frames` are the states kept, with their contacts; `space` is the system as the run left it;
@@ -28,39 +26,9 @@ class SpaceRun(Record):
 
     scene: SpaceScene
     frames: tuple[Frame, ...]
-    space: Space | None
-    energy_gained: float = 0.0
+    space: Space | None = None
 
-    @property
-    def began(self) -> bool:
-        return bool(self.frames)
-
-    @property
-    def final(self) -> dict[str, dict[str, float]]:
-        return by_body(self.scene.template.coordinates, self.frames[-1].q) if self.frames else {}
-
-    @property
-    def state(self) -> State:
-        """The state at the end of the run. Raises ValueError for a run that never began."""
-        self.check_begun()
-        return self.states[-1]
-
-    @cached_property
-    def states(self) -> list[State]:
-        """The states of the recorded frames, in the order of `trajectory.time`."""
-        names, scene = self.scene.template.coordinates, digest(self.scene)
-        return [
-            State(
-                names, each.q, each.v, each.time,
-                Memory(each.memory, scene, self.model, self.theta, self.inputs),
-            )
-            for each in self.frames
-        ]  # fmt: skip
-
-    @cached_property
-    def trajectory(self) -> xarray.Dataset:
-        """The recorded frames (see `dataset`). Raises ValueError for a run that never began."""
-        self.check_begun()
+    def dataset(self) -> xarray.Dataset:
         return dataset(self)
 
 
@@ -77,7 +45,7 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
     """
     import xarray as xr
 
-    template, frames = run.scene.template, run.frames
+    frames = run.frames
     pairs, gap, force, mode = _of_pairs(run, frames)
     data = {
         "position": (("time", "coordinate"), np.array([each.q for each in frames])),
@@ -85,30 +53,17 @@ def dataset(run: SpaceRun) -> xarray.Dataset:
         "gap": (("time", "pair"), gap),
         "mode": (("time", "pair"), mode, {"flags": ["open", "stick", "slip"]}),
         "contact_force": (("time", "pair", "direction"), force),
-        "residual": (("time",), np.array([each.residual for each in frames])),
-        "energy": (("time",), np.array([each.energy for each in frames])),
+        **measured(run),
     }
     data |= _touches(frames)
     acting = np.array([each.reactions for each in frames])
     data |= {name: (("time", "rate"), acting[:, k]) for k, name in enumerate(REACTIONS)}
-    work = np.array([each.work for each in frames])
-    data |= {name: (("time",), work[:, k]) for k, name in enumerate(WORK)}
+    data |= worked(run)
     return xr.Dataset(
         data,
-        coords={
-            "time": np.array([each.time for each in frames]),
-            "coordinate": np.array(template.coordinates, object),
-            "rate": np.array(template.velocities, object),
-            "pair": np.array(pairs, object),
-            "direction": np.array(["normal", "tangent"], object),
-        },
-        attrs={
-            "scene": run.scene.name,
-            "model": run.model.name,
-            "scene_file": run.scene.stored,
-            "outcome": str(run.outcome),
-            "reason": run.reason,
-        },
+        coords=named(run)
+        | {"pair": np.array(pairs, object), "direction": np.array(["normal", "tangent"], object)},
+        attrs=told(run),
     )
 
 

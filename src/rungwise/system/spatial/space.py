@@ -179,6 +179,15 @@ class Space:
                 least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
         return float(least)
 
+    def pushes(self, force: Reals) -> list[tuple[int, int, float]]:
+        """Two bodies and the normal force of each contact, from forces by slot (s, d), normal first."""
+        geoms, body = self.kept.geoms, self.solids.body
+        return [
+            (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]))
+            for s in np.flatnonzero(geoms[:, 0] >= 0)
+            if force[s, 0] > 0.0
+        ]
+
     def _geoms_of(self, body: int) -> list[int]:
         own = self.model.geom_bodyid == body
         solid = own & touching(self.model)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from rungwise.contact.step import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Outcome
-from rungwise.scene import Scene, SceneError, load
+from rungwise.scene import Scene, SceneError
+from rungwise.scene.read import load_planar
 from rungwise.scene.template.records import FIXED, FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation import trajectory as saved
 from rungwise.simulation.planar.state.workspace import allocate, in_memory
@@ -143,7 +144,7 @@ def clip(source: Run | str | Path) -> Clip:
     except (OSError, ValueError) as error:
         raise SceneError(f"view: {error}") from None
     file = data.attrs.get("scene_file")
-    scene = load(json.loads(file) if file is not None else summary["scene"])
+    scene = load_planar(json.loads(file) if file is not None else summary["scene"])
     return of_trajectory(scene, summary["parameters"], data)
 
 

@@ -1,8 +1,6 @@
-"""Places by which motions in the plane are compared: coordinates."""
+"""How far motions in the plane reach that are compared."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,17 +9,6 @@ from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene, SceneError
 from rungwise.simulation.run import Simulation
 from rungwise.world.run import finished
-
-
-@dataclass(frozen=True)
-class Coordinates:
-    """The coordinates of a planar scene, each a place on a line."""
-
-    names: tuple[str, ...]
-
-    def __call__(self, q: Reals) -> Reals:
-        """Places (..., n, 1) of states q (..., n)."""
-        return q[..., None]
 
 
 def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:

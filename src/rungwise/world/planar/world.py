@@ -14,13 +14,14 @@ from rungwise.scene.template import records as rec
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.world.arguments import Asked
-from rungwise.world.contract import Told
+from rungwise.world.contract import OUTLINES, Told
 from rungwise.world.ingredients import Parting
 from rungwise.world.matching import Matched
+from rungwise.world.moving.marks import Coordinates
 from rungwise.world.planar import description, evidence, matching
 from rungwise.world.planar.configurations import PlanarConfigurations
 from rungwise.world.planar.instance import PlanarInstance, roles_in_plane
-from rungwise.world.planar.marks import Coordinates, measures
+from rungwise.world.planar.marks import measures
 from rungwise.world.planar.place import PlanarPlace
 from rungwise.world.planar.rollouts import Rollouts, rollout
 from rungwise.world.planar.runs import PlanarRuns
@@ -35,7 +36,7 @@ class PlanarWorld:
     """See `World`."""
 
     scene: Scene
-    dimension: ClassVar[int] = 2
+    shapes: ClassVar[str] = OUTLINES
     comparison_steps: ClassVar[int] = 8000
     replanning_steps: ClassVar[int] = 300_000
 

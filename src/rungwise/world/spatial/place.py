@@ -2,47 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
-from rungwise.scene.fields.values import shown
-from rungwise.scene.language.expression import STACK, Programs
-from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
+from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension
 from rungwise.scene.space import SpaceScene
-from rungwise.scene.space.bind import normalise
 from rungwise.simulation.core.stepper import OVERLAP, Stepper
-from rungwise.simulation.planar.questions import read
-from rungwise.simulation.rows import States, finite_rows, scale_of
-from rungwise.simulation.spatial.memory import memory_parts, recall
+from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.moving.run import numbered, pushed
+from rungwise.simulation.rows import States, scale_of
+from rungwise.simulation.spatial.memory import recall
 from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.spatial.values import Values, pushes
-from rungwise.simulation.state import Memory, State, StateError, check_state, digest
+from rungwise.simulation.state import State
+from rungwise.system.spatial.space import Space
+from rungwise.world.moving.place import MovingPlace
 
 SLIDE, HINGE = 2, 3
 """Numbers of MuJoCo's joints that move along, and about, an axis."""
 
 
-class _Row(NamedTuple):
-    """A state: time, q, v, and the memory of a run of this scene, if it has one."""
-
-    time: float
-    q: Reals
-    v: Reals
-    memory: Memory | None = None
-
-
-class SpatialPlace:
+class SpatialPlace(MovingPlace):
     """A scene in space at one set of parameters (see `world.contract.Place`)."""
 
     def __init__(self, scene: SpaceScene, parameters: Mapping[str, float] | None) -> None:
-        self.scene = scene
-        self.bound, self.space = Prepared.of(scene, scene.parameters(parameters))
-        self._stepper = Stepper(self.space, KINEMATIC, self.bound.step)
+        super().__init__(scene, *Prepared.of(scene, scene.parameters(parameters)))
+
+    @property
+    def space(self) -> Space:
+        """The bodies."""
+        space: Space = self.system
+        return space
 
     def dimensions(self) -> tuple[tuple[Dimension, ...], tuple[Dimension, ...]]:
         """Dimensions of the coordinates and of the velocities."""
@@ -65,38 +58,8 @@ class SpatialPlace:
         gravity, mass = float(np.linalg.norm(model.opt.gravity)), float(model.body_mass.max(initial=0.0))
         return scale_of(dimension, float(model.stat.extent), self.bound.duration, mass, gravity)
 
-    def values(self, states: States, terms: list[Term]) -> Reals:
-        """Values of terms (m, k)."""
-        programs, rows = Programs([term.code for term in terms]), self._rows(states)
-        values = Values(self.scene, self.bound, [term.code for term in terms])
-        blank = values.all.copy()
-        numbers = np.array([self._numbers(row, values, blank) for row in rows])
-        found = np.zeros((len(rows), len(terms)))
-        code = (programs.code, programs.constants, programs.table)
-        read(code, numbers.reshape(len(rows), self.scene.template.value_count), np.zeros(STACK), found)
-        return found
-
-    def _numbers(self, row: _Row, values: Values, blank: Reals) -> Reals:
-        """What conditions read (see `Values`, `blank` at first) at a state."""
-        values.all[:] = blank
-        values.place(row.time, row.q, row.v, self.space)
-        if row.memory is not None:
-            before = row.memory.values[memory_parts(self.scene).values]
-            values.hand_on(before)
-            if row.memory.inputs:
-                columns = [self.scene.template.parameters.index(name) for name in self.scene.template.inputs]
-                values.told[columns] = before[columns]
-            self._recalled(row.memory)
-            values.push(self._stepper, self.space, 0.0)
-        return values.all.copy()
-
-    def _recalled(self, memory: Memory) -> float:
-        """Recall a run's last step; how far bodies sank into each other in it."""
-        try:
-            recall(self._stepper, self.space, memory.values[memory_parts(self.scene).core])
-        except ValueError:
-            raise StateError("state.memory: is of another scene") from None
-        return float(self._stepper.state.deformation[:, 0].max(initial=0.0))
+    def recall(self, core: Reals) -> None:
+        recall(self._stepper, self.space, core)
 
     def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
         """Gaps (m, c), collisions (m,), poses (m, b, 7)."""
@@ -122,34 +85,10 @@ class SpatialPlace:
         names = [self.scene.labels.bodies[int(self.space.solids.body[geom])] for geom in (a, b)]
         return f"{names[0]} and {names[1]} overlap by {-gap:.3g}" if gap < -allowed else ""
 
-    def _rows(self, states: States) -> list[_Row]:
-        """States, their quaternions unit ones. Raises StateError."""
-        template = self.scene.template
-        n = len(template.coordinates)
-        if isinstance(states, np.ndarray):
-            moving = finite_rows(states, n, len(template.velocities))
-            rows = [_Row(0.0, row[:n].copy(), row[n:]) for row in moving]
-        else:
-            many = [states] if isinstance(states, State) else states
-            if not isinstance(many, Sequence):
-                raise StateError(f"states: must be states, or an array of places, not {shown(states)}")
-            own, rows = digest(self.scene), []
-            for state in many:
-                check_state(state, self.scene)
-                is_own = state.memory is not None and state.memory.scene == own
-                rows.append(_Row(state.time, state.q.copy(), state.v, state.memory if is_own else None))
-        for row in rows:
-            normalise(row.q, self.scene, "states.q", StateError)
-        return rows
-
 
 def forces_in(memory: Reals, scene: SpaceScene, made: Prepared) -> Reals:
     """Normal forces (c,) of pairs of bodies in the last step of a run of this scene that left this memory."""
-    stepper = Stepper(made.space, KINEMATIC, made.bound.step)
-    made.space.forget()
-    recall(stepper, made.space, memory[memory_parts(scene).core])
-    bodies, forces = scene.template.bodies, np.zeros(len(scene.template.contacts))
-    number = {(bodies.index(a), bodies.index(b)): k for k, (a, b) in enumerate(scene.template.contacts)}
-    for a, b, force in pushes(stepper, made.space):
-        forces[number[min(a, b), max(a, b)]] += force
-    return forces
+    stepper = Stepper(made.system, KINEMATIC, made.bound.step)
+    made.system.forget()
+    recall(stepper, made.system, memory[memory_parts(scene).core])
+    return pushed(made.system, numbered(scene), stepper.state.force)

@@ -1,98 +1,15 @@
-"""Rollouts of scenes in space: many runs from states, each with inputs in segments, over processes."""
+"""Rollouts of scenes in space."""
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.options import ModelError, check_options, count
-from rungwise.simulation.spatial.frames import WORK
-from rungwise.simulation.spatial.processes import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
-from rungwise.simulation.spatial.run import SpaceSimulation
-from rungwise.simulation.workers import BUDGET, threads_of
-from rungwise.world.arguments import Asked
-from rungwise.world.rolled import Rolled
-from rungwise.world.run import finished
+from rungwise.world.moving.rollouts import MovingRollouts
 
 
 @dataclass(frozen=True, repr=False)
-class SpaceRollouts(Rolled):
+class SpaceRollouts(MovingRollouts):
     """Rollouts of a scene in space, as of `Rolled`."""
 
     scene: SpaceScene
-    _ends: Ends = field(repr=False)
-
-    def _at_ends(self, name: str) -> NDArray[Any]:
-        return self._ends.work[..., WORK.index(name)] if name in WORK else getattr(self._ends, name)
-
-
-def rollout(
-    scene: SpaceScene, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool,
-    budget: int | None, threads: int | None, chunk: int | None, on_progress: Callable[[int], None] | None,
-) -> SpaceRollouts:  # fmt: skip
-    """The runs that are asked for (see `rungwise.rollout`); `threads` are processes."""
-    check_options(options["step"], options["tol"], None, options["theta"])
-    if options["motion"] is not None:
-        raise ModelError("motion: is not known for scenes in space")
-    options = {name: value for name, value in options.items() if name != "motion"}
-    most = BUDGET if budget is None else count("budget", budget, 1)
-    processes = min(threads_of(threads), os.cpu_count() or 1)
-    size = None if chunk is None else count("chunk", chunk, 1)
-    terms = Terms(scene, model, options, most, keep)
-    m = len(wanted.points)
-    numbers = [i for i in range(m) if i not in wanted.faults]
-    size = size or max(1, min(16, len(numbers) // (4 * processes)))
-    parts = [
-        [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
-        for at in range(0, len(numbers), size)
-    ]
-    found = [nothing(scene, "")] * m
-    done = m - len(numbers)
-    look = None if on_progress is None else lambda: on_progress(done)
-    for part in spread(run_samples, terms, parts, len(numbers), processes, look):
-        for sampled in part:
-            found[numbers[done - m + len(numbers)]] = sampled
-            done += 1
-        if on_progress is not None:
-            on_progress(done)
-    faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
-    ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
-
-    def of_sample(i: int) -> dict[str, Any]:
-        return options | wanted.options(scene, i)
-
-    def again(i: int) -> Any:
-        return finished(SpaceSimulation(scene, model, **of_sample(i)))
-
-    return SpaceRollouts(
-        scene=scene, model=model, outcome=np.array([each.outcome for each in found], np.int64),
-        margin=np.array([each.margin for each in found]), time=np.array([each.time for each in found]),
-        steps=np.array([each.steps for each in found], np.int64),
-        attempts=np.array([each.attempts for each in found], np.int64),
-        solves=np.array([each.solves for each in found], np.int64),
-        switches=np.array([each.switches for each in found], np.int64),
-        worst_residual=np.array([each.residual for each in found]),
-        final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
-        faults=faults, memory=ends.memory, _again=again,
-        _schedules=partial(wanted.schedule, scene), _theta=options["theta"], _ends=ends,
-    )  # fmt: skip
-
-
-def _ends(scene: SpaceScene, found: list[Sampled], segments: int) -> Ends:
-    """The ends of segments of all runs, nan for those that did not begin."""
-    s, template = max(segments, 1), scene.template
-    size = max((each.ends.memory.shape[1] for each in found if each.ends is not None), default=0)
-    bare = Ends(
-        np.full(s, np.nan), np.full((s, len(template.coordinates)), np.nan),
-        np.full((s, len(template.velocities)), np.nan), np.full((s, 5), np.nan), np.full((s, size), np.nan),
-    )  # fmt: skip
-    rows = [bare if each.ends is None else each.ends.widened(size) for each in found]
-    return Ends(*(np.array([row[k] for row in rows]) for k in range(5)))

@@ -2,182 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar
 
-import numpy as np
-
-from rungwise.kernel import Ints, Reals
-from rungwise.models.ladder import Rung
-from rungwise.outcome import Code
+from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.inputs import Segment
-from rungwise.simulation.options import ModelError, check_options, count
-from rungwise.simulation.spatial.memory import memory_parts
-from rungwise.simulation.spatial.processes import (
-    Sample,
-    Sampled,
-    Terms,
-    begin_samples,
-    nothing,
-    prepared,
-    run_samples,
-    simulation_of,
-    spread,
-)
-from rungwise.simulation.state import Memory, State, StateError, check_state, digest
-from rungwise.simulation.workers import BUDGET, threads_of
-from rungwise.world.contract import Places, Ran, Told
+from rungwise.simulation.moving.processes import Make
+from rungwise.simulation.spatial.kept import kept_simulation, prepared
+from rungwise.world.moving.runs import MovingRuns
 from rungwise.world.spatial.place import forces_in
 
-WAITS = 300
-"""Steps for which a search waits."""
-MOST = 16
-"""Most runs that one task takes, so that processes that are done early take more; chosen by trial."""
-PARTS = 4
-"""Tasks for each process."""
-FOLLOWED = (Segment({}, 1.0),)
-"""Stands for the schedule that a run followed, or that it will follow from its start, whichever it is."""
 
+class SpatialRuns(MovingRuns):
+    """Runs of a scene in space on one rung."""
 
-class SpatialRuns:
-    """Runs of a scene in space on one rung; options as of `World.runs`, but `threads` are processes."""
+    scene: SpaceScene
+    make: ClassVar[Make] = kept_simulation
+    kind: ClassVar[str] = "scenes in space"
+    most: ClassVar[int] = os.cpu_count() or 1
 
-    def __init__(
-        self, scene: SpaceScene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
-        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
-        tol: float | None = None, duration: float | None = None, span: float | None = None,
-        theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
-        patience: int | None = None, threads: int | None = None,
-    ) -> None:  # fmt: skip
-        if motion is not None:
-            raise ModelError("motion: is not known for scenes in space")
-        check_options(step, tol, duration, theta)
-        self.scene, self.model, self._over, self._theta = scene, model, tuple(over), theta
-        self._until, self._ramps = tuple(until), tuple(ramps)
-        self.parameters = scene.parameters(parameters)
-        self.threads = min(threads_of(threads), os.cpu_count() or 1)
-        most = BUDGET if budget is None else count("budget", budget, 1)
-        most = most if patience is None else patience * WAITS
-        options = {"step": step, "tol": tol, "theta": theta, "duration": duration, "span": span}
-        self._terms = Terms(scene, model, options, most, False)
-        self._digest, self._values = digest(scene), memory_parts(scene).values
-
-    def run(
-        self, points: Reals, places: Places | None = None, durations: Reals | None = None,
-        levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
-        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,
-    ) -> Ran:  # fmt: skip
-        """See `Runs.run`."""
-        m = len(points)
-        numbers = [i for i in range(m) if wrong is None or not wrong[i]]
-        size = chunk or max(1, min(MOST, math.ceil(len(numbers) / (PARTS * self.threads))))
-        samples = [self._sample(i, points, places, durations, levels) for i in numbers]
-        parts = [samples[at : at + size] for at in range(0, len(samples), size)]
-        terms, found, done = self._terms._replace(ends=ends, keeps=keeps), [nothing(self.scene, "")] * m, 0
-
-        def look() -> None:
-            if on_progress is not None:
-                on_progress(done)
-
-        for part in spread(run_samples, terms, parts, len(samples), self.threads, look):
-            for each in part:
-                found[numbers[done]] = each
-                done += 1
-        look()
-        return self._ran(found, begins=False)
-
-    def begin(self, points: Reals, places: Places | None = None) -> Ran:
-        """See `Runs.begin`."""
-        samples = [self._sample(i, points, places, np.ones((1, 1)), None) for i in range(len(points))]
-        return self._ran(begin_samples(self._terms, samples), begins=True)
-
-    def placed(self, state: State, parameters: Mapping[str, float]) -> tuple[Places, Code]:
-        """See `Runs.placed`."""
-        check_state(state, self.scene)
-        sample = Sample(self.parameters | dict(parameters), state, FOLLOWED)
-        begun = simulation_of(self._terms, sample)
-        if begun.outcome == Code.INVALID:
-            raise StateError(begun.reason)
-        goes_on = state.memory is not None and state.memory.scene == self._digest
-        return self._ran(begin_samples(self._terms, [sample]), begins=not goes_on).places, begun.outcome
-
-    def taken_over(self, place: Places, scene: SpaceScene, levels: Reals) -> Places:
-        """See `Runs.taken_over`: forces and deformations of contacts are kept."""
-        template, own = self.scene.template, place.memory[0].copy()
-        values = own[memory_parts(scene).values]
-        values[[template.parameters.index(name) for name in template.inputs]] = levels
-        memory = np.empty(1, object)
-        memory[0] = own
-        return Places(place.q.copy(), place.v.copy(), place.time.copy(), memory, np.ones(1, bool))
-
-    def numbers(self, places: Places) -> Reals:
-        return np.array([memory[self._values] for memory in places.memory])
-
-    def forces(self, points: Reals, places: Places) -> Reals:
-        return np.array(
-            [
-                forces_in(memory, self.scene, prepared(self.scene, self._at(point)))
-                for memory, point in zip(places.memory, points, strict=True)
-            ]
-        )
-
-    def state(self, places: Places, row: int, inputs: tuple[Segment, ...] = ()) -> State:
-        memory = None
-        if places.goes_on[row]:
-            memory = Memory(places.memory[row], self._digest, self.model, self._theta, inputs)
-        q, v, time = places.q[row], places.v[row], float(places.time[row])
-        return State(self.scene.template.coordinates, q, v, time, memory)
-
-    def _at(self, point: Reals) -> dict[str, float]:
-        return self.parameters | dict(zip(self._over, point.tolist(), strict=True))
-
-    def _sample(
-        self, i: int, points: Reals, places: Places | None, durations: Reals | None, levels: Reals | None
-    ) -> Sample:
-        state = None if places is None else self.state(places, i, FOLLOWED)
-        segments = tuple(self._segments(i, durations, levels)) if self._until else ()
-        return Sample(self._at(points[i]), state, segments)
-
-    def _segments(self, i: int, durations: Reals | None, levels: Reals | None) -> list[Segment]:
-        names, s = self.scene.template.inputs, len(self._until)
-        lengths = np.zeros(s) if durations is None else durations[min(i, len(durations) - 1)]
-        rows = np.full((s, len(names)), math.nan) if levels is None else levels[min(i, len(levels) - 1)]
-        return [
-            Segment(
-                {name: x for name, x in zip(names, row, strict=True) if x == x}, length, self._until[k],
-                bool(self._ramps[k]),
-            )
-            for k, (length, row) in enumerate(zip(lengths.tolist(), rows.tolist(), strict=True))
-        ]  # fmt: skip
-
-    def _ran(self, found: list[Sampled], begins: bool) -> Ran:
-        memory = np.empty(len(found), object)  # their lengths differ
-        memory[:] = [each.memory for each in found]
-        time = np.array([each.time for each in found])
-        n_q, n_v = len(self.scene.template.coordinates), len(self.scene.template.velocities)
-        q = np.array([each.q for each in found]).reshape(len(found), n_q)
-        v = np.array([each.v for each in found]).reshape(len(found), n_v)
-        known = np.array([len(each.memory) > 0 for each in found], bool)
-
-        def counted(of: Callable[[Sampled], int]) -> Ints:
-            return np.array([of(each) for each in found], np.int64)
-
-        def at(segment: int, rows: Ints) -> Places:
-            ends = [found[i].ends for i in rows.tolist()]
-            there = np.empty(len(ends), object)
-            there[:] = [None if end is None else end.memory[segment] for end in ends]
-            parts = [np.array([getattr(end, name)[segment] for end in ends]) for name in ("q", "v", "time")]
-            return Places(parts[0], parts[1], parts[2], there, np.ones(len(ends), bool))
-
-        return Ran(
-            outcome=counted(lambda each: each.outcome), margin=np.array([each.margin for each in found]),
-            time=time, steps=counted(lambda each: each.steps),
-            attempts=counted(lambda each: each.attempts), solves=counted(lambda each: each.solves),
-            switches=counted(lambda each: each.switches),
-            residual=np.array([each.residual for each in found]),
-            work=np.array([each.drive_work for each in found]),
-            places=Places(q, v, time, memory, known & (not begins)),
-            faults={i: each.fault for i, each in enumerate(found) if each.fault}, at=at,
-        )  # fmt: skip
+    def forces_in(self, memory: Reals, parameters: dict[str, float]) -> Reals:
+        return forces_in(memory, self.scene, prepared(self.scene, parameters))

@@ -13,15 +13,16 @@ from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.arguments import Asked
-from rungwise.world.contract import Told
+from rungwise.world.contract import SOLIDS, Told
 from rungwise.world.ingredients import Parting
 from rungwise.world.matching import Matched
+from rungwise.world.moving.rollouts import rollout
 from rungwise.world.spatial import description, evidence, matching
 from rungwise.world.spatial.configurations import SpatialConfigurations
 from rungwise.world.spatial.instance import SpatialInstance, roles_in_space
 from rungwise.world.spatial.marks import Bodies, marks_of, measures
 from rungwise.world.spatial.place import SpatialPlace
-from rungwise.world.spatial.rollouts import SpaceRollouts, rollout
+from rungwise.world.spatial.rollouts import SpaceRollouts
 from rungwise.world.spatial.runs import SpatialRuns
 from rungwise.world.spatial.variant import SpatialVariant
 
@@ -31,7 +32,7 @@ class SpatialWorld:
     """See `World`."""
 
     scene: SpaceScene
-    dimension: ClassVar[int] = 3
+    shapes: ClassVar[str] = SOLIDS
     comparison_steps: ClassVar[int] = 4000
     replanning_steps: ClassVar[int] = 10_000
 
@@ -48,8 +49,8 @@ class SpatialWorld:
         threads: int | None, chunk: int | None, on_progress: Told | None,
     ) -> SpaceRollouts:  # fmt: skip
         return rollout(
-            self.scene, model, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk,
-            on_progress=on_progress,
+            SpaceRollouts, SpatialRuns, self.scene, model, wanted, options, keep=keep, budget=budget,
+            threads=threads, chunk=chunk, on_progress=on_progress,
         )  # fmt: skip
 
     def place(self, parameters: Mapping[str, float] | None) -> SpatialPlace:

@@ -1,4 +1,4 @@
-"""What conditions and schedules read at a state of a run in space."""
+"""What conditions and schedules read at a state of a run."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from rungwise.outcome import Code
 from rungwise.scene.language.expression import STACK, Programs, evaluate, holds
 from rungwise.scene.language.expression import Code as Program
 from rungwise.scene.language.names import OF_CONTACTS
-from rungwise.scene.space import SpaceBound, SpaceScene
+from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.system.spatial.space import Space
+from rungwise.simulation.moving.prepared import Bodies, Numbers
 
 
 @dataclass
@@ -22,8 +22,8 @@ class Values:
     impulses of pairs of bodies, tolerance (see `scene.language.names`); gaps, forces and impulses of the
     pairs that conditions ask for."""
 
-    scene: SpaceScene
-    bound: SpaceBound
+    scene: StatedScene
+    bound: Numbers
     until: list[Program] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class Values:
         template = self.scene.template
         return len(template.parameters) + 1 + len(template.coordinates) + len(template.velocities)
 
-    def place(self, now: float, q: Reals, v: Reals, space: Space) -> None:
+    def place(self, now: float, q: Reals, v: Reals, system: Bodies) -> None:
         """Take over a state without forces: time, q, v, and gaps."""
         template, first = self.scene.template, self._first_of_contacts
         time, n_q, count = len(template.parameters), len(template.coordinates), len(template.contacts)
@@ -66,17 +66,17 @@ class Values:
         self.all[time + 1 + n_q : first] = v
         self.all[first + count : first + 2 * count] = 0.0
         for (a, b), index in self._of_pair.items():
-            self.all[first + index] = space.gap(q, a, b)
+            self.all[first + index] = system.gap(q, a, b)
 
-    def read(self, stepper: Stepper, space: Space) -> None:
+    def read(self, stepper: Stepper, system: Bodies) -> None:
         """Take over the state of a run, with the forces of its last step, and add their impulses."""
-        self.place(stepper.time, stepper.q, stepper.v, space)
-        self.push(stepper, space, float(stepper.state.clock[0]["tried"]))
+        self.place(stepper.time, stepper.q, stepper.v, system)
+        self.push(stepper, system, float(stepper.state.clock[0]["tried"]))
 
-    def push(self, stepper: Stepper, space: Space, h: float) -> None:
+    def push(self, stepper: Stepper, system: Bodies, h: float) -> None:
         """Add the forces of a run's last step, and their impulses as in a step of length h."""
         first, count = self._first_of_contacts, len(self.scene.template.contacts)
-        for a, b, force in pushes(stepper, space) if self.pairs else ():
+        for a, b, force in system.pushes(stepper.state.force) if self.pairs else ():
             index = self._of_pair.get((min(a, b), max(a, b)), -1)
             if index >= 0:
                 self.all[first + count + index] += force
@@ -136,13 +136,3 @@ class Values:
         return last > first and holds(
             self._programs.code, self._programs.constants, first, last, self.all, self._stack
         )
-
-
-def pushes(stepper: Stepper, space: Space) -> list[tuple[int, int, float]]:
-    """Two bodies, and the normal force of each contact in the last step."""
-    force, geoms, body = stepper.state.force, space.kept.geoms, space.solids.body
-    return [
-        (int(body[geoms[s, 0]]), int(body[geoms[s, 1]]), float(force[s, 0]))
-        for s in np.flatnonzero(geoms[:, 0] >= 0)
-        if force[s, 0] > 0.0
-    ]

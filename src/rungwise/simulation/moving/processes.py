@@ -1,10 +1,8 @@
-"""Runs of scenes in space, over processes: MuJoCo's data belong to one, and Python's loop takes half the
-time."""
+"""Many runs of whatever moves, one after another or over processes."""
 
 from __future__ import annotations
 
 import math
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
@@ -16,19 +14,17 @@ from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.scene.space import SpaceScene
+from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
-from rungwise.simulation.spatial.frames import WORK
-from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.spatial.run import TURN_S, SpaceSimulation
-from rungwise.simulation.state import State, digest
+from rungwise.simulation.moving.frames import worked
+from rungwise.simulation.moving.run import TURN_S, MovingSimulation
+from rungwise.simulation.state import State
 
 FEW = 4
 """So many runs are not worth the start of other processes; they are made in this one."""
-KEPT = 150_000_000
-"""Bytes of scenes at parameters that a thread keeps ready: enough for a hundred small ones."""
-
+Make = Callable[..., MovingSimulation]
+"""Makes a run of a scene on a rung, with these options; what other processes are told has a name."""
 Job = TypeVar("Job")
 Part = TypeVar("Part")
 Made = TypeVar("Made")
@@ -70,15 +66,25 @@ def _gathered(futures: list[Future[Made]], look: Callable[[], None] | None) -> I
 
 
 class Terms(NamedTuple):
-    """What all samples share: scene, rung, options of their runs, most steps of one, whether the states at
-    the ends of segments are kept, and when by the monotonic clock runs have not converged at the latest."""
+    """What all samples share: scene, rung, what makes their runs, options of these, most steps of one,
+    whether the states at the ends of segments are kept, and when by the monotonic clock runs have not
+    converged at the latest."""
 
-    scene: SpaceScene
+    scene: StatedScene
     model: Rung
+    make: Make
     options: dict[str, Any]
     budget: int
     keeps: bool
     ends: float = math.inf
+
+    def made(self, sample: Sample) -> MovingSimulation:
+        """The run of a sample before its first step. Raises InvalidScene, SceneError, StateError and
+        ModelError."""
+        return self.make(
+            self.scene, self.model, parameters=sample.parameters, state=sample.state, inputs=sample.inputs,
+            frames=None, **self.options,
+        )  # fmt: skip
 
 
 class Sample(NamedTuple):
@@ -126,22 +132,6 @@ class Sampled(NamedTuple):
     fault: str = ""
 
 
-_own = threading.local()
-
-
-def prepared(scene: SpaceScene, parameters: dict[str, float]) -> Prepared:
-    """The scene at these parameters, kept ready in this thread. Raises InvalidScene."""
-    kept: dict[Any, Prepared] = _own.__dict__.setdefault("kept", {})
-    key = digest(scene), tuple(parameters.items())
-    made = kept.pop(key, None)
-    if made is None:
-        made = Prepared.of(scene, parameters)
-        while kept and sum(each.bytes for each in (made, *kept.values())) > KEPT:
-            del kept[next(iter(kept))]
-    kept[key] = made  # behind those that were used less lately
-    return made
-
-
 def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
     """The runs, one after the other; none depends on earlier ones."""
     return [_told(_ran, terms, sample) for sample in samples]
@@ -160,24 +150,15 @@ def _told(run: Callable[[Terms, Sample], Sampled], terms: Terms, sample: Sample)
         return nothing(terms.scene, str(error))
 
 
-def simulation_of(terms: Terms, sample: Sample) -> SpaceSimulation:
-    """The run before its first step. Raises InvalidScene, SceneError, StateError and ModelError."""
-    made = prepared(terms.scene, terms.scene.parameters(sample.parameters))
-    return SpaceSimulation(
-        terms.scene, terms.model, parameters=sample.parameters, state=sample.state, inputs=sample.inputs,
-        frames=None, prepared=made, **terms.options,
-    )  # fmt: skip
-
-
 def _begun(terms: Terms, sample: Sample) -> Sampled:
-    simulation = simulation_of(terms, sample)
+    simulation = terms.made(sample)
     if simulation.stepper is None or simulation.outcome == Code.INVALID:
         return nothing(terms.scene, simulation.reason)
     return _sampled(simulation, simulation.stepper, 0, 0.0, None)
 
 
 def _ran(terms: Terms, sample: Sample) -> Sampled:
-    simulation = simulation_of(terms, sample)
+    simulation = terms.made(sample)
     stepper = simulation.stepper
     if stepper is None or simulation.outcome == Code.INVALID:
         return nothing(terms.scene, simulation.reason)
@@ -195,7 +176,7 @@ def _ran(terms: Terms, sample: Sample) -> Sampled:
 
 
 def _sampled(
-    simulation: SpaceSimulation, stepper: Stepper, solved: int, worked: float, ends: _Ends | None
+    simulation: MovingSimulation, stepper: Stepper, solved: int, worked: float, ends: _Ends | None
 ) -> Sampled:
     """Where a run has come to, whose state had been solved for and worked on before."""
     return Sampled(
@@ -206,7 +187,7 @@ def _sampled(
     )  # fmt: skip
 
 
-def nothing(scene: SpaceScene, why: str) -> Sampled:
+def nothing(scene: StatedScene, why: str) -> Sampled:
     """A run that did not begin."""
     n_q, n_v = len(scene.template.coordinates), len(scene.template.velocities)
     q, v = np.full(n_q, np.nan), np.full(n_v, np.nan)
@@ -216,7 +197,7 @@ def nothing(scene: SpaceScene, why: str) -> Sampled:
 class _Ends:
     """Keeps the states of a run at the ends of its segments; without a segment, at the end of the run."""
 
-    def __init__(self, simulation: SpaceSimulation, segments: int) -> None:
+    def __init__(self, simulation: MovingSimulation, segments: int) -> None:
         self._simulation, self._noted = simulation, 0
         self._rows: list[tuple[float, Reals, Reals, Reals, Reals] | None] = [None] * max(segments, 1)
         self.note()
@@ -247,5 +228,4 @@ class _Ends:
     def _row(self) -> tuple[float, Reals, Reals, Reals, Reals]:
         simulation, stepper = self._simulation, self._simulation.stepper
         assert stepper is not None
-        work = np.array([float(stepper.clock[name]) for name in WORK])
-        return stepper.time, stepper.q.copy(), stepper.v.copy(), work, simulation.memory()
+        return stepper.time, stepper.q.copy(), stepper.v.copy(), worked(stepper.clock), simulation.memory()

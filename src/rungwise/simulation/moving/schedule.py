@@ -1,4 +1,4 @@
-"""Inputs over time in a run in space: the segment that is on, and the values of its inputs."""
+"""Inputs over time in a run: the segment that is on, and the values of its inputs."""
 
 from __future__ import annotations
 

@@ -11,11 +11,9 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.moving.values import Values
 from rungwise.simulation.planar.state.inputs import LOCATED
 from rungwise.simulation.planar.state.verdicts import SIGHTS
-from rungwise.simulation.spatial.memory import recall, remembered
-from rungwise.simulation.spatial.values import Values
-from rungwise.system.spatial.space import Space
 
 DATED = 0.25
 """Part of the nominal step to which the first condition on the way of a longer one is dated."""
@@ -23,7 +21,7 @@ DATED = 0.25
 
 @dataclass(frozen=True)
 class Begun:
-    """A run before a step: all that the step changes."""
+    """A run before a step: all that the step changes; `core`: its core's memory."""
 
     time: float
     q: Reals
@@ -33,13 +31,11 @@ class Begun:
     residual: float
 
     @classmethod
-    def of(cls, stepper: Stepper, space: Space, values: Values) -> Begun:
-        core = remembered(stepper, space)
+    def of(cls, stepper: Stepper, values: Values, core: Reals) -> Begun:
         return cls(stepper.time, stepper.q, stepper.v.copy(), core, values.all.copy(), stepper.residual)
 
-    def restore(self, stepper: Stepper, space: Space, values: Values) -> None:
-        """Take the step back."""
-        recall(stepper, space, self.core)
+    def restore(self, stepper: Stepper, values: Values) -> None:
+        """Take the step back, once the run has recalled the core's memory."""
         stepper.time, stepper.q, stepper.residual = self.time, self.q, self.residual
         stepper.state.v[:], values.all[:] = self.v, self.values
         stepper.outcome, stepper.certificate = Code.RUNNING, None

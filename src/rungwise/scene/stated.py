@@ -1,0 +1,187 @@
+"""What scenes of all worlds but the plane have in common: fields that they state, names, numbers, conditions.
+
+A world of one's own derives its fields from `Stated` and its scenes from `StatedScene`.
+"""
+
+from __future__ import annotations
+
+import json
+from abc import abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from rungwise.errors import InputError
+from rungwise.kernel import Reals
+from rungwise.keywords import keywords
+from rungwise.plain import cut
+from rungwise.scene.errors import STRICT, SceneError, out_of_range
+from rungwise.scene.fields.stated import Stated
+from rungwise.scene.fields.task import numbers_of
+from rungwise.scene.language.expression import STACK, Code, Programs, evaluate
+from rungwise.scene.language.names import OF_CONTACTS, Names
+from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain, parameter_values
+from rungwise.scene.template.task import check_task
+
+if TYPE_CHECKING:
+    import rungwise
+
+Fields = TypeVar("Fields", bound=Stated)
+
+
+def read_fields(fields: type[Fields], data: object) -> Fields:
+    """Fields from plain values. Raises SceneError: one line that names the field and its valid values."""
+    try:
+        return fields.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(explain(error, data)) from None
+
+
+@dataclass(frozen=True)
+class NameTemplate:
+    """What expressions, schedules and states speak of: names of parameters, inputs, bodies, coordinates
+    (n_q,), velocities (n_v,), pairs of bodies that may touch, and the first coordinate of each quaternion."""
+
+    parameters: tuple[str, ...]
+    inputs: tuple[str, ...]
+    bodies: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    velocities: tuple[str, ...]
+    contacts: tuple[tuple[str, str], ...]
+    turns: tuple[int, ...] = ()
+
+    def names(self) -> Names:
+        """The names that expressions may use."""
+        return Names(self.parameters, self.coordinates, self.contacts, self.velocities)
+
+    @property
+    def value_count(self) -> int:
+        """Numbers that programs read: parameters, t, q, v, gaps, forces and impulses, tolerance."""
+        moving = len(self.coordinates) + len(self.velocities)
+        return len(self.parameters) + 2 + moving + len(OF_CONTACTS) * len(self.contacts)
+
+
+@dataclass
+class Numbers:
+    """Values of a scene's numbers at its parameters."""
+
+    names: Names
+    values: Reals
+    stack: Reals = field(default_factory=lambda: np.zeros(STACK))
+
+    def one(self, text: float | str, path: str) -> float:
+        """The value of a number. Raises InvalidScene where it is none."""
+        programs = Programs([self.names.number(str(text), path)])
+        start, stop = programs.table[0]
+        value = float(evaluate(programs.code, programs.constants, start, stop, self.values, self.stack))
+        if not np.isfinite(value):
+            raise InvalidScene(f"{path}: must be finite, not {value:g}")
+        return value
+
+    def positive(self, text: float | str, path: str) -> float:
+        """The value of a number that must be more than 0."""
+        value = self.one(text, path)
+        if not 0.0 < value < np.inf:
+            raise InvalidScene(f"{path}: {value:g} must be > 0")
+        return value
+
+
+@dataclass(frozen=True)
+class StatedScene:
+    """A scene that has been read: its file, and the names that expressions may use. See `AnyScene`; what
+    derives from it says its `world`, and where it starts."""
+
+    file: Any
+    template: NameTemplate
+    world: ClassVar[str]
+    self_contained: ClassVar[bool] = True
+    farthest: ClassVar[float] = FARTHEST
+
+    @property
+    def name(self) -> str:
+        return str(self.file.name)
+
+    def __repr__(self) -> str:
+        bodies, parameters = (
+            cut(", ".join(self.template.bodies), 120),
+            cut(", ".join(self.file.parameters), 120),
+        )
+        return f"<{type(self).__name__} {cut(self.name)}: bodies {bodies}; parameters {parameters or 'none'}>"
+
+    @cached_property
+    def content(self) -> str:
+        """What tells scenes apart: the file's content."""
+        return self.stored
+
+    @property
+    def whole(self) -> str:
+        """All that the scene says."""
+        return self.content
+
+    @property
+    def stored(self) -> str:
+        """The scene as JSON, as `load` takes it once decoded."""
+        return str(self.file.model_dump_json(exclude_unset=True))
+
+    def yaml(self) -> str:
+        """The scene as a file."""
+        return as_yaml(json.loads(self.stored))
+
+    def changed(self, **fields: Any) -> Self:
+        """The scene with other fields of its file, such as its goal."""
+        return replace(self, file=self.file.model_copy(update=fields))
+
+    @keywords
+    def parameters(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """All parameters, defaults replaced by those `given`. Raises SceneError as `Scene.parameters`."""
+        return parameter_values(self.file.parameters, given)
+
+    def numbers(self, given: Mapping[str, float] | None = None) -> Numbers:
+        """What gives the scene's numbers at these parameters, at t = 0."""
+        return Numbers(self.template.names(), np.array([*self.parameters(given).values(), 0.0]))
+
+    def task_numbers(self, given: Mapping[str, float] | None = None) -> dict[str, float]:
+        """The numbers of the task, by their paths, at these parameters. Raises InvalidScene for one that is
+        out of its bounds."""
+        number, found = self.numbers(given), {}
+        for place in () if self.file.task is None else numbers_of(self.file.task):
+            value = found[place.path] = number.one(place.number, place.path)
+            low = place.at_least if place.above is None else place.above
+            wrong = out_of_range(value, low, place.at_most, 0 if place.above is None else STRICT)
+            if wrong is not None:
+                raise InvalidScene(f"{place.path}: {wrong}")
+        return found
+
+    @cached_property
+    def conditions(self) -> dict[str, Code]:
+        """Programs of the conditions that the scene states. Raises SceneError."""
+        names = self.template.names()
+        stated = {name: getattr(self.file, name) for name in ("goal", "unsafe", "doomed")}
+        return {name: names.condition(text, name) for name, text in stated.items() if text is not None}
+
+    def checked(self, robots: tuple[str, ...] = ()) -> Self:
+        """The scene, once its conditions and its task speak of nothing unknown; `robots` may be led through
+        free space. Raises SceneError."""
+        _ = self.conditions
+        if self.file.task is not None:
+            check_task(self.file.task, self.template.names(), self.file.inputs, robots)
+        return self
+
+    @abstractmethod
+    def start(self, parameters: Mapping[str, float] | None = None) -> tuple[Reals, Reals]:
+        """q (n_q,) and v (n_v,) where the scene starts. Raises InvalidScene where it is impossible."""
+
+    def normalise(self, q: Reals, field: str, error: type[InputError]) -> None:
+        """Nothing: these scenes know no quaternions, unless they say so."""
+
+    def goal(
+        self, states: rungwise.States, parameters: Mapping[str, float] | None = None
+    ) -> rungwise.Answers:
+        """Whether the goal is reached at states, with signed margins (see `rungwise.ask`)."""
+        import rungwise
+
+        return rungwise.ask(self, "goal", states, parameters)

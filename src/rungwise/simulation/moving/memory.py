@@ -1,0 +1,79 @@
+"""What a run hands on from step to step beside q and v, as one array."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Reals
+from rungwise.scene.contract import AnyScene
+from rungwise.simulation.core.stepper import Stepper
+
+
+class Parts(NamedTuple):
+    """Where in a memory (w,) what lies: of the schedule's clock, the run's own numbers, values that
+    conditions read, and the core's."""
+
+    clock: slice
+    own: slice
+    values: slice
+    core: slice
+
+
+OWN = 4
+"""Numbers of a run: length of the next step, margins of goal and danger, energy gained."""
+
+
+def memory_parts(scene: AnyScene) -> Parts:
+    """Where in memories of this scene's runs what lies."""
+    clock = 2 + len(scene.template.inputs)
+    values = clock + OWN + scene.template.value_count
+    return Parts(slice(clock), slice(clock, clock + OWN), slice(clock + OWN, values), slice(values, None))
+
+
+def _arrays(stepper: Stepper) -> list[NDArray[Any]]:
+    """All that the core keeps of a run, and what its system keeps."""
+    state, scratch, system = stepper.state, stepper.scratch, stepper.system
+    return [
+        state.clock.view(np.float64), scratch.limited_force, scratch.limited_mode, stepper.terms.fall,
+        state.modes, state.deformation, state.force, state.impulse,
+        *getattr(system, "kept", ()),
+    ]  # fmt: skip
+
+
+def remembered(stepper: Stepper) -> Reals:
+    """The memory (w,) of a run of a system that keeps features in fixed slots."""
+    flat = [np.ascontiguousarray(part).view(np.float64).ravel() for part in _arrays(stepper)]
+    return np.concatenate([[stepper.leapt], *flat])
+
+
+def recall(stepper: Stepper, values: Reals) -> None:
+    """Go on as the run with this memory would. Raises ValueError where it is of another system."""
+    arrays = _arrays(stepper)
+    if len(values) != 1 + sum(part.size for part in arrays):
+        raise ValueError("the memory is of another system")
+    stepper.leapt, at = float(values[0]), 1
+    for part in arrays:
+        part[...] = values[at : at + part.size].view(part.dtype).reshape(part.shape)
+        at += part.size
+
+
+def hand_on(stepper: Stepper, values: Reals) -> None:
+    """Begin with the contacts of a run with this memory, on another rung or at other parameters: features
+    keep their modes, forces, and where they are compliant their deformations, and clocks begin anew. Raises
+    ValueError as `recall`."""
+    clock, fall = stepper.state.clock.copy(), stepper.terms.fall.copy()
+    recall(stepper, values)
+    stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
+    begin_anew(stepper)
+
+
+def begin_anew(stepper: Stepper) -> None:
+    """Keep of a run's memory only what contacts carry over to another run."""
+    stepper.scratch.limited_force[:] = stepper.scratch.limited_mode[:] = 0
+    stepper.state.impulse[:] = 0.0
+    stepper.leapt = 0.0
+    if not stepper.rung.compliant:
+        stepper.state.deformation[:] = 0.0

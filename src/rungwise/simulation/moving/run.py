@@ -1,0 +1,480 @@
+"""Running a scene on a rung: the core's steps with the scene's inputs, conditions and frames.
+
+The scene's world says what moves (`Prepared`); the plane has a loop of its own.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from rungwise.contact.judge import Certificate
+from rungwise.kernel import Reals
+from rungwise.models.ladder import Rung
+from rungwise.outcome import OUTCOMES, Code
+from rungwise.plain import cut
+from rungwise.scene import InvalidScene
+from rungwise.scene.stated import StatedScene
+from rungwise.simulation.core.crawl import why_nowhere
+from rungwise.simulation.core.stepper import OVERLAP, ROUNDING, Stepper
+from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
+from rungwise.simulation.moving.back import Begun, sooner
+from rungwise.simulation.moving.begin import Fault, begin_at, worst
+from rungwise.simulation.moving.frames import Frame, Recorder, worked
+from rungwise.simulation.moving.memory import hand_on, memory_parts, recall, remembered
+from rungwise.simulation.moving.prepared import Bodies, Prepared
+from rungwise.simulation.moving.result import MovingRun
+from rungwise.simulation.moving.schedule import Clock
+from rungwise.simulation.moving.snaps import snaps
+from rungwise.simulation.moving.values import Values
+from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, positive
+from rungwise.simulation.reasons.remarks import advice
+from rungwise.simulation.state import State, StateError, digest
+
+TURN_S = 0.1
+"""Longest time of steps before the caller sees progress."""
+
+
+LONGEST = 10
+"""Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
+GAINED = 1e-12
+"""Work of contacts in a step, over all of it, that is rounding."""
+
+
+Prepare = Callable[[dict[str, float]], Prepared]
+"""Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
+
+
+class MovingSimulation:
+    """A run that is taken in turns, of what `prepare` makes of the scene; other arguments and errors as of
+    `simulation.run.Simulation`, but that no frames are kept where `frames` is None."""
+
+    def __init__(
+        self,
+        scene: StatedScene,
+        model: Rung | str,
+        prepare: Prepare,
+        *,
+        parameters: Mapping[str, float] | None = None,
+        step: float | None = None,
+        tol: float | None = None,
+        duration: float | None = None,
+        span: float | None = None,
+        theta: float = 1.0,
+        motion: Mapping[str, float] | None = None,
+        state: State | None = None,
+        inputs: Schedule | None = None,
+        frames: int | None = 2000,
+        stride: int | None = None,
+        save_hard: str | Path | None = None,
+    ) -> None:
+        self.scene, self.model = scene, moving_rung(model)
+        step, tol, duration, self.theta = check_options(step, tol, duration, theta)
+        span = None if span is None else positive("span", span)
+        stride = None if stride is None else count("stride", stride, 1)
+        for name, given in (("motion", motion), ("save_hard", save_hard)):
+            if given is not None:
+                raise ModelError(f"{name}: is not known for {self.kind}")
+        self.parameters = scene.parameters(parameters)
+        self.inputs = read_schedule(scene, inputs) if inputs is not None else _schedule_of(state, scene)
+        self.wall_s, self._gained, self.reason = 0.0, 0.0, ""
+        self.outcome = Code.RUNNING
+        self.certificate: Certificate | None = None
+        self.stepper: Stepper | None = None
+        most = 0 if frames is None else count("frames", frames, 3)
+        try:
+            made = prepare(self.parameters)
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return
+        bound, self.system = made.bound, made.system
+        self.system.forget()
+        self._bound: Any = bound
+        self.notes: tuple[str, ...] = bound.notes
+        self.step = bound.step if step is None else step
+        template = scene.template
+        columns = tuple(template.parameters.index(name) for name in template.inputs)
+        self._margins = -math.inf, -math.inf
+        self._tol = math.inf if tol is None else tol
+        self._next = self.step
+        self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
+        self._scheduled = bool(self.inputs) and duration is None
+        self.stepper = Stepper(self.system, self.model, self.step, self.theta)
+        until = [condition(scene, each.until, "until") for each in self.inputs]
+        self._values = Values(scene, bound, until)
+        before: list[Fault] | None = []
+        if state is not None:
+            before = self._go_on(state, self.stepper, inputs is None)
+        self.end = duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (self.end if span is None else span) / LONGEST
+        if state is not None and not state.time < self.end:
+            raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
+        if stride is None:
+            stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
+        self._recorder = Recorder(most, stride)
+        if before is not None:
+            field = "start" if state is None else "state"
+            self.reason = self.misplaced(self.stepper.q, before, field)
+        if self.reason:
+            self.outcome = Code.INVALID
+            return
+        self._values.place(self.stepper.time, self.stepper.q, self.stepper.v, self.system)
+        self._values.push(self.stepper, self.system, 0.0)  # the state's impulses hold those of its last step
+        self._judge()
+        self._recorder.take(self.stepper.time, self.frame)
+        if self.outcome != Code.RUNNING:
+            self._explain(self.stepper)
+
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
+            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
+        )
+
+    @property
+    def time(self) -> float:
+        """Simulated time so far."""
+        return 0.0 if self.stepper is None else self.stepper.time
+
+    @property
+    def state(self) -> State:
+        """The state that the run has come to. Raises ValueError for a run that cannot begin."""
+        state: State = self.result().state
+        return state
+
+    @property
+    def progress(self) -> float:
+        """Simulated time over duration, 0..1."""
+        return 1.0 if self.outcome != Code.RUNNING else self.time / self.end
+
+    def advance(self) -> bool:
+        """Take steps for about `TURN_S`; returns whether the run goes on."""
+        if self.outcome != Code.RUNNING or self.stepper is None:
+            return False
+        began = time.perf_counter()
+        while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
+            self.take()
+        self.wall_s += time.perf_counter() - began
+        return self.outcome == Code.RUNNING
+
+    def steps_taken(self, count: int) -> int:
+        """Take at most so many steps; returns how many, fewer where the run has ended."""
+        for taken in range(count):
+            if self.outcome != Code.RUNNING or self.stepper is None:
+                return taken
+            self.take()
+        return count
+
+    def take(self) -> None:
+        """Take one step of a run that goes on, and judge where it led."""
+        stepper = self.stepper
+        assert stepper is not None
+        h = min(self._next, self.end - stepper.time, self._clock.left(stepper.time))
+        before = float(stepper.clock["contact_work"])
+        try:
+            wish = self._stepped(stepper, h)
+        except InvalidScene as error:
+            self.outcome, self.reason = Code.INVALID, str(error)
+            return
+        if self._tol < math.inf:
+            self._next = min(max(wish, self._next if h < self._next else 0.0), self._longest)
+        if stepper.clock["bounced"]:
+            added = float(stepper.clock["contact_work"]) - before
+            self._gained += added if added > GAINED * abs(before) else 0.0
+        if stepper.outcome != Code.RUNNING:
+            self.outcome, self.certificate = stepper.outcome, stepper.certificate
+            self._explain(stepper)
+        else:
+            self._judge()
+            self._recorder.take(stepper.time, self.frame)
+        if self.outcome == Code.RUNNING and stepper.time >= self.end * (1.0 - ROUNDING):
+            self.outcome = Code.TIMEOUT
+        if self.outcome != Code.RUNNING:
+            self._recorder.take(stepper.time, self.frame, last=True)
+            self._explain(stepper)
+
+    def _stepped(self, stepper: Stepper, h: float) -> float:
+        """Take a step of length h, or less where a condition begins to hold within it; returns the length for
+        the next. Raises InvalidScene."""
+        values, segment = self._values, self._clock.segment
+        looks = values.is_guarded(segment) or (bool(values.verdicts) and h > self.step)
+        begun, solved = Begun.of(stepper, values, self.remembered()) if looks else None, 0.0
+        if stepper.leapt > 0.0 and stepper.snaps_on(h):
+            return h
+        while True:
+            self._tell(stepper.time, h)
+            wish = stepper.advance(h, self._tol)
+            if values.is_asked:
+                values.read(stepper, self.system)
+            if begun is None or (stepper.outcome != Code.RUNNING and not solved):
+                return wish
+            took = float(stepper.clock["tried"])
+            if stepper.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
+                self._take_back(begun)
+                begun, h = None, solved
+                continue
+            h = sooner(begun, values, segment, took, self.step, self._longest, solved > 0.0)
+            if not h < took:
+                return min(wish, self.step) if solved else wish
+            self._take_back(begun)
+            solved = took
+
+    def _take_back(self, begun: Begun) -> None:
+        assert self.stepper is not None
+        self.recall(begun.core)
+        begun.restore(self.stepper, self._values)
+
+    def _tell(self, time: float, h: float) -> None:
+        """Tell the system the inputs in the middle of a step and at its end. Raises InvalidScene."""
+        told = self._values.told
+        self._clock.tell(time + 0.5 * h, told)
+        middle = told.copy()
+        self._clock.tell(time + h, told)
+        self.follow(middle, told)
+
+    def memory(self) -> Reals:
+        """What the run hands on (w,): its place in the schedule, the length of the next step, margins, values
+        that conditions read, and the core's."""
+        stepper = self.stepper
+        assert stepper is not None
+        if not self._values.is_asked:
+            self._values.read(stepper, self.system)
+        own = np.array([self._next, *self._margins, self._gained])
+        return np.concatenate([self._clock.memory(), own, self._values.all, self.remembered()])
+
+    def _go_on(self, state: State, stepper: Stepper, same_inputs: bool) -> list[Fault] | None:
+        """Begin at a state; where it is of this scene, with what its run handed on: all of it on the same
+        rung at the same parameters, and the contacts on others. Inputs that a new schedule does not name stay
+        as they were. Returns what was amiss in the state's own run, None where it is just the same here."""
+        rest, memory = begin_at(state, self.scene, stepper), state.memory
+        if rest is None or memory is None:
+            return []
+        parts, columns = memory_parts(self.scene), list(self._clock.columns)
+        known = rest[parts.values][: len(self.scene.template.parameters)]
+        if memory.inputs:
+            self._values.told[columns] = known[columns]
+        if same_inputs:
+            self._clock.recall(rest[parts.clock])
+        same = np.array_equal(known, self._values.told[:-1])
+        goes_on = same and memory.model.record(memory.theta) == self.model.record(self.theta)
+        try:
+            (self.recall if goes_on else self.hand_on)(rest[parts.core])
+        except ValueError:
+            if same:
+                raise StateError("state.memory: is of another scene") from None
+        if goes_on:
+            self._next, *margins, self._gained = rest[parts.own].tolist()
+            self._margins = margins[0], margins[1]
+            self._values.hand_on(rest[parts.values])
+        if same:
+            return None
+        parameters = dict(zip(self.scene.template.parameters, known.tolist(), strict=True))
+        own = self.scene.file.parameters
+        still = {name: own[name].default for name in self.scene.template.inputs if memory.inputs}
+        return self.faults_before(parameters | still, stepper.q)
+
+    @property
+    def segment(self) -> int:
+        """How many segments of the schedule have ended."""
+        return self._clock.segment
+
+    @property
+    def steps(self) -> int:
+        """Steps taken so far."""
+        return 0 if self.stepper is None else int(self.stepper.clock["steps"])
+
+    @property
+    def margin(self) -> float:
+        """Signed margin of the run, as of `Results`."""
+        best, danger = self._margins
+        if self.outcome == Code.GOAL:
+            return -danger if danger > -math.inf else 1.0 - self.time / self.end
+        return min(best, 0.0) if best > -math.inf else math.nan
+
+    def _judge(self) -> None:
+        """Set the outcome where a condition decides it, or the schedule is over."""
+        if self._values.verdicts:
+            best, danger = self._margins
+            self.outcome, goal, near = self._values.judge()
+            self._margins = max(best, goal), max(danger, near)
+        clock, values = self._clock, self._values
+        if self.outcome != Code.RUNNING:
+            return
+        if not clock.go_on(self.time, values.told, values.is_over):
+            on = self.inputs[clock.segment]
+            self.outcome = Code.TIMEOUT
+            self.reason = f"inputs.{clock.segment}.until: {on.until} did not hold within {on.duration:g}"
+        elif self._scheduled and clock.is_over:
+            self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
+
+    def _explain(self, stepper: Stepper) -> None:
+        """Set the reason of the outcome."""
+        outcome = OUTCOMES[self.outcome]
+        if self.reason:
+            return
+        if self.certificate is not None:
+            why = f" ({self.certificate.kind} certificate, checked)"
+            self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
+        elif self.outcome == Code.NOT_CONVERGED:
+            self.reason = stepper.lack or self.crawled(stepper)
+        elif stepper.snaps:
+            self.reason = self.snapped(stepper)
+        else:
+            self.reason = (
+                f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
+            )
+
+    def _notes(self) -> tuple[str, ...]:
+        """Remarks on the model, on the geometry of contacts, and on steps that went far."""
+        remarks, stepper = self.remarks(), self.stepper
+        if stepper is not None and stepper.leaps:
+            first, count = stepper.leaps[0], len(stepper.leaps)
+            name = self.fastest(first.v)
+            more = f", {count} times in all" if count > 1 else ""
+            remarks += (
+                f"balance: at t = {first.time:.6g} {name} leapt by {first.far:.3g} in a"
+                f" step of {first.h:.3g}{more}, to where drives and loads then balance: without momentum or"
+                " damping it is there at once; a dynamic rung follows it",
+            )
+        if stepper is not None and stepper.outran is not None:
+            first = stepper.outran
+            name = self.fastest(first.v)
+            remarks += (
+                f"step: at t = {first.time:.6g} {name} would move by {first.far:.3g} in one"
+                f" of {first.h:.3g}, against damping alone: such steps are shortened to the size of the"
+                " smallest body, and what comes to rest may swing by as much; tol or a dynamic rung follows",
+            )
+        return remarks
+
+    def result(self) -> Any:
+        """The run as far as it has come."""
+        stepper = self.stepper
+        clock = None if stepper is None else stepper.state.clock[0]
+        if stepper is not None and self._recorder.frames and self._recorder.frames[-1].time != stepper.time:
+            self._recorder.take(stepper.time, self.frame, last=True)
+        return self.run_of(
+            scene=self.scene,
+            model=self.model,
+            parameters=self.parameters,
+            inputs=self.inputs,
+            theta=self.theta,
+            outcome=OUTCOMES[self.outcome],
+            reason=self.reason or OUTCOMES[self.outcome].meaning,
+            time=self.time,
+            steps=0 if clock is None else int(clock["steps"]),
+            solves=0 if clock is None else int(clock["solves"]),
+            worst_residual=0.0 if stepper is None else stepper.residual,
+            wall_s=self.wall_s,
+            certificate=self.certificate,
+            frames=tuple(self._recorder.frames) if stepper is not None else (),
+            energy_gained=self._gained,
+            notes=self._notes() if stepper is not None else (),
+        )
+
+    # What worlds with systems of another kind replace.
+
+    kind: ClassVar[str] = "scenes of this world"
+    run_of: ClassVar[Callable[..., Any]] = MovingRun
+
+    def follow(self, middle: Reals, end: Reals) -> None:
+        """Take over inputs in the middle of a step and at its end (see `Led`). Raises InvalidScene."""
+        self.system.follow(middle, end)
+
+    def remembered(self) -> Reals:
+        """What the core and the system hand on from step to step."""
+        assert self.stepper is not None
+        return remembered(self.stepper)
+
+    def recall(self, core: Reals) -> None:
+        """Go on as the run that handed this on. Raises ValueError where it is of another system."""
+        assert self.stepper is not None
+        recall(self.stepper, core)
+
+    def hand_on(self, core: Reals) -> None:
+        """Begin with the contacts of a run on another rung or at other parameters. Raises ValueError."""
+        assert self.stepper is not None
+        hand_on(self.stepper, core)
+
+    def frame(self) -> Any:
+        """The state of the run now, to be kept."""
+        stepper = self.stepper
+        assert stepper is not None
+        clock = stepper.state.clock[0]
+        return Frame(
+            stepper.time, stepper.q.copy(), stepper.v.copy(), self.memory(), float(clock["residual"]),
+            self.system.energy(stepper.q, stepper.v), worked(clock),
+            np.array([self.system.gap(stepper.q, a, b) for a, b in self._pairs]), self.forces,
+        )  # fmt: skip
+
+    @property
+    def forces(self) -> Reals:
+        """Normal forces (c,) of the scene's pairs of bodies in the last step."""
+        assert self.stepper is not None
+        return pushed(self.system, self._pairs, self.stepper.state.force)
+
+    @property
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Numbers of bodies of the scene's pairs (c,), the lower first."""
+        return numbered(self.scene)
+
+    def faults(self, q: Reals) -> list[Fault]:
+        """What is amiss at q (n_q,)."""
+        gaps = [(self.system.gap(q, a, b), a, b) for a, b in self._pairs]
+        return [Fault("overlap", (a, b), -gap) for gap, a, b in gaps if gap < 0.0]
+
+    def faults_before(self, _parameters: dict[str, float], q: Reals) -> list[Fault]:
+        """What was amiss at q in a run at these parameters: the same as here, for the bodies are the same."""
+        return self.faults(q)
+
+    def misplaced(self, q: Reals, before: list[Fault], field: str) -> str:
+        """What is amiss at q, more than before; empty if nothing is. The line begins with `field`, the start
+        or the state."""
+        found = worst(self.faults(q), before, {"overlap": OVERLAP * self.system.size.length})
+        if found is None:
+            return ""
+        one, other = (self.scene.template.bodies[k] for k in found.numbers)
+        return f"{field}: {one} and {other} overlap by {found.by:.3g}"
+
+    def fastest(self, v: Reals) -> str:
+        """What moves fastest at v (n_v,)."""
+        return self.scene.template.velocities[int(np.argmax(np.abs(v)))].partition(".")[0]
+
+    def crawled(self, stepper: Stepper) -> str:
+        """What kept the steps short of a run whose steps led nowhere."""
+        crawl = stepper.crawl
+        why = why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, "")
+        return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may do."
+
+    def snapped(self, stepper: Stepper) -> str:
+        """What left its balance, when and how far."""
+        return snaps(stepper, self.fastest(stepper.scratch.v_new), "")
+
+    def remarks(self) -> tuple[str, ...]:
+        """Remarks on the scene's numbers and on the geometry of contacts."""
+        return self.notes
+
+
+def numbered(scene: StatedScene) -> list[tuple[int, int]]:
+    """Numbers of bodies of a scene's pairs (c,), the lower first."""
+    index = scene.template.bodies.index
+    return [(min(index(a), index(b)), max(index(a), index(b))) for a, b in scene.template.contacts]
+
+
+def pushed(system: Bodies, pairs: list[tuple[int, int]], force: Reals) -> Reals:
+    """Normal forces (c,) of pairs of bodies, from forces by slot (s, d)."""
+    found = dict.fromkeys(pairs, 0.0)
+    for a, b, push in system.pushes(force):
+        pair = (min(a, b), max(a, b))
+        found[pair] = found.get(pair, 0.0) + push
+    return np.array([found[pair] for pair in pairs])
+
+
+def _schedule_of(state: State | None, scene: StatedScene) -> tuple[Segment, ...]:
+    """The schedule that the run of a state followed, if it has a memory of this scene."""
+    memory = state.memory if isinstance(state, State) else None
+    return memory.inputs if memory is not None and memory.scene == digest(scene) else ()

@@ -1,0 +1,81 @@
+"""A scene of whatever moves at one set of parameters (see `world.contract.Instance`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.scene.stated import StatedScene
+from rungwise.simulation.moving.prepared import Prepared
+from rungwise.world.carriers import Carrier, TaskError
+from rungwise.world.contract import OBJECT, Moved
+
+
+@dataclass(frozen=True)
+class MovingInstance:
+    """See `Instance`: coordinates are lengths of the bodies by whose names they begin, nothing bounds them,
+    and nothing lies on supports."""
+
+    scene: StatedScene
+    made: Prepared
+    roles: Mapping[str, str]
+
+    @cached_property
+    def _start(self) -> tuple[Reals, Reals]:
+        q, v = self.made.system.start()
+        return np.array(q, float), np.array(v, float)
+
+    @property
+    def q(self) -> Reals:
+        return self._start[0]
+
+    @property
+    def v(self) -> Reals:
+        return self._start[1]
+
+    @property
+    def travel(self) -> Reals:
+        return np.repeat([[-math.inf], [math.inf]], len(self.q), axis=1)
+
+    @property
+    def duration(self) -> float:
+        return self.made.bound.duration
+
+    @property
+    def step(self) -> float:
+        return self.made.bound.step
+
+    @property
+    def tolerance(self) -> float:
+        return self.made.bound.tolerance
+
+    @property
+    def smallest(self) -> float:
+        return float(self.made.system.size.length)
+
+    @property
+    def moved(self) -> Moved:
+        template = self.scene.template
+        weights, rates = (
+            np.array([float(self.roles[body_of(name)] == OBJECT) for name in names])
+            for names in (template.coordinates, template.velocities)
+        )
+        turns = np.array([range(first, first + 4) for first in template.turns], np.int64).reshape(-1, 4)
+        return Moved(weights, self.smallest, turns, rates)
+
+    @property
+    def stops(self) -> Reals | None:
+        return None
+
+    def carrier(self, name: str, _numbers: Mapping[str, float]) -> Carrier:
+        raise TaskError(f"task.transit.{name}: no body of {self.scene.name} is led through free space")
+
+
+def body_of(name: str) -> str:
+    """The body of a coordinate or a velocity."""
+    return name.partition(".")[0]
