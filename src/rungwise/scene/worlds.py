@@ -50,7 +50,7 @@ def is_of_world(source: object) -> bool:
 def load_of_world(data: Mapping[str, Any]) -> AnyScene:
     """A scene of the world that its content names. Raises SceneError."""
     known = worlds()
-    if data["world"] not in known:
+    if not isinstance(data["world"], str) or data["world"] not in known:
         raise SceneError(
             f"world: unknown {shown(data['world'])}{choices(data['world'], known)}; a package makes its own"
             " known by an entry point, and Python by rungwise.add_world"

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.keywords import keywords
 from rungwise.plain import brief
+from rungwise.simulation.options import ModelError
+from rungwise.simulation.result import Run
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.wording import choices
-
-if TYPE_CHECKING:
-    from rungwise.simulation.result import Run
 
 
 @dataclass(frozen=True)
@@ -33,10 +31,10 @@ class Touching:
 def touching(run: Run, body: str, within: float | None = None) -> Touching:
     """Contacts of `body` when `run` ended, with a gap of at most `within` (by default the scene's tolerance).
 
-    Raises ValueError for an unknown body, or a run that did not begin.
+    Raises ValueError for an unknown body, or a run that did not begin; ModelError for one that is not planar.
     """
     if not isinstance(run, Run):
-        raise ValueError("run: is not planar; contacts at the end are known of planar runs only")
+        raise ModelError("run: is not planar; contacts at the end are known of planar runs only")
     names = run.scene.template.bodies
     if body not in names:
         raise ValueError(f"body: unknown {body!r}{choices(body, names)}")

@@ -64,10 +64,6 @@ class world(MovingWorld):
     def prescribed(self) -> tuple[str, ...]:
         return COORDINATES[2:]
 
-    @property
-    def undriven(self) -> tuple[str, ...]:
-        return COORDINATES[:2]
-
 
 def load(data: Mapping[str, Any]) -> ParticleScene:
     file = read_fields(ParticleFile, data)

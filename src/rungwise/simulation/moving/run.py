@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -20,17 +20,15 @@ from rungwise.outcome import OUTCOMES, Code
 from rungwise.plain import cut
 from rungwise.scene import InvalidScene
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.crawl import why_nowhere
-from rungwise.simulation.core.stepper import OVERLAP, ROUNDING, Stepper
+from rungwise.simulation.core.stepper import ROUNDING, Stepper
 from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
 from rungwise.simulation.moving.back import Begun, sooner
-from rungwise.simulation.moving.begin import Fault, begin_at, worst
-from rungwise.simulation.moving.frames import Frame, Recorder, worked
-from rungwise.simulation.moving.memory import hand_on, memory_parts, recall, remembered
-from rungwise.simulation.moving.prepared import Bodies, Prepared
-from rungwise.simulation.moving.result import MovingRun
+from rungwise.simulation.moving.begin import Fault, begin_at
+from rungwise.simulation.moving.frames import Recorder
+from rungwise.simulation.moving.kind import Kind
+from rungwise.simulation.moving.memory import memory_parts
+from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.schedule import Clock
-from rungwise.simulation.moving.snaps import snaps
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, positive
 from rungwise.simulation.reasons.remarks import advice
@@ -50,7 +48,7 @@ Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
 
 
-class MovingSimulation:
+class MovingSimulation(Kind):
     """A run that is taken in turns, of what `prepare` makes of the scene; other arguments and errors as of
     `simulation.run.Simulation`, but that no frames are kept where `frames` is None."""
 
@@ -375,103 +373,6 @@ class MovingSimulation:
             energy_gained=self._gained,
             notes=self._notes() if stepper is not None else (),
         )
-
-    # What worlds with systems of another kind replace.
-
-    kind: ClassVar[str] = "scenes of this world"
-    run_of: ClassVar[Callable[..., Any]] = MovingRun
-
-    def follow(self, middle: Reals, end: Reals) -> None:
-        """Take over inputs in the middle of a step and at its end (see `Led`). Raises InvalidScene."""
-        self.system.follow(middle, end)
-
-    def remembered(self) -> Reals:
-        """What the core and the system hand on from step to step."""
-        assert self.stepper is not None
-        return remembered(self.stepper)
-
-    def recall(self, core: Reals) -> None:
-        """Go on as the run that handed this on. Raises ValueError where it is of another system."""
-        assert self.stepper is not None
-        recall(self.stepper, core)
-
-    def hand_on(self, core: Reals) -> None:
-        """Begin with the contacts of a run on another rung or at other parameters. Raises ValueError."""
-        assert self.stepper is not None
-        hand_on(self.stepper, core)
-
-    def frame(self) -> Any:
-        """The state of the run now, to be kept."""
-        stepper = self.stepper
-        assert stepper is not None
-        clock = stepper.state.clock[0]
-        return Frame(
-            stepper.time, stepper.q.copy(), stepper.v.copy(), self.memory(), float(clock["residual"]),
-            self.system.energy(stepper.q, stepper.v), worked(clock),
-            np.array([self.system.gap(stepper.q, a, b) for a, b in self._pairs]), self.forces,
-        )  # fmt: skip
-
-    @property
-    def forces(self) -> Reals:
-        """Normal forces (c,) of the scene's pairs of bodies in the last step."""
-        assert self.stepper is not None
-        return pushed(self.system, self._pairs, self.stepper.state.force)
-
-    @property
-    def _pairs(self) -> list[tuple[int, int]]:
-        """Numbers of bodies of the scene's pairs (c,), the lower first."""
-        return numbered(self.scene)
-
-    def faults(self, q: Reals) -> list[Fault]:
-        """What is amiss at q (n_q,)."""
-        gaps = [(self.system.gap(q, a, b), a, b) for a, b in self._pairs]
-        return [Fault("overlap", (a, b), -gap) for gap, a, b in gaps if gap < 0.0]
-
-    def faults_before(self, _parameters: dict[str, float], q: Reals) -> list[Fault]:
-        """What was amiss at q in a run at these parameters: the same as here, for the bodies are the same."""
-        return self.faults(q)
-
-    def misplaced(self, q: Reals, before: list[Fault], field: str) -> str:
-        """What is amiss at q, more than before; empty if nothing is. The line begins with `field`, the start
-        or the state."""
-        found = worst(self.faults(q), before, {"overlap": OVERLAP * self.system.size.length})
-        if found is None:
-            return ""
-        one, other = (self.scene.template.bodies[k] for k in found.numbers)
-        return f"{field}: {one} and {other} overlap by {found.by:.3g}"
-
-    def fastest(self, v: Reals) -> str:
-        """What moves fastest at v (n_v,)."""
-        return self.scene.template.velocities[int(np.argmax(np.abs(v)))].partition(".")[0]
-
-    def crawled(self, stepper: Stepper) -> str:
-        """What kept the steps short of a run whose steps led nowhere."""
-        crawl = stepper.crawl
-        why = why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, "")
-        return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may do."
-
-    def snapped(self, stepper: Stepper) -> str:
-        """What left its balance, when and how far."""
-        return snaps(stepper, self.fastest(stepper.scratch.v_new), "")
-
-    def remarks(self) -> tuple[str, ...]:
-        """Remarks on the scene's numbers and on the geometry of contacts."""
-        return self.notes
-
-
-def numbered(scene: StatedScene) -> list[tuple[int, int]]:
-    """Numbers of bodies of a scene's pairs (c,), the lower first."""
-    index = scene.template.bodies.index
-    return [(min(index(a), index(b)), max(index(a), index(b))) for a, b in scene.template.contacts]
-
-
-def pushed(system: Bodies, pairs: list[tuple[int, int]], force: Reals) -> Reals:
-    """Normal forces (c,) of pairs of bodies, from forces by slot (s, d)."""
-    found = dict.fromkeys(pairs, 0.0)
-    for a, b, push in system.pushes(force):
-        pair = (min(a, b), max(a, b))
-        found[pair] = found.get(pair, 0.0) + push
-    return np.array([found[pair] for pair in pairs])
 
 
 def _schedule_of(state: State | None, scene: StatedScene) -> tuple[Segment, ...]:

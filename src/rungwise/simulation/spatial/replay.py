@@ -105,7 +105,7 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
     if in_ not in JUDGES:
         raise ReplayError(f"in: unknown {shown(in_)}{choices(in_, JUDGES)}")
     if not isinstance(run, SpaceRun):
-        raise ReplayError("run: is planar; only runs of scenes in space are replayed")
+        raise ReplayError("run: is not in space; only runs of scenes in space are replayed")
     if run.space is None or len(run.frames) < 2:
         raise ReplayError(f"run: did not begin: {run.reason}")
     course = _Course(run, None if step is None else positive("step", step))

@@ -15,9 +15,9 @@ from rungwise.scene.language.expression import STACK, Programs
 from rungwise.scene.language.terms import LENGTH, TIME, Dimension, Term
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import OVERLAP, Stepper
+from rungwise.simulation.moving.kind import numbered
 from rungwise.simulation.moving.memory import memory_parts, recall
 from rungwise.simulation.moving.prepared import Numbers
-from rungwise.simulation.moving.run import numbered
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States, finite_rows, scale_of

@@ -12,8 +12,8 @@ from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.core.stepper import OVERLAP, Stepper
+from rungwise.simulation.moving.kind import numbered, pushed
 from rungwise.simulation.moving.memory import memory_parts
-from rungwise.simulation.moving.run import numbered, pushed
 from rungwise.simulation.rows import States, scale_of
 from rungwise.simulation.spatial.memory import recall
 from rungwise.simulation.spatial.prepared import Prepared
