@@ -20,7 +20,8 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
-from rungwise.world.contract import OTHER_SHAPES, SOLIDS, AnyRun
+from rungwise.world.any_run import AnyRun
+from rungwise.world.contract import OTHER_SHAPES, SOLIDS
 from rungwise.world.find import world_of
 
 RENDER_MODES = ("rgb_array",)

@@ -20,7 +20,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State
 from rungwise.wording import choices
-from rungwise.world.contract import AnyRun
+from rungwise.world.any_run import AnyRun
 from rungwise.world.run import simulate
 
 RESET = ("state", "parameters")

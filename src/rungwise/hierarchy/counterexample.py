@@ -20,7 +20,8 @@ from rungwise.plain import brief, json_text
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
-from rungwise.world.contract import AnyRun, Marks
+from rungwise.world.any_run import AnyRun
+from rungwise.world.contract import Marks
 from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 

@@ -30,7 +30,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State, digest
-from rungwise.world.contract import AnyRun
+from rungwise.world.any_run import AnyRun
 from rungwise.world.find import world_of
 from rungwise.world.questions import geometry
 from rungwise.world.run import simulate

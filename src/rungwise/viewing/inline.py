@@ -21,7 +21,7 @@ from rungwise.simulation.result import Run
 from rungwise.viewing.designs import design_bars
 from rungwise.viewing.drawers import DRAWERS
 from rungwise.viewing.sets.slices import doomed_slices, feasible_slices
-from rungwise.world.contract import AnyRun
+from rungwise.world.any_run import AnyRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,7 +19,7 @@ from rungwise.viewing.sets import slices
 from rungwise.viewing.skeleton import LARGEST
 from rungwise.viewing.write import ViewError, needs_matplotlib, write
 from rungwise.wording import listed
-from rungwise.world.contract import AnyRun
+from rungwise.world.any_run import AnyRun
 
 Source = AnyRun | Plan | FeasibleSet | str | Path
 

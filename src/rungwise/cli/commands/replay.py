@@ -12,7 +12,7 @@ from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 
 if TYPE_CHECKING:
     from rungwise.simulation.spatial.result import SpaceRun
-    from rungwise.world.contract import AnyRun
+    from rungwise.world.any_run import AnyRun
 
 ELSEWHERE = "scene: is not in space; only scenes in space are replayed in another simulator"
 

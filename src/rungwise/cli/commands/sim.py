@@ -19,7 +19,7 @@ from rungwise.cli.arguments import (
     writable,
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
-from rungwise.world.contract import AnyRun
+from rungwise.world.any_run import AnyRun
 
 if TYPE_CHECKING:
     pass

@@ -27,8 +27,8 @@ from rungwise.planning.task.task import fields_of
 from rungwise.scene.fields.values import shown
 from rungwise.simulation.options import count, moving_rung
 from rungwise.wording import choices
+from rungwise.world.any_run import AnyRun
 from rungwise.world.carriers import TaskError
-from rungwise.world.contract import AnyRun
 from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 
