@@ -3,6 +3,7 @@
 #   make demo     run the two-finger example on the ladder of models; table, runs and figure in out/
 #   make test     lint, compile the kernels, run the tests
 #   make bench    run the benchmarks
+#   make mutants  put deliberate faults into a copy one by one; say which of them the nearest tests miss
 #   make docs     build the documentation in out/docs/VERSION; warnings are errors
 #   make lint     formatting, style, types, layers; changes nothing
 #   make format   rewrite the sources in the project's format
@@ -26,7 +27,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test runs problems bench docs clean lint format
+.PHONY: demo test runs problems bench mutants docs clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
@@ -46,6 +47,10 @@ bench: $(INSTALLED)
 	$(BIN)/python benchmarks/run.py
 	$(BIN)/python benchmarks/race.py
 	$(BIN)/python benchmarks/solvers.py
+
+# Goes on where it was interrupted; some alone: make mutants FAULTS="witness-farthest fall-without-2"
+mutants: $(INSTALLED_DEV)
+	$(BIN)/python benchmarks/mutants.py $(FAULTS)
 
 # Links between pages are checked, too. A folder for each version, so that one can be published beside another.
 docs: $(INSTALLED_DOCS)

@@ -54,9 +54,9 @@ class Verdict:
     of: str
 
 
-def digest(fault: Fault) -> str:
+def digest(tree: Path, fault: Fault) -> str:
     """Mark of a fault, its file and its tests."""
-    files = [ROOT / fault.file, *(ROOT / test.partition("::")[0] for test in fault.tests)]
+    files = [tree / fault.file, *(tree / test.partition("::")[0] for test in fault.tests)]
     parts = [repr(fault).encode(), *(file.read_bytes() for file in files)]
     return hashlib.sha256(b"".join(hashlib.sha256(part).digest() for part in parts)).hexdigest()[:16]
 
@@ -128,7 +128,7 @@ def run(chosen: Iterable[Fault], file: Path, limit: float, anew: bool) -> dict[s
     with tempfile.TemporaryDirectory(prefix="rungwise-mutants-") as folder:
         tree = copied(Path(folder))
         for fault in chosen:
-            mark = digest(fault)
+            mark = digest(tree, fault)
             if anew or fault.name not in known or known[fault.name].of != mark:
                 began = time.monotonic()
                 verdict = judged(tree, fault, limit, sound)
@@ -160,6 +160,8 @@ def main() -> int:
     if unknown:
         parser.error(f"unknown: {', '.join(unknown)}; known are {', '.join(by_name)}")
     chosen = [by_name[name] for name in options.names or by_name]
+    for ending in (signal.SIGINT, signal.SIGTERM):  # ends the tests that run, too, and takes the copy away
+        signal.signal(ending, signal.default_int_handler)
     try:
         verdicts = run(chosen, options.out, options.limit, options.anew)
     except KeyboardInterrupt:

@@ -171,6 +171,14 @@ def test_a_witness_replays_and_a_certificate_bounds_the_error() -> None:
     for point in ([1.0, 0.9], [0.7, 1.1], [2.0, 1.5]):
         witness = found.witness(np.array(point))
         assert witness is not None and found.replay(witness).outcome.name == "goal"
+    vertices = found.tree.vertices  # beside a corner that reached the goal, it is that corner
+    good = vertices.places(vertices.keys[vertices.labels == rw.Label.FEASIBLE])[::7]
+    for corner, aside in zip(good, np.random.default_rng(4).uniform(-0.3, 0.3, good.shape), strict=True):
+        place = np.clip(corner + aside, 0.0, 1 << found.tree.finest)
+        witness = found.witness(found.box[:, 0] + place * found.unit)
+        assert witness is not None
+        exact = found.box[:, 0] + corner * found.unit
+        assert [witness["v1"], witness["v2"]] == pytest.approx(exact.tolist(), abs=1e-12)
     certified = found.certify(1000, 0.05, threads=1)
     assert certified.wrong == certified.near and certified.wrong / 1000 < certified.bound < 0.03
     assert found.certify(1, 0.05, threads=1).bound >= 0.95

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.sets.motions import motions
+from rungwise.sets.motions import Motions, motions
+from rungwise.world.batch import Batch
 
 from .test_feasible import BOX, worst
 
@@ -91,6 +92,21 @@ def test_friction_leaves_one_motion() -> None:
     low = np.linspace(0.1, 2.9, 1000)[:, None]
     assert (found.slowest.labels(low) == found.possible.labels(low)).all()
     assert (found.slowest.labels(low) == found.guaranteed.labels(low)).all()
+
+
+def test_margins_are_those_of_the_motion_nearest_to_another_verdict() -> None:
+    """Where all motions reach the goal the least counts, where none does the greatest."""
+    scene, points, over = rw.load("two_finger"), np.array([[0.35], [0.9], [1.2]]), ("v2",)
+    alone = [
+        Batch(scene, rw.KINEMATIC, over, motion=each).run(points) for each in motions(scene, rw.KINEMATIC)
+    ]
+    margins = np.array([each.margin for each in alone])
+    assert [set(each.outcome == rw.Code.GOAL) for each in alone] == [{False, True}] * 3
+    assert (np.ptp(margins, axis=0) > 1e-3).any()
+    sure = Motions(scene, rw.KINEMATIC, over, "guaranteed").run(points).margin
+    maybe = Motions(scene, rw.KINEMATIC, over, "possible").run(points).margin
+    np.testing.assert_array_equal(sure[1:], margins.min(axis=0)[1:])
+    assert maybe[0] == margins.max(axis=0)[0]
 
 
 def test_extremes() -> None:

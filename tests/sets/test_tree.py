@@ -93,6 +93,18 @@ def test_a_strip_between_the_first_vertices_is_followed_from_one_probe() -> None
         assert (labels[:, 0] == truth[here]).all()
 
 
+@pytest.mark.parametrize("centre", [0.3, 0.7])
+def test_an_island_that_no_vertex_meets_is_seen_by_margins(centre: float) -> None:
+    """In a cell of the first grid, off its corners: margins there say that they would change sign."""
+
+    def island(x: Reals) -> Reals:
+        return np.asarray(0.25 / 16.0 - np.linalg.norm(x - (5.0 + centre) / 16.0, axis=1))
+
+    tree, _ = grown(island, 2, 8)
+    found = tree.vertices.places(tree.vertices.keys)[tree.vertices.labels == 0]
+    assert (np.ptp(found, axis=0) >= 6).all()  # of a diameter of 8
+
+
 def test_a_probe_opens_an_island() -> None:
     def island(x: Reals) -> Reals:
         return np.where(np.linalg.norm(x - 0.531, axis=1) < 0.012, 1.0, -1.0)

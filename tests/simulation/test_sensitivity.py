@@ -89,6 +89,32 @@ def test_against_steps_taken(case: str, model: rw.Rung) -> None:
         check("parameters", i, steps)
 
 
+@pytest.mark.parametrize("theta", [0.6, 1.0])
+def test_deformations_after_a_step_by_parameters(theta: float) -> None:
+    """A contact that pushes, stiffer or more damped, against steps that the simulation takes."""
+    scene, model, given = rw.load("two_finger"), rw.DYNAMIC_COMPLIANT, {"v2": 0.7}
+    run = rw.simulate(scene, model, parameters=given, duration=1.55, frames=3)
+    assert run.workspace is not None
+    state = run.workspace.state
+    q, v, strain = state.q.copy(), state.v.copy(), state.deformation.copy()
+    names = ("stiffness", "damping")
+    s = rw.step_sensitivity(
+        scene, model, given, q, v, H, deformation=strain, theta=theta, wrt=("parameters",), names=names
+    )
+    for i, name in enumerate(names):
+        value, after = scene.parameters(given)[name], []
+        for by in (-1e-5 * value, 1e-5 * value):
+            at = Assembly(scene, model, scene.parameters({**given, name: value + by}), H, theta)
+            at.put(Start(q, v, strain))
+            at.set_speeds()
+            assert attempt(at.records, at.rung, at.workspace, H, H) == TAKEN
+            after.append(at.state.deformation.ravel().copy())
+        expected = (after[1] - after[0]) / (2e-5 * value)
+        assert np.abs(expected).max() > 0.0
+        got = s.ddeformation["parameters"][:, i]
+        np.testing.assert_allclose(got, expected, rtol=0.0, atol=1e-4 * np.abs(expected).max())
+
+
 def test_inputs_by_hand() -> None:
     """A finger at speed v moves by h v; a force f on the free disc adds h f / m to its speed."""
     scene = rw.load("two_finger")

@@ -79,6 +79,14 @@ def test_a_driven_first_joint_makes_the_second_give_way_at_the_wall(rung: Rung) 
     assert stepper.residual < 1e-8
 
 
+def test_a_joint_that_is_jerked_kicks_the_next_one_by_the_inertia_between_them() -> None:
+    """Nothing turns the second joint: M_21 v_1 + M_22 v_2 stays as it was."""
+    jerked, h = TwoLinkArm(BENT, driven=lambda _: (-0.5, np.nan)), 1e-6
+    stepper, M = Stepper(jerked, rw.DYNAMIC_RIGID, h), jerked.inertia(np.array(BENT))
+    stepper.advance(h)
+    assert stepper.v == pytest.approx([-0.5, 0.5 * M[1, 0] / M[1, 1]], rel=1e-5)
+
+
 def test_where_the_second_joint_is_driven_too_the_wall_is_a_jam() -> None:
     system = TwoLinkArm(BENT, wall=AT_TIP + 0.1, driven=lambda _: (-0.5, -0.5))
     stepper = Stepper(system, rw.KINEMATIC, 1e-3)

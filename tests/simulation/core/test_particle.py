@@ -17,7 +17,7 @@ from rungwise.models.assemble import approach, deform
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core import stepper
-from rungwise.simulation.core.stepper import March
+from rungwise.simulation.core.stepper import Stepper
 from rungwise.system.moving import Moment, Size, fall_freely
 from rungwise.system.terms import DRIVE, JOINT, Terms, allocate_terms
 
@@ -92,17 +92,17 @@ class Particle:
         return float(0.5 * self.mass * v @ v - q @ np.array(self.load))
 
 
-def run(particle: Particle, rung: Rung, duration: float, h: float = H, theta: float = 1.0) -> March:
-    march = March(particle, rung, h, theta)
-    march.run(duration)
-    return march
+def run(particle: Particle, rung: Rung, duration: float, h: float = H, theta: float = 1.0) -> Stepper:
+    stepping = Stepper(particle, rung, h, theta)
+    stepping.run(duration)
+    return stepping
 
 
 def test_controlled_steps_of_a_fall_have_the_error_that_is_allowed() -> None:
     """A step of first order errs by g h^2 / 2 in a fall; steps aim at 0.81 of what is allowed."""
-    march, tol, h = March(Particle((0.0, 9.0), load=(0.0, -G)), rw.DYNAMIC_RIGID, H), 1e-6, H
+    stepping, tol, h = Stepper(Particle((0.0, 9.0), load=(0.0, -G)), rw.DYNAMIC_RIGID, H), 1e-6, H
     for _ in range(12):
-        h = march.advance(h, tol)
+        h = stepping.advance(h, tol)
     assert h == pytest.approx(0.9 * sqrt(2.0 * tol / G), rel=1e-3)
 
 
@@ -117,44 +117,44 @@ def test_a_fall_from_a_height_that_counts_as_zero_is_rest(over: float) -> None:
 
 def test_a_bounce_waits_for_the_floor_and_has_its_restitution() -> None:
     speed, e = 1.0, 0.6
-    march = March(Particle((0.0, 10.45 * H), (0.3, -speed), restitution=e), rw.DYNAMIC_RIGID, H)
-    while march.v[1] < 0.0:
-        gap = march.q[1]
-        march.advance(H)
-        assert march.time < 0.1
-    assert gap < speed * H and march.v == pytest.approx([0.3, e * speed])
+    stepping = Stepper(Particle((0.0, 10.45 * H), (0.3, -speed), restitution=e), rw.DYNAMIC_RIGID, H)
+    while stepping.v[1] < 0.0:
+        gap = stepping.q[1]
+        stepping.advance(H)
+        assert stepping.time < 0.1
+    assert gap < speed * H and stepping.v == pytest.approx([0.3, e * speed])
 
 
 @pytest.mark.parametrize("h", [0.1 * H, H, 5.0 * H])
 def test_overlap_comes_apart_in_no_less_than_a_pause(h: float) -> None:
-    march = March(Particle((0.0, -1e-6)), rw.DYNAMIC_RIGID, H)
-    march.advance(h)
-    assert march.v[1] == pytest.approx(1e-6 / max(h, stepper.PAUSE * H), rel=1e-6)
+    stepping = Stepper(Particle((0.0, -1e-6)), rw.DYNAMIC_RIGID, H)
+    stepping.advance(h)
+    assert stepping.v[1] == pytest.approx(1e-6 / max(h, stepper.PAUSE * H), rel=1e-6)
 
 
 @pytest.mark.parametrize("h", [0.1 * H, H, 5.0 * H])
 def test_an_open_joint_closes_in_no_less_than_half_a_pause(h: float) -> None:
     open_ = Particle((0.0, 9.0), gains=(inf, 0.0), aim=(1e-6, 0.0), limit=inf, account=JOINT)
-    march = March(open_, rw.DYNAMIC_RIGID, H)
+    stepping = Stepper(open_, rw.DYNAMIC_RIGID, H)
     with np.errstate(invalid="ignore"):  # uncompiled, a stiffness without end times nothing is told
-        march.advance(h)
-    assert march.v[0] == pytest.approx(1e-6 / max(h, 0.5 * stepper.PAUSE * H), rel=1e-6)
+        stepping.advance(h)
+    assert stepping.v[0] == pytest.approx(1e-6 / max(h, 0.5 * stepper.PAUSE * H), rel=1e-6)
 
 
 def test_an_elastic_bounce_keeps_its_speed() -> None:
     """A quarter of a period in, a quarter out: at theta = 1/2 a spring returns what it takes."""
-    march = run(Particle((0.0, 0.0), (0.0, -1.0)), rw.DYNAMIC_COMPLIANT, 0.05, 2e-5, theta=0.5)
-    assert march.v[1] == pytest.approx(1.0, abs=1e-3)
+    stepping = run(Particle((0.0, 0.0), (0.0, -1.0)), rw.DYNAMIC_COMPLIANT, 0.05, 2e-5, theta=0.5)
+    assert stepping.v[1] == pytest.approx(1.0, abs=1e-3)
     # At theta = 1 the scheme takes pi h / 2 T of it, with T = sqrt(M / K).
-    march = run(Particle((0.0, 0.0), (0.0, -1.0)), rw.DYNAMIC_COMPLIANT, 0.05, 2e-5)
-    assert march.v[1] == pytest.approx(1.0 - 0.5 * np.pi * 2e-5 / 1e-2, abs=1e-3)
+    stepping = run(Particle((0.0, 0.0), (0.0, -1.0)), rw.DYNAMIC_COMPLIANT, 0.05, 2e-5)
+    assert stepping.v[1] == pytest.approx(1.0 - 0.5 * np.pi * 2e-5 / 1e-2, abs=1e-3)
 
 
 @pytest.mark.parametrize("rung", [rw.QUASISTATIC_COMPLIANT, rw.DYNAMIC_COMPLIANT], ids=lambda rung: rung.name)
 def test_a_contact_that_sticks_is_sheared_by_force_over_stiffness(rung: Rung) -> None:
-    march = run(Particle(load=(3.0, -10.0), friction=0.5, damping=200.0), rung, 0.6)
-    assert march.q == pytest.approx([3e-4, -1e-3], rel=1e-4)
-    assert march.state.force[0] == pytest.approx([10.0, -3.0], rel=1e-4)
+    stepping = run(Particle(load=(3.0, -10.0), friction=0.5, damping=200.0), rung, 0.6)
+    assert stepping.q == pytest.approx([3e-4, -1e-3], rel=1e-4)
+    assert stepping.state.force[0] == pytest.approx([10.0, -3.0], rel=1e-4)
 
 
 @pytest.mark.parametrize("theta", [0.5, 0.75, 1.0])
@@ -176,11 +176,11 @@ def test_works_add_up_to_the_change_of_kinetic_energy(rung: Rung, theta: float) 
         (0.0, 0.01), (1.0, -1.0), load=(0.2, -G), friction=0.3, restitution=0.5, damping=5.0, drag=0.1,
         gains=(30.0, 2.0), aim=(0.1, 0.5), limit=2.0,
     )  # fmt: skip
-    march = run(falling, rung, 0.2, theta=theta)
+    stepping = run(falling, rung, 0.2, theta=theta)
     names = ("drive_work", "load_work", "contact_work", "support_work", "joint_work")
-    gained = 0.5 * (march.v @ march.v - 2.0)
-    assert sum(float(march.clock[name]) for name in names) == pytest.approx(gained, abs=1e-12)
-    assert march.clock["contact_work"] < -1e-3
+    gained = 0.5 * (stepping.v @ stepping.v - 2.0)
+    assert sum(float(stepping.clock[name]) for name in names) == pytest.approx(gained, abs=1e-12)
+    assert stepping.clock["contact_work"] < -1e-3
 
 
 def test_a_servo_takes_up_the_speed_that_it_is_asked_for() -> None:
@@ -190,8 +190,8 @@ def test_a_servo_takes_up_the_speed_that_it_is_asked_for() -> None:
 
 
 def test_without_inertia_a_damper_takes_the_load_to_seven_digits() -> None:
-    march = run(Particle((0.0, 9.0), load=(0.5, -0.2), drag=4.0), rw.QUASISTATIC_RIGID, 0.01)
-    assert march.v == pytest.approx([0.125, -0.05], rel=2e-7)
+    stepping = run(Particle((0.0, 9.0), load=(0.5, -0.2), drag=4.0), rw.QUASISTATIC_RIGID, 0.01)
+    assert stepping.v == pytest.approx([0.125, -0.05], rel=2e-7)
 
 
 @pytest.mark.parametrize(("limit", "code"), [(0.97, Code.UNSUPPORTED), (1.03, Code.RUNNING)])
@@ -212,19 +212,19 @@ def test_a_driven_arm_slides_along_a_wall_without_shorter_steps(h: float) -> Non
     """Linearised again at its end, a step that would bend into the wall comes to it: where rods say."""
     bent = (0.6, 2.2)
     at = float(TwoLinkArm(bent).tip(np.array(bent))[0])
-    march = March(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, nan)), rw.KINEMATIC, h)
+    stepping = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, nan)), rw.KINEMATIC, h)
     for _ in range(5):
-        march.advance(h)
+        stepping.advance(h)
     first = bent[0] - 2.5 * h
-    assert march.attempts == 5
-    assert march.q == pytest.approx([first, np.arccos((at - np.cos(first)) / 0.8) - first], abs=1e-9)
+    assert stepping.attempts == 5
+    assert stepping.q == pytest.approx([first, np.arccos((at - np.cos(first)) / 0.8) - first], abs=1e-9)
 
 
 def test_a_jam_is_told_with_its_proof_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     bent = (0.6, 0.9)
     at = float(TwoLinkArm(bent).tip(np.array(bent))[0]) + 0.01
-    jammed = March(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
+    jammed = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
     assert jammed.run(0.3) == Code.JAMMED and jammed.certificate is not None
     monkeypatch.setattr(stepper, "certify_infeasible", lambda _: None)
-    unproved = March(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
+    unproved = Stepper(TwoLinkArm(bent, wall=at, driven=lambda _: (-0.5, -0.5)), rw.KINEMATIC, 1e-3)
     assert unproved.run(0.3) == Code.NOT_CONVERGED
