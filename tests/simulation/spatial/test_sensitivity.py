@@ -55,6 +55,19 @@ def test_a_ball_comes_to_roll_at_5_7_of_its_speed(make: Make) -> None:
     assert found.dv["parameters"][4, 0] == pytest.approx(50.0 / 7.0, rel=1e-6)
 
 
+def test_differences_are_exact_where_the_third_derivative_is_all_there_is(make: Make) -> None:
+    """A flight at pace cubed: two differences err by delta^2 and a quarter of it, and by nothing together."""
+    scene = make(
+        world(free("b", "0 0 1", 'size=".1"'), before=NO_GRAVITY),
+        parameters={"pace": {"default": 1.5, "range": [0, 9]}},
+        start={"velocities": {"b.x": "pace**3"}},
+    )
+    found = sensitivity(scene, rw.DYNAMIC_RIGID, steps=10, h=1e-2)
+    assert found.dv["parameters"][0, 0] == pytest.approx(3.0 * 1.5**2, rel=1e-9)
+    assert found.dq["parameters"][0, 0] == pytest.approx(0.3 * 1.5**2, rel=1e-9)
+    assert found.dv_error["parameters"][0, 0] == pytest.approx(0.25e-6 * 1.5**2, rel=1e-2)
+
+
 def test_flight_by_its_start(make: Make) -> None:
     """q' = I + h n I by v, and the identity by q, turns included, without loads."""
     scene = make(world(free("b", "0 0 1", 'size=".1"'), before=NO_GRAVITY))
