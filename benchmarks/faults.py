@@ -22,7 +22,7 @@ _ARM = "tests/simulation/core/test_arm.py"
 _CORE = (_ARM, "tests/simulation/core/test_particle.py")
 _CERTIFICATES = ("tests/contact/test_certificate.py", "tests/contact/test_solve.py")
 _RESIDUALS = ("tests/contact/test_residual.py", "tests/contact/test_solve.py")
-_STEPS = ("tests/simulation/test_order.py", "tests/simulation/test_two_finger.py")
+_WITNESS = ("tests/sets/test_feasible.py::test_a_witness_replays_and_a_certificate_bounds_the_error",)
 
 FAULTS = (
     # Verdicts and acceptance: what counts as solved, proved, reached.
@@ -180,7 +180,8 @@ FAULTS = (
     Fault(
         "controlled-half-error", "src/rungwise/simulation/planar/step/controlled.py",
         "error = disagreement(records, rung, control, 0.5 * h, workspace)",
-        "error = 0.5 * disagreement(records, rung, control, 0.5 * h, workspace)", _STEPS,
+        "error = 0.5 * disagreement(records, rung, control, 0.5 * h, workspace)",
+        ("tests/simulation/test_order.py::test_controlled_steps_are_as_long_as_their_error_allows",),
         "half of a controlled step's error in the plane",
     ),
     # Planning.
@@ -243,12 +244,14 @@ FAULTS = (
     Fault(
         "witness-farthest", "src/rungwise/sets/feasible/feasible.py",
         "corners[int(np.argmin(distance))]", "corners[int(np.argmax(np.where(good, distance, -1.0)))]",
-        ("tests/sets/test_feasible.py",), "a goal's witness is the farthest corner",
+        
+        _WITNESS, "a goal's witness is the farthest corner",
     ),
     Fault(
         "certified-below", "src/rungwise/sets/feasible/feasible.py",
         "betaincinv(count + 1, n - count, 1.0 - delta)", "betaincinv(count + 1, n - count, delta)",
-        ("tests/sets/test_feasible.py",), "the rate of wrong labels is bounded from below",
+        
+        _WITNESS, "the rate of wrong labels is bounded from below",
     ),
     Fault(
         "nearest-corner-other", "src/rungwise/sets/feasible/feasible.py",

@@ -145,6 +145,8 @@ def test_worthless_for_a_problem_that_has_a_solution(body):
     _, kinematic = case(body, "kinematic")
     assert not check(walls(body, speed=1.0), kinematic)
     assert not check(walls(body, speed=0.0), kinematic)
+    pulls = changed(kinematic, 0, -kinematic.vectors[0])  # walls that part are no jam: contacts do not pull
+    assert not check(walls(body, speed=1.0), pulls)
     _, frictional = case(body, "frictional")
     assert not check(wedge(body, 0.5), frictional)
     _, unsupported = case(body, "unsupported")

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 import rungwise as rw
 from rungwise.contact.analysis.pieces import check as check_solutions
 from rungwise.contact.judge.farkas import Infeasible, check
+from rungwise.contact.judge.verdict import judge
 from rungwise.contact.prepare.system import scaled
 from rungwise.contact.solve import SOLVERS
 from rungwise.contact.step.problem import ContactProblem, allocate_problem
@@ -225,6 +226,24 @@ def test_squeezed_between_two_walls_is_jammed_with_proof() -> None:
         wrong[i] += 1e-3
         assert not check(system, Infeasible(proof.kind, proof.modes, (wrong,)))
     assert not check(system, Infeasible(proof.kind, (), ()))
+
+
+def test_walls_that_part_are_no_jam_though_forces_that_pull_would_prove_it() -> None:
+    def between(speed: float) -> rw.Problem:
+        walls = [[1.0], [-1.0]]
+        return rw.Problem.balance(np.eye(1), [0.0], walls, [speed, speed], [0.0, 0.0], directions=1)
+
+    proof = rw.solve(between(-1.0)).certificate
+    assert proof is not None and rw.solve(between(1.0)).status == "solved"
+    pulls = Infeasible(proof.kind, proof.modes, tuple(-p for p in proof.vectors))
+    assert not check(scaled(between(1.0)), pulls)
+
+
+@pytest.mark.parametrize("speed", [-0.3, 0.3])
+def test_penetration_is_how_fast_a_gap_closes_beyond_contact(speed: float) -> None:
+    problem = rw.Problem.balance(np.eye(1), [speed], [[1.0]], [0.0], [0.0], directions=1)
+    found = judge(problem, scaled(problem), np.array([0.0, speed]))
+    assert found.penetration == pytest.approx(max(0.0, -speed)) and (found.worst > 0.1) == (speed < 0.0)
 
 
 def test_a_load_that_nothing_carries_is_unsupported() -> None:

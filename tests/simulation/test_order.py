@@ -92,6 +92,20 @@ def test_steps_between_events_are_of_second_order(model: rw.Rung, linked: bool) 
     assert np.median(orders) >= 1.8, orders
 
 
+@pytest.mark.parametrize("tol", [1e-5, 1e-6])
+def test_controlled_steps_are_as_long_as_their_error_allows(tol: float) -> None:
+    """A load a t drags a body through oil, x' = a t / c: a whole step of first order and its halves part by
+    a h^2 / 4 c, of which 0.81 of what is allowed is taken."""
+    a, c = 6.0, 2.0
+    body = {"role": "object", "mass": 1.0, "shape": {"kind": "disc", "radius": 0.1}, "force": [f"{a} * t", 0]}
+    body |= {"motion": {"kind": "slide", "axis": [1, 0], "name": "s"}, "coordinates": {"s": {"damping": c}}}
+    data = {"name": "oil", "bodies": {"part": body}, "contacts": [], "duration": 0.2, "step": 1e-2}
+    run = rw.simulate(rw.load(data | {"tolerance": 1e-5}), rw.QUASISTATIC_RIGID, tol=tol, frames=1000)
+    steps = np.diff(run.trajectory.time.values)
+    assert np.median(steps) == pytest.approx(1.8 * math.sqrt(tol * c / a), rel=1e-4)
+    assert run.final["part"]["s"] == pytest.approx(0.5 * a / c * 0.2**2, abs=tol)
+
+
 HALF, MU, OFF = 0.1, 0.1, 0.05
 CHARACTER = 0.3826 * 0.2
 HEADING = np.array([0.05, 0.01])
