@@ -244,13 +244,11 @@ FAULTS = (
     Fault(
         "witness-farthest", "src/rungwise/sets/feasible/feasible.py",
         "corners[int(np.argmin(distance))]", "corners[int(np.argmax(np.where(good, distance, -1.0)))]",
-        
         _WITNESS, "a goal's witness is the farthest corner",
     ),
     Fault(
         "certified-below", "src/rungwise/sets/feasible/feasible.py",
         "betaincinv(count + 1, n - count, 1.0 - delta)", "betaincinv(count + 1, n - count, delta)",
-        
         _WITNESS, "the rate of wrong labels is bounded from below",
     ),
     Fault(
