@@ -20,8 +20,19 @@ class Fault(NamedTuple):
 
 _ARM = "tests/simulation/core/test_arm.py"
 _CORE = (_ARM, "tests/simulation/core/test_particle.py")
-_CERTIFICATES = ("tests/contact/test_certificate.py", "tests/contact/test_solve.py")
-_RESIDUALS = ("tests/contact/test_residual.py", "tests/contact/test_solve.py")
+_SOLVE = "tests/contact/test_solve.py::test_"
+_CERTIFICATES = (
+    "tests/contact/test_certificate.py",
+    f"{_SOLVE}squeezed_between_two_walls_is_jammed_with_proof",
+    f"{_SOLVE}walls_that_part_are_no_jam_though_forces_that_pull_would_prove_it",
+    f"{_SOLVE}the_heaviest_body_on_the_lightest_is_never_said_to_jam",
+)
+_RESIDUALS = (
+    "tests/contact/test_residual.py",
+    f"{_SOLVE}penetration_is_how_fast_a_gap_closes_beyond_contact",
+    f"{_SOLVE}penetration_is_not_solved_however_great_friction_is",
+    f"{_SOLVE}fast_contacts_hide_nothing_of_slow_ones_that_they_do_not_touch",
+)
 _WITNESS = ("tests/sets/test_feasible.py::test_a_witness_replays_and_a_certificate_bounds_the_error",)
 
 FAULTS = (
