@@ -92,9 +92,9 @@ def test_against_steps_taken(case: str, model: rw.Rung) -> None:
 @pytest.mark.parametrize("theta", [0.6, 1.0])
 def test_deformations_after_a_step_by_parameters(theta: float) -> None:
     """A contact that pushes, stiffer or more damped, against steps that the simulation takes."""
-    scene, model, given = rw.load("two_finger"), rw.DYNAMIC_COMPLIANT, {"v2": 0.7}
-    run = rw.simulate(scene, model, parameters=given, duration=1.55, frames=3)
-    assert run.workspace is not None
+    scene, model, given = rw.load("two_finger_servo"), rw.DYNAMIC_COMPLIANT, {"mu": 1.5, "v2": 0.7}
+    run = rw.simulate(scene, model, parameters=given, duration=1.51, frames=3)
+    assert run.workspace is not None and run.workspace.state.force.max() > 0.0
     state = run.workspace.state
     q, v, strain = state.q.copy(), state.v.copy(), state.deformation.copy()
     names = ("stiffness", "damping")
