@@ -65,7 +65,7 @@ def read_drawing(field: str, path: Path, name: str | None) -> File:
         raise SceneError(
             f"{text} needs svgelements and ezdxf, which come with: pip install 'rungwise[drawings]'"
         ) from None
-    except Exception as error:
+    except Exception as error:  # readers of torn drawings raise nearly anything
         reason = str(error).splitlines()[0][:200] if str(error) else type(error).__name__
         raise SceneError(f"{text} cannot be read: {reason}") from None
     if not named:
