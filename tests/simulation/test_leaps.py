@@ -181,3 +181,98 @@ def test_what_settles_does_not_snap(tol: float | None) -> None:
         pile["contacts"][0]["stiffness"] = 10 ** random.uniform(3.8, 5.0)
         run = rw.simulate(pile, "quasistatic-compliant", tol=tol)
         assert str(run.outcome) == "timeout", (seed, run.reason)
+
+
+class Tip:
+    """A disc on a spring k, pressed down by P, over a ridge between faces that rise by a and fall by b. At
+    the edge it balances only if k R > P; else it snaps by P (tan a + tan b) / k, to the face behind."""
+
+    def __init__(self, seed: int, stable: bool) -> None:
+        random = np.random.default_rng(seed)
+        size, self.step = 10 ** random.uniform((-3, -5), (2, -1))
+        press, self.radius = 10 ** random.uniform(-2, 2), size * random.uniform(0.3, 1.0)
+        stiff = press / self.radius * (random.uniform(1.2, 4) if stable else random.uniform(0.03, 0.4))
+        least = 5e-3 * stiff * self.radius / press
+        up, down = np.arctan(least * 10 ** random.uniform(0, 1.3, 2))
+        self.leap = press * (math.tan(up) + math.tan(down)) / stiff
+        edge = -self.radius * math.sin(up)
+        sweep = self.leap * 10 ** random.uniform(-2.0, -0.5)
+        steps, start = int(random.integers(20, 60)), edge - 0.5 * sweep
+        self.duration, target = steps * self.step, start + press * math.tan(up) / stiff
+        pace = sweep / self.duration
+        ridge, far = 6.0 * (self.leap + self.radius), 3.0 * (self.leap + self.radius)
+        outline = [
+            [0.0, 0.0],
+            [-far, -far * math.tan(up)],
+            [-far, -far * math.tan(up) - ridge],
+            [far, -far * math.tan(down) - ridge],
+            [far, -far * math.tan(down)],
+        ]
+        moved: dict[str, Any] = {"role": "obstacle", "shape": {"kind": "polygon", "vertices": outline}}
+        servo = {"kind": "servo", "stiffness": stiff, "damping": 0.0, "target": f"{target} + {pace} * t"}
+        if random.random() < 0.5:  # the ridge is drawn the other way
+            drive = {"drive": {"kind": "speed", "speed": pace}}
+            servo["target"] = target
+            moved |= {"role": "robot", "motion": {"kind": "slide", "axis": [-1, 0], "name": "s"}}
+            moved["coordinates"] = {"s": drive}
+        top = self.radius / math.cos(up) + start * math.tan(up)
+        tip = {
+            "role": "robot",
+            "mass": 1e-3 * press,
+            "shape": {"kind": "disc", "radius": self.radius},
+            "pose": {"x": start, "y": top + 1e-12 * self.radius},
+            "motion": {"kind": "free"},
+            "coordinates": {"x": {"drive": servo}, "y": {"drive": {"kind": "force", "force": -press}}},
+        }
+        contacts = {"between": ["tip", "ridge"], "friction": 0.0}
+        contacts["stiffness"] = press / self.radius * 10 ** random.uniform(3, 6)
+        self.scene = {
+            "name": "tip",
+            "bodies": {"ridge": moved, "tip": tip},
+            "contacts": [contacts],
+            "step": self.step,
+            "duration": self.duration,
+        }
+
+
+@pytest.mark.parametrize("model", SLOW)
+def test_a_spring_that_snaps_over_a_ridge_is_told_however_little_it_moves(model: str) -> None:
+    for seed in range(40):
+        snapping, held = Tip(seed, False), Tip(seed, True)
+        run = rw.simulate(snapping.scene, model, frames=3)
+        assert str(run.outcome) == "model_invalid", (seed, snapping.leap / snapping.radius, run.reason)
+        assert "tip snaps out of its balance" in run.reason
+        assert run.time == pytest.approx(0.5 * snapping.duration, abs=0.25 * snapping.duration), seed
+        run = rw.simulate(held.scene, model, frames=3)
+        assert str(run.outcome) == "timeout", (seed, run.reason)
+
+
+@pytest.mark.parametrize("model", SLOW)
+def test_a_load_that_jumps_between_steps_is_no_snap(model: str) -> None:
+    """A spring under a load that jumps at a multiple of the step, by far more than the steps before."""
+    for seed in range(40):
+        random = np.random.default_rng(seed)
+        step, size = 10 ** random.uniform((-5, -3), (-1, 2))
+        load, way = 10 ** random.uniform((-2, -2.5), (2, 0))
+        jump = int(random.integers(6, 15)) * step
+        spring = {"kind": "servo", "stiffness": load / (way * size), "damping": 0.0, "target": 0.0}
+        slider = {
+            "role": "robot",
+            "mass": 1.0,
+            "shape": box(size, size),
+            "motion": {"kind": "slide", "axis": [1, 0], "name": "s"},
+            "force": [f"{load} if t {random.choice(['>', '>='])} {jump} else 0", 0],
+            "coordinates": {"s": {"drive": spring}},
+        }
+        run = rw.simulate(
+            {
+                "name": "jump",
+                "bodies": {"slider": slider},
+                "contacts": [],
+                "step": step,
+                "duration": 20 * step,
+            },
+            model,
+        )
+        assert str(run.outcome) == "timeout", (seed, run.reason)
+        assert run.final["slider"]["s"] == pytest.approx(way * size)

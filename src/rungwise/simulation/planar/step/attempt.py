@@ -103,7 +103,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             if strides(rung, h, contacts, workspace) and not stands(records, rung, h, shortest, workspace):
                 status = COARSE if h > shortest else UNSUPPORTED
                 break
-            if clock.leaping > 0.0 and is_coarse(records, rung, h, workspace):
+            if is_coarse(records, rung, h, workspace):
                 status = COARSE
                 break
         if first and clock.bounces and h > shortest and _absorbs(terms, contacts, h, state, scratch):

@@ -6,6 +6,9 @@ nominal steps. Last comes the test that fails where one is far lower (-) or high
     name      in units of           a lower one                    a higher one                held by
     LEAST     size                  looks at slow motion           leaves leaps untold         + test_leaps
     STRIDE    size                  shortens what settles          leaves single leaps untold  - test_fingers
+    SMALL     size                  takes rounding for leaps       leaves short leaps untold    + test_leaps
+    GROWN     last step's pace      takes what slows down for one  leaves slow snaps untold
+    YIELDED   deepest deformation   takes what sinks in for leaps  leaves leaps of soft parts
     DRIVEN    farthest driven way   looks at what levers speed up  lets drives hide leaps
     TINY      pause                 finds late what moves on       takes loads for jumps       + test_leaps
     LEFT      load and resistance   takes rounding for inertia     lets inertia hide a fall
@@ -30,6 +33,11 @@ LEAST = 1e-2
 """Displacement in a step, over the smallest shape's reach, from which on it may be a leap."""
 STRIDE = 0.1
 """Displacement in the same unit, from which on a step is shortened: it takes faces as flat."""
+SMALL = 1e-3
+"""Displacement in the same unit, from which on one that grows from step to step may be a leap."""
+GROWN, YIELDED = 2.0, 2.0
+"""Displacement over what the pace of the last step explains, and over the deepest deformation, from which on
+it grows. Where balance is stable the rest of a step that took faces as flat is shorter than this step."""
 DRIVEN = 2.0
 """Displacement over the farthest of a driven coordinate, from which on it may be a leap."""
 TINY = 1e-6
@@ -66,6 +74,17 @@ def noticed(h: float, workspace: Workspace) -> float:
     if math.isinf(allowed):
         return float((STRIDE if tiny else LEAST) * workspace.state.clock[0].smallest)
     return float(allowed if tiny else math.inf)
+
+
+@kernel
+def grown(records: Records, h: float, workspace: Workspace) -> float:
+    """Displacement in a step of length h from which on it is out of proportion to the last step."""
+    state, clock, pace, yielded = workspace.state, workspace.state.clock[0], 0.0, 0.0
+    for i in range(state.v.shape[0]):
+        pace = max(pace, records.coordinates[i].lever * abs(state.v[i]))
+    for k in range(clock.contacts):
+        yielded = max(yielded, workspace.terms.deformation[2 * k])
+    return float(max(SMALL * clock.smallest, YIELDED * yielded, GROWN * pace * max(h, clock.taken)))
 
 
 @inner_kernel

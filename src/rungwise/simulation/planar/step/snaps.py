@@ -21,9 +21,11 @@ from rungwise.simulation.planar.step.leaps import (
     DRIVEN,
     SETTLING,
     SHORTER,
+    SMALL,
     STRIDE,
     SUDDEN,
     displacement,
+    grown,
     is_tiny,
     noticed,
     solve_again,
@@ -44,10 +46,36 @@ def snaps(
         return False
     far = noticed(h, workspace) if tiny else 0.5 * clock.leapt
     part = (SUDDEN if tiny else SHORTER) * min(h, clock.taken)
+    if tiny and math.isinf(terms.low[0]):
+        far = min(far, grown(records, part, workspace))
+    return _moves_on(records, inputs, buffer, rung, workspace, part, 0.0, far) and (
+        not tiny or _moves_on(records, inputs, buffer, rung, workspace, part, part, far)
+    )
+
+
+@rare_kernel
+def _moves_on(
+    records: Records,
+    inputs: Inputs,
+    buffer: Reals,
+    rung: RecordArray,
+    workspace: Workspace,
+    part: float,
+    earlier: float,
+    far: float,
+) -> bool:
+    """Whether loads, springs or contacts move bodies by `far` in a step of length `part`, under the inputs of
+    a time `earlier` by so much: a load that jumps between two steps does not move them under both."""
+    clock = workspace.state.clock[0]
+    time = clock.time
+    clock.time = time - earlier
     part, _ = set_speeds(records, inputs, buffer, rung, workspace, part)
-    if workspace.scratch.undefined[0] >= 0:
+    defined = workspace.scratch.undefined[0] < 0
+    if defined:
+        begin_step(records, rung, workspace, part)
+    clock.time = time
+    if not defined:
         return False
-    begin_step(records, rung, workspace, part)
     clock.contacts = gather(records, workspace)
     supported = solve_again(rung, part, workspace) == SUPPORTED
     moved, driven = displacement(records, part, workspace)
@@ -56,25 +84,32 @@ def snaps(
 
 @kernel
 def is_coarse(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
-    """Whether a step of fixed length is to be shortened, because bodies move far in it by what may not vanish
-    with it: it is not tiny, and nothing settles after a change of inputs. The solution is left as it was."""
+    """Whether a step of fixed length without momentum is to be shortened, because it moves bodies far, or out
+    of proportion to the last, by what may not vanish with it: it is not tiny, and nothing settles after a
+    change of inputs. The solution is left as it was."""
     clock, terms = workspace.state.clock[0], workspace.terms
-    far = math.isinf(terms.low[0]) and clock.leaping > STRIDE * clock.smallest
+    if rung[0].inertia > 0.0 or not rung[0].loads or clock.chooses or math.isfinite(terms.low[0]):
+        return False
+    moved, driven = displacement(records, h, workspace)
+    far = STRIDE * clock.smallest
+    if clock.leaping <= far:
+        if moved <= max(SMALL * clock.smallest, DRIVEN * driven) or moved <= grown(records, h, workspace):
+            return False
+        far = min(far, moved)
     return (
-        far
-        and not is_tiny(h, terms)
+        not is_tiny(h, terms)
         and not _settles(workspace)
-        and not _vanishes(records, rung, h, workspace)
+        and not _vanishes(records, rung, h, 0.5 * far, workspace)
     )
 
 
 @rare_kernel
-def _vanishes(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
-    """Whether a tiny step under the same loads moves bodies hardly at all."""
+def _vanishes(records: Records, rung: RecordArray, h: float, far: float, workspace: Workspace) -> bool:
+    """Whether a tiny step under the same loads moves bodies by less than `far`."""
     supported = solve_again(rung, SUDDEN * h, workspace) == SUPPORTED
     moved, _ = displacement(records, SUDDEN * h, workspace)
     solve_again(rung, h, workspace)
-    return supported and moved < 0.5 * STRIDE * workspace.state.clock[0].smallest
+    return supported and moved < far
 
 
 @inner_kernel
