@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.solvers.space.chain import solve_spatial
-from rungwise.contact.step import SOLVED, ContactProblem
+from rungwise.contact.step import SOLVED, ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.kernel import linking_time
 
@@ -189,7 +189,7 @@ class Space:
         tau = self.tau.copy() if len(self.tau) == len(p.F) else np.zeros(len(p.F))
         start = flat.copy(), tau.copy()
         began = time.perf_counter() - linking_time()
-        status, found, stage = solve_spatial(p, m.nv, k, len(p.F), modes, v, flat, tau)
+        status, found, stage = solve_spatial(p, Sizes(m.nv, k, len(p.F)), Unknowns(modes, v, flat, tau))
         t = self.tally
         t.seconds.append(time.perf_counter() - linking_time() - began)
         t.residuals.append(found)

@@ -13,7 +13,7 @@ from rungwise.contact.step.enumerate_modes import solve_by_enumeration
 from rungwise.contact.step.mode_newton import solve_by_modes
 from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.planar import TOLERANCE, matrix_size, solve_planar
-from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.proximal import solve_proximal
 from rungwise.contact.step.residual import residual
 
@@ -93,8 +93,10 @@ def in_units() -> Callable[..., ContactProblem]:
 def _measure(
     problem: ContactProblem, v: Sequence[float], force: Sequence[float], tau: Sequence[float] = ()
 ) -> float:
+    contacts, limited = len(problem.mu), len(problem.F)
     arrays = [np.array(x, float) for x in (v, force, tau)]
-    return float(residual(problem, len(problem.c), len(problem.mu), len(problem.F), *arrays))
+    found = Unknowns(np.ones(contacts + limited, np.int64), *arrays)
+    return float(residual(problem, Sizes(len(problem.c), contacts, limited), found))
 
 
 @pytest.fixture
@@ -111,25 +113,25 @@ def _run(
     forces: tuple[Array, Array] | None = None,
 ) -> tuple[int, Candidate]:
     n, contacts, limited = len(p.c), len(p.mu), len(p.F)
-    size = matrix_size(n, contacts, limited)
+    size, sizes = matrix_size(n, contacts, limited), Sizes(n, contacts, limited)
     modes = np.ones(contacts + limited, np.int64) if mode is None else np.array(mode, np.int64)
     force, tau = forces or (np.zeros(2 * contacts), np.zeros(limited))
-    out = (modes, np.zeros(n), force.copy(), tau.copy())
-    scratch = (np.zeros((size, size + 1)), np.zeros(size, np.int64))
+    out = Unknowns(modes, np.zeros(n), force.copy(), tau.copy())
+    room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
     status = 0
     if solver == "planar":
-        status, _, _ = solve_planar(p, n, contacts, limited, *out, *scratch)
+        status, _, _ = solve_planar(p, sizes, out, room)
     elif solver == "lemke":
-        status = 0 if solve_by_pivoting(p, n, contacts, limited, *out, False) else 1
+        status = 0 if solve_by_pivoting(p, sizes, out, False) else 1
     elif solver == "proximal":
-        found = solve_proximal(p, n, contacts, limited, *out, *scratch, 0.1 * TOLERANCE)
+        found = solve_proximal(p, sizes, out, room, 0.1 * TOLERANCE)
         status = int(found > TOLERANCE)
     elif solver == "modes":
-        solve_by_modes(p, n, contacts, limited, *out, *scratch, solves)
+        solve_by_modes(p, sizes, out, room, solves)
     else:
-        status = int(solve_by_enumeration(p, n, contacts, limited, *out, *scratch, TOLERANCE) > TOLERANCE)
-    found = residual(p, n, contacts, limited, *out[1:])
-    return int(status), Candidate(out[1], out[2], out[3], float(found), modes)
+        status = int(solve_by_enumeration(p, sizes, out, room, TOLERANCE) > TOLERANCE)
+    found = residual(p, sizes, out)
+    return int(status), Candidate(out.v, out.force, out.tau, float(found), modes)
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rungwise.contact.solvers.space.chain import solve_spatial
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, SOLVED, TOLERANCE
-from rungwise.contact.step.problem import ContactProblem, allocate_problem
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns, allocate_problem
 from rungwise.contact.step.residual import residual
 from rungwise.contact.step.residual_in_space import residual_in_space
 
@@ -40,9 +40,10 @@ def solve(
     force = np.zeros(len(p.w)) if force is None else force.copy()
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan) if v is None else v.copy()
-    status, found, stage = solve_spatial(p, n, contacts, limited, mode, v, force, tau)
+    sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
+    status, found, stage = solve_spatial(p, sizes, unknowns)
     if status == SOLVED:
-        assert found == residual_in_space(p, n, contacts, limited, v, force, tau) <= TOLERANCE
+        assert found == residual_in_space(p, sizes, unknowns) <= TOLERANCE
     else:
         assert status == NO_SOLUTION and not (v.any() or force.any() or tau.any())
     return Answer(status, found, stage, v, force, tau, mode)
@@ -329,14 +330,13 @@ def test_the_residual_of_sparse_rows_is_that_of_dense_ones(d: int, size: float) 
     rng = np.random.default_rng(5)
     for _ in range(40):
         p = draw(rng, d, bool(rng.integers(2)))
-        n, contacts, limited = len(p.c), len(p.mu), len(p.F)
         found = solve(p)
         v, force, tau = (
             each + size * rng.standard_normal(len(each)) for each in (found.v, found.force, found.tau)
         )
-        dense = residual(p, n, contacts, limited, v, force, tau)
-        sparse = residual_in_space(p, n, contacts, limited, v, force, tau)
+        sizes, moved = Sizes(len(p.c), len(p.mu), len(p.F)), Unknowns(found.mode, v, force, tau)
+        dense, sparse = residual(p, sizes, moved), residual_in_space(p, sizes, moved)
         assert sparse == pytest.approx(dense, rel=1e-6, abs=1e-14)
         if len(v):
             v[0] = np.nan
-            assert residual_in_space(p, n, contacts, limited, v, force, tau) == np.inf
+            assert residual_in_space(p, sizes, moved) == np.inf

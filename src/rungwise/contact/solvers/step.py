@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import matrix_size, solve_planar
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 
 NAME = "step"
 
@@ -37,6 +37,6 @@ def solve(step: ContactProblem, start: NDArray[np.float64]) -> NDArray[np.float6
     modes = np.where(slips, np.where(tangential > 0.0, BACKWARD, FORWARD), modes)
     mode = np.concatenate([modes, np.full(limited, STICK)]).astype(np.int64)
     size = matrix_size(n, contacts, limited)
-    matrix, order = np.zeros((size, size + 1)), np.zeros(size, np.int64)
-    solve_planar(step, n, contacts, limited, mode, v, force, tau, matrix, order)
+    room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
+    solve_planar(step, Sizes(n, contacts, limited), Unknowns(mode, v, force, tau), room)
     return np.concatenate([force, v, tau])

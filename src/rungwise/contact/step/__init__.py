@@ -11,11 +11,19 @@ from rungwise.contact.step.planar import (
     matrix_size,
     solve_planar,
 )
-from rungwise.contact.step.problem import ContactProblem, allocate_problem, keep_contacts, trim
+from rungwise.contact.step.problem import (
+    ContactProblem,
+    Elimination,
+    Sizes,
+    Unknowns,
+    allocate_problem,
+    keep_contacts,
+    trim,
+)
 from rungwise.contact.step.steady import correct_velocities
 
 __all__ = [
     "ANY", "BACKWARD", "ENUMERATION", "FORWARD", "NAMES", "NO_SOLUTION", "OPEN", "PIVOTING", "SOLVED",
-    "STICK", "TOLERANCE", "ContactProblem", "allocate_problem", "correct_velocities", "keep_contacts",
-    "matrix_size", "solve_planar", "start_associated", "trim",
+    "STICK", "TOLERANCE", "ContactProblem", "Elimination", "Sizes", "Unknowns", "allocate_problem",
+    "correct_velocities", "keep_contacts", "matrix_size", "solve_planar", "start_associated", "trim",
 ]  # fmt: skip

@@ -16,8 +16,8 @@ import numpy as np
 
 from rungwise.contact.step.modes import STICK
 from rungwise.contact.step.pivoting import solve_by_pivoting
-from rungwise.contact.step.problem import ContactProblem
-from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.kernel import Reals, allocating_kernel, kernel
 
 ROUNDS = 20
 """Most convex problems."""
@@ -32,25 +32,18 @@ RESERVES = (0.9, 0.99)
 
 
 @allocating_kernel
-def start_associated(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> bool:
+def start_associated(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> bool:
     """Fill mode, v, force and tau; returns whether the convex problems had a solution. Allocates: it is the
     exception, not the rule."""
+    n, contacts = sizes.n, sizes.contacts
+    mode, v, force = unknowns.mode, unknowns.v, unknowns.force
     p = problem
     offset, slip, pace = p.w[: 2 * contacts].copy(), np.zeros(contacts), _pace(p, n, contacts)
     ended = True
     for _ in range(ROUNDS):
         for k in range(contacts):
             p.w[2 * k] = offset[2 * k] + p.mu[k] * abs(slip[k])
-        ended = solve_by_pivoting(p, n, contacts, limited, mode, v, force, tau, True)
+        ended = solve_by_pivoting(p, sizes, unknowns, True)
         if not ended:
             break
         change, greatest = 0.0, p.quantum[0]
@@ -64,41 +57,34 @@ def start_associated(
         for k in range(contacts):
             if force[2 * k] > 0.0 and abs(slip[k]) <= STILL * pace:
                 mode[k] = STICK
-        _keep_reserve(p, n, contacts, limited, STILL * pace, mode, v, force, tau)
+        _keep_reserve(p, sizes, STILL * pace, unknowns)
     for k in range(contacts):
         p.w[2 * k] = offset[2 * k]
     return ended
 
 
 @allocating_kernel
-def _keep_reserve(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    still: float,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> None:
+def _keep_reserve(p: ContactProblem, sizes: Sizes, still: float, unknowns: Unknowns) -> None:
     """Where contacts that stick do so with less friction, too, take the forces found then: pivots end at
     sides of cones, where rounding decides whether a contact sticks."""
-    mu, other = p.mu[:contacts].copy(), mode.copy()
-    velocity, push, pull = v.copy(), force.copy(), tau.copy()
+    n, contacts = sizes.n, sizes.contacts
+    mode, v, force, tau = unknowns
+    mu = p.mu[:contacts].copy()
+    other = Unknowns(mode.copy(), v.copy(), force.copy(), tau.copy())
     for reserve in RESERVES:
         for k in range(contacts):
             p.mu[k] = reserve * mu[k] if mode[k] == STICK else mu[k]
-        sticks = solve_by_pivoting(p, n, contacts, limited, other, velocity, push, pull, True)
+        sticks = solve_by_pivoting(p, sizes, other, True)
         for r in range(2 * contacts):
             change = 0.0
             for i in range(n):
-                change += p.W[r, i] * (velocity[i] - v[i])
+                change += p.W[r, i] * (other.v[i] - v[i])
             sticks &= abs(change) <= still
         if sticks:
             for k in range(contacts):
-                other[k] = STICK if mode[k] == STICK and push[2 * k] > 0.0 else other[k]
-            mode[:], v[:], force[:], tau[:] = other, velocity, push, pull
+                if mode[k] == STICK and other.force[2 * k] > 0.0:
+                    other.mode[k] = STICK
+            mode[:], v[:], force[:], tau[:] = other
             break
     p.mu[:contacts] = mu
 

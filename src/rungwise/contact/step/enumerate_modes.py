@@ -12,9 +12,9 @@ import math
 
 from rungwise.contact.step.mode_newton import solve_mode
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, kernel
 
 MAX_MODES = 5000
 
@@ -27,20 +27,12 @@ def mode_count(contacts: int, limited: int) -> float:
 
 @kernel
 def solve_by_enumeration(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    matrix: Reals,
-    order: Ints,
-    tolerance: float,
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, tolerance: float
 ) -> float:
     """Find the first mode whose solution has a residual within `tolerance`; returns that residual, or the
     least residual met."""
+    contacts, limited = sizes.contacts, sizes.limited
+    mode = unknowns.mode
     best = 1e300
     for index in range(int(mode_count(contacts, limited))):
         rest = index
@@ -50,10 +42,10 @@ def solve_by_enumeration(
         for r in range(limited):
             mode[contacts + r] = STICK + rest % 3
             rest //= 3
-        if _repeats(problem, contacts, limited, mode) or _holds_too_much(problem, n, contacts, limited, mode):
+        if _repeats(problem, sizes, mode) or _holds_too_much(problem, sizes, mode):
             continue
-        solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
-        found = residual(problem, n, contacts, limited, v, force, tau)
+        solve_mode(problem, sizes, unknowns, room)
+        found = residual(problem, sizes, unknowns)
         best = min(best, found)
         if found <= tolerance:
             return found
@@ -61,10 +53,11 @@ def solve_by_enumeration(
 
 
 @kernel
-def _holds_too_much(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> bool:
+def _holds_too_much(p: ContactProblem, sizes: Sizes, mode: Ints) -> bool:
     """Whether more rigid rows are closed than there are velocities: where forces balance with such a mode,
     they do with fewer rows, too, for forces can be shifted among dependent rows until one of them vanishes or
     comes to the side of its cone."""
+    n, contacts, limited = sizes
     rows = 0
     for k in range(contacts):
         if mode[k] != OPEN and p.R[k, 0, 0] == 0.0:
@@ -75,8 +68,9 @@ def _holds_too_much(p: ContactProblem, n: int, contacts: int, limited: int, mode
 
 
 @kernel
-def _repeats(p: ContactProblem, contacts: int, limited: int, mode: Ints) -> bool:
+def _repeats(p: ContactProblem, sizes: Sizes, mode: Ints) -> bool:
     """Whether another mode says the same: without friction every closed mode does, and joints only hold."""
+    contacts, limited = sizes.contacts, sizes.limited
     for k in range(contacts):
         if p.mu[k] == 0.0 and mode[k] != OPEN and mode[k] != FORWARD:
             return True

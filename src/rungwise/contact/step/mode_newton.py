@@ -13,9 +13,9 @@ import math
 
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Reals, kernel
 
 MAX_FLIPS = 12
 _TOLERANCE = 1e-12
@@ -25,67 +25,38 @@ mode: about ten thousand roundings of double precision. Chosen by trial, to a de
 
 @kernel
 def solve_by_modes(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    matrix: Reals,
-    order: Ints,
-    flips: int,
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, flips: int
 ) -> float:
     """Improve `mode` (contacts, then limited rows) in at most `flips` solves; returns the residual of the
     solution found. The kernel ends at a mode that does not determine the forces."""
-    still = matrix[matrix.shape[0] - 1]
+    contacts, limited = sizes.contacts, sizes.limited
+    still = room.matrix[room.matrix.shape[0] - 1]
     for r in range(2 * contacts + limited):
         still[r] = 0.0
     for i in range(flips):
-        regular = solve_mode(problem, n, contacts, limited, mode, v, force, tau, matrix, order)
+        regular = solve_mode(problem, sizes, unknowns, room)
         # The last solution keeps the mode that it belongs to.
         if not regular or i + 1 == flips:
             break
-        if not flip(problem, n, contacts, limited, mode, v, force, tau, still, still, contacts + limited):
+        if not flip(problem, sizes, unknowns, still, still, contacts + limited):
             break
-    return residual(problem, n, contacts, limited, v, force, tau)
+    return residual(problem, sizes, unknowns)
 
 
 @kernel
-def solve_mode(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    matrix: Reals,
-    order: Ints,
-) -> bool:
+def solve_mode(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination) -> bool:
     """Solve the linear equations of `mode`, inequalities aside; returns whether the solution is unique."""
-    size = _assemble(problem, n, contacts, limited, mode, v, force, tau, matrix)
-    regular = solve_in_place(matrix, size, 1, order) == size
-    _unpack(problem, n, contacts, limited, mode, size, matrix, v, force, tau)
+    size = _assemble(problem, sizes, unknowns, room.matrix)
+    regular = solve_in_place(room.matrix, size, 1, room.order) == size
+    _unpack(problem, sizes, size, room.matrix, unknowns)
     return regular
 
 
 @kernel
-def _unpack(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    size: int,
-    matrix: Reals,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> None:
+def _unpack(p: ContactProblem, sizes: Sizes, size: int, matrix: Reals, unknowns: Unknowns) -> None:
     """Take v, force and tau from the solved system, in the units that `_assemble` left in them."""
+    n, contacts, limited = sizes
+    mode, v, force, tau = unknowns
     for i in range(n):
         v[i] *= matrix[i, size]
     at = n
@@ -117,30 +88,22 @@ def sign(mode: int) -> float:
 
 
 @kernel
-def _assemble(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    a: Reals,
-) -> int:
+def _assemble(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, a: Reals) -> int:
     """Saddle matrix of the mode with its right-hand side in the last column; returns its size.
 
     Unknowns: v, then for each closed contact the normal force and, where it sticks, the tangential one, then
     the forces of the limited rows that hold. Each is in its own unit, so that H has a unit diagonal and no
     row is lost beside another; the units are left in v, force and tau.
     """
+    n, contacts, limited = sizes
+    mode, v, force, tau = unknowns
     size = n
     for k in range(contacts):
         if mode[k] != OPEN:
             size += 2 if mode[k] == STICK and p.mu[k] > 0.0 else 1
     for r in range(limited):
         size += 1 if mode[contacts + r] == STICK else 0
-    ease = _ease(p, n, contacts, limited)
+    ease = _ease(p, sizes)
     for i in range(n):
         v[i] = ease / math.sqrt(p.H[i, i])
     for i in range(n):
@@ -185,9 +148,10 @@ def _assemble(
 
 
 @kernel
-def _ease(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
+def _ease(p: ContactProblem, sizes: Sizes) -> float:
     """Factor of the units of velocities: 1, or less where inertia is far below the stiffness of contacts (the
     quasistatic limit), so that neither is lost beside the other."""
+    n, contacts, limited = sizes
     least = 1.0
     for k in range(contacts):
         least = min(least, _share(p.W, 2 * k, n, p.R[k, 0, 0], p.H))
@@ -230,23 +194,13 @@ def _unknown(
 
 
 @kernel
-def flip(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    give: Reals,
-    centre: Reals,
-    most: int,
-) -> bool:
+def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centre: Reals, most: int) -> bool:
     """Move at most `most` contacts that contradict their modes to the modes they ask for; whether any did.
 
     Row r yields by give[r] per unit of force beyond centre[r] (2 contacts + limited,), beside R.
     """
+    n, contacts, limited = sizes
+    mode, v, force, tau = unknowns
     velocity, largest = p.quantum[0], 0.0
     for r in range(2 * contacts):
         velocity = max(velocity, abs(p.w[r]))
@@ -257,7 +211,7 @@ def flip(
     slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
     changed = 0
     for k in range(contacts):
-        wanted = _contact_mode(p, n, k, mode[k], v, force, slack, tiny, give, centre)
+        wanted = _contact_mode(p, n, k, unknowns, slack, tiny, give, centre)
         if wanted != mode[k] and changed < most:
             changed += 1
             mode[k] = wanted
@@ -285,15 +239,14 @@ def _contact_mode(
     p: ContactProblem,
     n: int,
     k: int,
-    mode: int,
-    v: Reals,
-    force: Reals,
+    unknowns: Unknowns,
     slack: float,
     tiny: float,
     give: Reals,
     centre: Reals,
 ) -> int:
-    normal, tangential = force[2 * k], force[2 * k + 1]
+    mode, v = unknowns.mode[k], unknowns.v
+    normal, tangential = unknowns.force[2 * k], unknowns.force[2 * k + 1]
     if mode == OPEN:
         rate = p.w[2 * k] - give[2 * k] * centre[2 * k]
         for i in range(n):

@@ -18,8 +18,8 @@ import numpy as np
 from rungwise.contact.lemke import lemke
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem
-from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
+from rungwise.kernel import Reals, allocating_kernel, kernel
 
 ATTEMPTS, GOLDEN, EXACT = 8, 0.5 * (math.sqrt(5.0) - 1.0), 1e-10
 """In the associated law, where bodies may rest, many ratios are equal, and rounding may lead pivots astray:
@@ -28,28 +28,20 @@ ratio, until the law is violated by no more than this, over the greatest load. C
 
 
 @allocating_kernel
-def solve_by_pivoting(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    associated: bool,
-) -> bool:
+def solve_by_pivoting(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, associated: bool) -> bool:
     """Fill mode, v, force and tau; returns whether pivoting ended at a solution. Allocates: it is the
     exception, not the rule. `associated`: see `contact.step.associated`."""
+    n, contacts, limited = sizes
+    mode, v, force, tau = unknowns
     rows = 2 * contacts + limited
-    x, y = _units(problem, n, contacts, limited)
-    delassus, offset, response = _reduce(problem, n, contacts, limited, x, y)
+    x, y = _units(problem, sizes)
+    delassus, offset, response = _reduce(problem, sizes, x, y)
     unit = 0.0
     for i in range(rows):
         unit = max(unit, abs(offset[i]))
     if not unit > 0.0:
         unit = 1.0
-    M, q = _unfold(problem, contacts, limited, delassus, offset, y, unit, associated)
+    M, q = _unfold(problem, sizes, delassus, offset, y, unit, associated)
     size = len(q)
     z, covering, ended = np.zeros(size), np.ones(size), False
     for attempt in range(ATTEMPTS if associated else 1):
@@ -60,12 +52,12 @@ def solve_by_pivoting(
             break
     if not ended:
         return False
-    _unpack(contacts, limited, z, unit, mode, force, tau)
+    _unpack(sizes, z, unit, unknowns)
     for i in range(n):
-        v[i] = x[i] * _respond(response, i, contacts, limited, force, tau)
+        v[i] = x[i] * _respond(response, i, sizes, unknowns)
     for r in range(limited):
         if math.isinf(problem.F[r]):
-            tau[r] = _respond(response, n + r, contacts, limited, force, tau)
+            tau[r] = _respond(response, n + r, sizes, unknowns)
             mode[contacts + r] = STICK
     for r in range(2 * contacts):
         force[r] *= y[r]
@@ -87,11 +79,12 @@ def _violation(M: Reals, q: Reals, z: Reals) -> float:
 
 
 @allocating_kernel
-def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Reals, Reals]:
+def _units(p: ContactProblem, sizes: Sizes) -> tuple[Reals, Reals]:
     """Units x of the velocities and y of the forces in which H has a unit diagonal and rows are about one.
 
     Both directions of a contact share one unit, so that friction coefficients stay the same.
     """
+    n, contacts, limited = sizes
     x, y, most = np.ones(n), np.zeros(2 * contacts + limited), 0.0
     for i in range(n):
         x[i] = 1.0 / math.sqrt(p.H[i, i])
@@ -118,8 +111,10 @@ def _units(p: ContactProblem, n: int, contacts: int, limited: int) -> tuple[Real
 
 
 @kernel
-def _respond(response: Reals, i: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
+def _respond(response: Reals, i: int, sizes: Sizes, unknowns: Unknowns) -> float:
     """Unknown i of (v, joint forces) under the loads and these forces, all in their units."""
+    contacts, limited = sizes.contacts, sizes.limited
+    force, tau = unknowns.force, unknowns.tau
     total = response[i, 2 * contacts + limited]
     for r in range(2 * contacts):
         total += response[i, r] * force[r]
@@ -129,15 +124,14 @@ def _respond(response: Reals, i: int, contacts: int, limited: int, force: Reals,
 
 
 @allocating_kernel
-def _reduce(
-    p: ContactProblem, n: int, contacts: int, limited: int, x: Reals, y: Reals
-) -> tuple[Reals, Reals, Reals]:
+def _reduce(p: ContactProblem, sizes: Sizes, x: Reals, y: Reals) -> tuple[Reals, Reals, Reals]:
     """Delassus matrix and offset of contact and limited rows, and the response of (v, joint forces) to their
     forces.
 
     Everything is in the units x and y. Rows with infinite limit are joints: they are eliminated with v, and
     their own rows and columns come out zero.
     """
+    n, contacts, limited = sizes
     rows, size = 2 * contacts + limited, n + limited
     scaled = np.empty((rows, n))
     for r in range(rows):
@@ -186,17 +180,11 @@ def _reduce(
 
 @allocating_kernel
 def _unfold(
-    p: ContactProblem,
-    contacts: int,
-    limited: int,
-    delassus: Reals,
-    offset: Reals,
-    y: Reals,
-    unit: float,
-    associated: bool,
+    p: ContactProblem, sizes: Sizes, delassus: Reals, offset: Reals, y: Reals, unit: float, associated: bool
 ) -> tuple[Reals, Reals]:
     """M and q of 0 <= z _|_ M z + q >= 0; forces z are in units of y and `unit`. In the associated law a
     contact opens at mu times its slip, or more: M is then positive semidefinite."""
+    contacts, limited = sizes.contacts, sizes.limited
     size = 4 * contacts + 3 * limited
     sign, source = np.zeros(size), np.full(size, -1)
     for k in range(contacts):
@@ -229,7 +217,9 @@ def _unfold(
 
 
 @kernel
-def _unpack(contacts: int, limited: int, z: Reals, unit: float, mode: Ints, force: Reals, tau: Reals) -> None:
+def _unpack(sizes: Sizes, z: Reals, unit: float, unknowns: Unknowns) -> None:
+    contacts, limited = sizes.contacts, sizes.limited
+    mode, force, tau = unknowns.mode, unknowns.force, unknowns.tau
     for k in range(contacts):
         normal, plus, minus, gamma = z[4 * k], z[4 * k + 1], z[4 * k + 2], z[4 * k + 3]
         # Rounding may leave friction where nothing presses.

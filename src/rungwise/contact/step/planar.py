@@ -11,10 +11,10 @@ from rungwise.contact.step.enumerate_modes import MAX_MODES, mode_count, solve_b
 from rungwise.contact.step.mode_newton import MAX_FLIPS, solve_by_modes
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.pivoting import solve_by_pivoting
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.proximal import collect, exertion, solve_proximal, spread
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, kernel, rare_kernel
+from rungwise.kernel import Ints, kernel, rare_kernel
 
 TOLERANCE = 1e-8
 """Residual, without unit (see `residual`), up to which a step is solved. Chosen by trial, to a decade."""
@@ -43,59 +43,50 @@ def matrix_size(n: int, contacts: int, limited: int) -> int:
 
 @kernel
 def solve_planar(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    matrix: Reals,
-    order: Ints,
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination
 ) -> tuple[int, float, int]:
     """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual, the stage
     that the chain came to)."""
-    size = _determined_size(problem, n, contacts, limited, mode)
-    kept = matrix[matrix.shape[0] - 2]
+    size = _determined_size(problem, sizes, unknowns.mode)
+    kept = room.matrix[room.matrix.shape[0] - 2]
     if 0 < size <= LARGE:
-        collect(contacts, limited, force, tau, kept)
-        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-        if found <= _ACCEPT and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+        collect(sizes, unknowns, kept)
+        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
+        if found <= _ACCEPT and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, GUESS
-        spread(contacts, limited, kept, force, tau)
-    if _is_squeezed(problem, n, contacts):
-        _clear(contacts, limited, mode, v, force, tau)
-        return NO_SOLUTION, residual(problem, n, contacts, limited, v, force, tau), GUESS
-    found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
+        spread(sizes, kept, unknowns)
+    if _is_squeezed(problem, sizes.n, sizes.contacts):
+        _clear(sizes, unknowns)
+        return NO_SOLUTION, residual(problem, sizes, unknowns), GUESS
+    found = solve_proximal(problem, sizes, unknowns, room, _ACCEPT)
     if found > TOLERANCE and size > LARGE:
-        found = solve_by_modes(problem, n, contacts, limited, mode, v, force, tau, matrix, order, MAX_FLIPS)
-    if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+        found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
+    if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
         return SOLVED, found, PROXIMAL
-    if contacts + limited == 0:
+    if sizes.contacts + sizes.limited == 0:
         return NO_SOLUTION, found, PROXIMAL
     for polish in (True, False):
-        if not solve_by_pivoting(problem, n, contacts, limited, mode, v, force, tau, False):
+        if not solve_by_pivoting(problem, sizes, unknowns, False):
             break
         if polish:
-            found = solve_proximal(problem, n, contacts, limited, mode, v, force, tau, matrix, order, _ACCEPT)
+            found = solve_proximal(problem, sizes, unknowns, room, _ACCEPT)
         else:
-            found = residual(problem, n, contacts, limited, v, force, tau)
-        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+            found = residual(problem, sizes, unknowns)
+        if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, PIVOTING
-    if mode_count(contacts, limited) <= MAX_MODES:
-        found = solve_by_enumeration(
-            problem, n, contacts, limited, mode, v, force, tau, matrix, order, TOLERANCE
-        )
-        if found <= TOLERANCE and exertion(problem, n, contacts, limited, force, tau) <= WEDGED:
+    if mode_count(sizes.contacts, sizes.limited) <= MAX_MODES:
+        found = solve_by_enumeration(problem, sizes, unknowns, room, TOLERANCE)
+        if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, ENUMERATION
-    _clear(contacts, limited, mode, v, force, tau)
+    _clear(sizes, unknowns)
     return NO_SOLUTION, found, ENUMERATION
 
 
 @rare_kernel
-def _clear(contacts: int, limited: int, mode: Ints, v: Reals, force: Reals, tau: Reals) -> None:
+def _clear(sizes: Sizes, unknowns: Unknowns) -> None:
     """Set forces and velocities to zero, contacts open."""
+    contacts, limited = sizes.contacts, sizes.limited
+    mode, v, force, tau = unknowns
     v[:] = 0.0
     for k in range(contacts):
         mode[k] = OPEN
@@ -130,8 +121,9 @@ def _is_squeezed(p: ContactProblem, n: int, contacts: int) -> bool:
 
 
 @kernel
-def _determined_size(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints) -> int:
+def _determined_size(p: ContactProblem, sizes: Sizes, mode: Ints) -> int:
     """Size of the mode's system; 0 if it cannot determine forces: more rigid rows than coordinates."""
+    n, contacts, limited = sizes
     rigid, rows = 0, 0
     for k in range(contacts):
         if mode[k] != OPEN:

@@ -14,10 +14,13 @@ The number of directions d per contact (normal first) is the problem's: 2 in the
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
+from rungwise.kernel import Ints, Reals
 
 
 class ContactProblem(Block):
@@ -39,6 +42,32 @@ class ContactProblem(Block):
     w_s: NDArray[np.float64]
     F: NDArray[np.float64]
     quantum: NDArray[np.float64]
+
+
+class Sizes(NamedTuple):
+    """Rows of a problem that are in use: of n velocities, of contacts and of limited rows."""
+
+    n: int
+    contacts: int
+    limited: int
+
+
+class Unknowns(NamedTuple):
+    """An answer to a problem of such sizes, and before it is found the guess to start from: mode (contacts +
+    limited,), v (n,), force (contacts d,) and tau (limited,)."""
+
+    mode: Ints
+    v: Reals
+    force: Reals
+    tau: Reals
+
+
+class Elimination(NamedTuple):
+    """Room for linear systems with one right-hand side: matrix (size, size + 1), and order (size,) of its
+    pivots; how large, `planar.matrix_size` says."""
+
+    matrix: Reals
+    order: Ints
 
 
 def allocate_problem(n: int, contacts: int, limited: int, directions: int = 2) -> ContactProblem:

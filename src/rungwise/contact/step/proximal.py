@@ -18,7 +18,7 @@ from typing import NamedTuple
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.step.mode_newton import flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, rare_kernel
 
@@ -59,21 +59,13 @@ class Yielding(NamedTuple):
 
 @kernel
 def solve_proximal(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    matrix: Reals,
-    order: Ints,
-    enough: float,
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, enough: float
 ) -> float:
     """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle."""
+    n, contacts, limited = sizes
+    v = unknowns.v
     rows = 2 * contacts + limited
-    flat = matrix.reshape(matrix.size)
+    flat = room.matrix.reshape(room.matrix.size)
     at = n * n
     factors = flat[:at].reshape(n, n)
     vectors = flat[at : at + 3 * rows].reshape(3, rows)
@@ -82,28 +74,28 @@ def solve_proximal(
     push, step = flat[at : at + 2 * rows], flat[at + 2 * rows : at + 2 * rows + n]
     at += 2 * rows + n
     unit = flat[at : at + n]
-    soft = Yielding(unit, centre, give, push, factors, order, rate, step)
+    soft = Yielding(unit, centre, give, push, factors, room.order, rate, step)
     for i in range(n):
         v[i] = 0.0
         unit[i] = 1.0 / math.sqrt(problem.H[i, i])
-    collect(contacts, limited, force, tau, centre)
+    collect(sizes, unknowns, centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
-        if not _settle(problem, n, contacts, limited, mode, rho, factored, soft, v, force, tau):
+        if not _settle(problem, sizes, rho, factored, soft, unknowns):
             if rho >= MOST:
                 break
             rho, factored = min(100.0 * rho, MOST), False
             for i in range(n):
                 v[i] = 0.0
-            spread(contacts, limited, centre, force, tau)
+            spread(sizes, centre, unknowns)
             continue
-        found = residual(problem, n, contacts, limited, v, force, tau)
-        rests = _moved(contacts, limited, force, tau, centre) <= STILL
-        rests &= exertion(problem, n, contacts, limited, force, tau) <= WEDGED
+        found = residual(problem, sizes, unknowns)
+        rests = _moved(sizes, unknowns, centre) <= STILL
+        rests &= exertion(problem, sizes, unknowns) <= WEDGED
         # Where a smaller rho does not help, the rest is rounding.
         if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
-        collect(contacts, limited, force, tau, centre)
+        collect(sizes, unknowns, centre)
         lowered = found > 0.1 * before
         factored = not lowered
         if lowered:
@@ -114,40 +106,33 @@ def solve_proximal(
 
 @kernel
 def _settle(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    rho: float,
-    factored: bool,
-    soft: Yielding,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
+    problem: ContactProblem, sizes: Sizes, rho: float, factored: bool, soft: Yielding, unknowns: Unknowns
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
     belong to `mode` and `rho`."""
+    contacts, limited = sizes.contacts, sizes.limited
     for flips in range(2 * MAX_FLIPS):
         if not factored:
-            _impose(problem, contacts, limited, mode, force, tau)
-            _give(problem, n, contacts, limited, rho, soft.give)
-            _push(problem, contacts, limited, mode, soft.give, soft.push)
-            if not _factorise(problem, n, contacts, limited, soft.unit, soft.push, soft.factors, soft.order):
+            _impose(problem, sizes, unknowns)
+            _give(problem, sizes, rho, soft.give)
+            _push(problem, sizes, unknowns.mode, soft)
+            if not _factorise(problem, sizes, soft):
                 return False
         for _ in range(2):
-            _correct(problem, n, contacts, limited, soft, v, force, tau)
+            _correct(problem, sizes, soft, unknowns)
         # Many flips at once may cycle.
         most = contacts + limited if flips < MAX_FLIPS else 1
-        if not flip(problem, n, contacts, limited, mode, v, force, tau, soft.give, soft.centre, most):
+        if not flip(problem, sizes, unknowns, soft.give, soft.centre, most):
             return True
         factored = False
     return False
 
 
 @kernel
-def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> float:
+def _moved(sizes: Sizes, unknowns: Unknowns, centre: Reals) -> float:
     """Greatest change of a force from its centre, relative to the greatest force."""
+    contacts, limited = sizes.contacts, sizes.limited
+    force, tau = unknowns.force, unknowns.tau
     moved, largest = 0.0, 0.0
     for r in range(2 * contacts + limited):
         now = force[r] if r < 2 * contacts else tau[r - 2 * contacts]
@@ -156,12 +141,14 @@ def _moved(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals)
 
 
 @kernel
-def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals) -> float:
+def exertion(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
     """Greatest force over the greatest that loads, demanded rates and limits call for, each in units in which
     H has a unit diagonal. A rate calls for the force that moves the bodies so fast, or that deforms a
     yielding contact, if that is more; no rate counts for less than its rounding. Where hardly anything
     resists a body that others press, its units say little: then forces are compared as forces, if that is
     less."""
+    n, contacts, limited = sizes
+    force, tau = unknowns.force, unknowns.tau
     called, greatest = 0.0, 0.0
     for i in range(n):
         called = max(called, abs(p.c[i]) / math.sqrt(p.H[i, i]))
@@ -182,15 +169,15 @@ def exertion(p: ContactProblem, n: int, contacts: int, limited: int, force: Real
                 called = max(called, p.F[c] * unit)
     excess = greatest / called if greatest > 0.0 else 0.0
     if excess > WEDGED:
-        excess = min(excess, _excess_of_force(p, n, contacts, limited, force, tau))
+        excess = min(excess, _excess_of_force(p, sizes, unknowns))
     return excess
 
 
 @rare_kernel
-def _excess_of_force(
-    p: ContactProblem, n: int, contacts: int, limited: int, force: Reals, tau: Reals
-) -> float:
+def _excess_of_force(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
     """Greatest force over the greatest load or limit, as forces along the rows."""
+    n, contacts, limited = sizes
+    force, tau = unknowns.force, unknowns.tau
     called, greatest = 0.0, 0.0
     for i in range(n):
         lever = 0.0
@@ -208,9 +195,10 @@ def _excess_of_force(
 
 
 @kernel
-def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, give: Reals) -> None:
+def _give(p: ContactProblem, sizes: Sizes, rho: float, give: Reals) -> None:
     """Fill in the yield of each row to its own force beside R: at least rho of the bodies' yield, or of the
     yield of another row's bodies where no body of its own yields."""
+    n, contacts, limited = sizes
     most = 0.0
     for r in range(2 * contacts + limited):
         c, bodies = r - 2 * contacts, 0.0
@@ -227,7 +215,9 @@ def _give(p: ContactProblem, n: int, contacts: int, limited: int, rho: float, gi
 
 
 @inner_kernel
-def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals) -> None:
+def collect(sizes: Sizes, unknowns: Unknowns, centre: Reals) -> None:
+    contacts, limited = sizes.contacts, sizes.limited
+    force, tau = unknowns.force, unknowns.tau
     for r in range(2 * contacts):
         centre[r] = force[r]
     for r in range(limited):
@@ -235,7 +225,9 @@ def collect(contacts: int, limited: int, force: Reals, tau: Reals, centre: Reals
 
 
 @inner_kernel
-def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals) -> None:
+def spread(sizes: Sizes, centre: Reals, unknowns: Unknowns) -> None:
+    contacts, limited = sizes.contacts, sizes.limited
+    force, tau = unknowns.force, unknowns.tau
     for r in range(2 * contacts):
         force[r] = centre[r]
     for r in range(limited):
@@ -243,8 +235,10 @@ def spread(contacts: int, limited: int, centre: Reals, force: Reals, tau: Reals)
 
 
 @kernel
-def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: Reals, tau: Reals) -> None:
+def _impose(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
     """Set the forces that follow from the modes."""
+    contacts, limited = sizes.contacts, sizes.limited
+    mode, force, tau = unknowns.mode, unknowns.force, unknowns.tau
     for k in range(contacts):
         if mode[k] == OPEN:
             force[2 * k] = force[2 * k + 1] = 0.0
@@ -256,9 +250,11 @@ def _impose(p: ContactProblem, contacts: int, limited: int, mode: Ints, force: R
 
 
 @kernel
-def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Reals, push: Reals) -> None:
+def _push(p: ContactProblem, sizes: Sizes, mode: Ints, soft: Yielding) -> None:
     """Fill in the force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited
     row."""
+    contacts, limited = sizes.contacts, sizes.limited
+    give, push = soft.give, soft.push
     for k in range(contacts):
         at = 4 * k
         a, d = p.R[k, 0, 0] + give[2 * k], p.R[k, 1, 1] + give[2 * k + 1]
@@ -282,17 +278,10 @@ def _push(p: ContactProblem, contacts: int, limited: int, mode: Ints, give: Real
 
 
 @kernel
-def _factorise(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    unit: Reals,
-    push: Reals,
-    factors: Reals,
-    order: Ints,
-) -> bool:
+def _factorise(p: ContactProblem, sizes: Sizes, soft: Yielding) -> bool:
     """Factors of H + W^T push W + S^T push S in these units: pivots are chosen by size."""
+    n, contacts, limited = sizes
+    unit, push, factors = soft.unit, soft.push, soft.factors
     for i in range(n):
         for j in range(n):
             factors[i, j] = p.H[i, j]
@@ -319,21 +308,14 @@ def _factorise(
     for i in range(n):
         for j in range(n):
             factors[i, j] *= unit[i] * unit[j]
-    return factorise(factors, n, order)
+    return factorise(factors, n, soft.order)
 
 
 @kernel
-def _correct(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    soft: Yielding,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> None:
+def _correct(p: ContactProblem, sizes: Sizes, soft: Yielding, unknowns: Unknowns) -> None:
     """Take one Newton step of all equations of the modes, from the remainder of each."""
+    n, contacts, limited = sizes
+    _, v, force, tau = unknowns
     unit, centre, give, push, factors, order, rate, step = soft
     for i in range(n):
         step[i] = p.c[i]

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.kernel import Reals, kernel
 
 FLOOR = 1e-6
@@ -25,11 +25,11 @@ then raised to the second. Both chosen by trial, to a decade."""
 
 
 @kernel
-def residual(
-    problem: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals
-) -> float:
-    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
+def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
+    """Largest scaled violation of the problem's rows in use by `unknowns`; inf when something is not
     finite."""
+    n, contacts, limited = sizes
+    _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
     velocity, largest = p.quantum[0], 0.0
     for r in range(contacts * d):
@@ -50,12 +50,12 @@ def residual(
         largest = _at_least(FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):
         largest = _at_least(FLOOR * velocity, p, p.S, r, n, largest)
-    worst = _balance(p, n, contacts * d, limited, v, force, tau, largest)  # (1) balance
+    worst = _balance(p, sizes, unknowns, largest)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for k in range(contacts):
-        worst = worse(worst, _contact(p, k, n, v, force, per_velocity, per_force))  # (2), (3)
+        worst = worse(worst, _contact(p, k, n, unknowns, per_velocity, per_force))  # (2), (3)
     for r in range(limited):
         s = p.R_s[r] * tau[r] + p.w_s[r]
         for i in range(n):
@@ -117,9 +117,9 @@ def _yielding(p: ContactProblem, k: int, i: int, force: Reals) -> float:
 
 
 @kernel
-def _balance(
-    p: ContactProblem, n: int, rows: int, limited: int, v: Reals, force: Reals, tau: Reals, largest: float
-) -> float:
+def _balance(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, largest: float) -> float:
+    n, contacts, limited = sizes
+    _, v, force, tau = unknowns
     worst = 0.0
     for i in range(n):
         total, scale, lever = -p.c[i], abs(p.c[i]), 0.0
@@ -127,7 +127,7 @@ def _balance(
             term = p.H[i, j] * v[j]
             total += term
             scale = max(scale, abs(term))
-        for r in range(rows):
+        for r in range(contacts * p.R.shape[1]):
             lever = max(lever, abs(p.W[r, i]))
             total -= p.W[r, i] * force[r]
         for r in range(limited):
@@ -141,8 +141,9 @@ def _balance(
 
 @kernel
 def _contact(
-    p: ContactProblem, k: int, n: int, v: Reals, force: Reals, per_velocity: float, per_force: float
+    p: ContactProblem, k: int, n: int, unknowns: Unknowns, per_velocity: float, per_force: float
 ) -> float:
+    v, force = unknowns.v, unknowns.force
     d = p.R.shape[1]
     first = k * d
     normal = force[first] * per_force

@@ -7,26 +7,39 @@ are found once, and rates are computed once. Results agree up to the rounding of
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 
+class Touched(NamedTuple):
+    """Coordinates that rows touch: those of contact or, after all contacts, limited row g are
+    coordinate[first[g]:first[g + 1]]."""
+
+    first: Ints
+    coordinate: Ints
+
+
 @allocating_kernel
-def residual_in_space(
-    problem: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals
-) -> float:
-    """Largest scaled violation of the problem's rows in use by (v, force, tau); inf when something is not
+def residual_in_space(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
+    """Largest scaled violation of the problem's rows in use by `unknowns`; inf when something is not
     finite."""
+    n, contacts, limited = sizes
+    force, tau = unknowns.force, unknowns.tau
     p, d = problem, problem.R.shape[1]
-    first, touched = np.empty(contacts + limited + 1, np.int64), np.empty((contacts + limited) * n, np.int64)
-    _find_touched(p, contacts, limited, np.zeros(n, np.bool_), first, touched)
+    first, coordinate = (
+        np.empty(contacts + limited + 1, np.int64),
+        np.empty((contacts + limited) * n, np.int64),
+    )
+    touched = Touched(first, coordinate)
+    _find_touched(p, sizes, np.zeros(n, np.bool_), touched)
     u, s = np.empty(contacts * d), np.empty(limited)
-    velocity = _fill_rates(p, contacts, limited, first, touched, v, force, tau, u, s)
+    velocity = _fill_rates(p, sizes, touched, unknowns, u, s)
     largest = 0.0
     for r in range(contacts * d):
         largest = max(largest, abs(force[r]))
@@ -35,12 +48,12 @@ def residual_in_space(
     at_rest = velocity
     for g in range(contacts + limited):
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
-        velocity = max(velocity, _rest(at_rest, p, rows[r], touched[first[g] : first[g + 1]], largest))
+        velocity = max(velocity, _rest(at_rest, p, rows[r], coordinate[first[g] : first[g + 1]], largest))
     for g in range(contacts + limited):
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
-        largest = _at_least(FLOOR * velocity, p, rows[r], touched[first[g] : first[g + 1]], largest)
+        largest = _at_least(FLOOR * velocity, p, rows[r], coordinate[first[g] : first[g + 1]], largest)
     found = np.empty((3, n))
-    worst = _balance(p, n, contacts, limited, first, touched, v, force, tau, largest, found)  # (1) balance
+    worst = _balance(p, sizes, touched, unknowns, largest, found)  # (1) balance
     # Where all velocities, or all forces, are zero, nothing is left to be measured.
     per_velocity = 1.0 / velocity if velocity > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
@@ -57,10 +70,10 @@ def residual_in_space(
 
 
 @kernel
-def _find_touched(
-    p: ContactProblem, contacts: int, limited: int, meets: NDArray[np.bool_], first: Ints, touched: Ints
-) -> None:
+def _find_touched(p: ContactProblem, sizes: Sizes, meets: NDArray[np.bool_], touched: Touched) -> None:
     """Coordinates of each contact's rows, and of each limited row; `meets` (n,) is false before and after."""
+    contacts, limited = sizes.contacts, sizes.limited
+    first, coordinate = touched
     d, count = p.R.shape[1], 0
     for g in range(contacts + limited):
         first[g] = count
@@ -73,7 +86,7 @@ def _find_touched(
                 meets[j] |= p.S[g - contacts, j] != 0.0
         for j in range(len(meets)):
             if meets[j]:
-                touched[count] = j
+                coordinate[count] = j
                 count += 1
                 meets[j] = False
     first[contacts + limited] = count
@@ -81,19 +94,13 @@ def _find_touched(
 
 @kernel
 def _fill_rates(
-    p: ContactProblem,
-    contacts: int,
-    limited: int,
-    first: Ints,
-    touched: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    u: Reals,
-    s: Reals,
+    p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns, u: Reals, s: Reals
 ) -> float:
     """Write (W v + R lambda + w) and (S v + R_s tau + w_s); returns the largest term, at least the problem's
     quantum."""
+    contacts, limited = sizes.contacts, sizes.limited
+    first, coordinate = touched
+    _, v, force, tau = unknowns
     d, greatest = p.R.shape[1], p.quantum[0]
     for k in range(contacts):
         for i in range(d):
@@ -101,7 +108,7 @@ def _fill_rates(
             total = p.w[r]
             greatest = max(greatest, abs(total))
             for e in range(first[k], first[k + 1]):
-                term = p.W[r, touched[e]] * v[touched[e]]
+                term = p.W[r, coordinate[e]] * v[coordinate[e]]
                 greatest = max(greatest, abs(term))
                 total += term
             for j in range(d):
@@ -112,7 +119,7 @@ def _fill_rates(
         total, yielded = p.w_s[r], p.R_s[r] * tau[r]
         greatest = max(greatest, abs(total), abs(yielded))
         for e in range(first[contacts + r], first[contacts + r + 1]):
-            term = p.S[r, touched[e]] * v[touched[e]]
+            term = p.S[r, coordinate[e]] * v[coordinate[e]]
             greatest = max(greatest, abs(term))
             total += term
         s[r] = total + yielded
@@ -141,19 +148,12 @@ def _at_least(speed: float, p: ContactProblem, row: Reals, touched: Ints, force:
 
 @kernel
 def _balance(
-    p: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    first: Ints,
-    touched: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-    largest: float,
-    found: Reals,
+    p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns, largest: float, found: Reals
 ) -> float:
     """`found` (3, n) holds sums, their largest terms, and the largest entries of rows."""
+    n, contacts, limited = sizes
+    first, coordinate = touched
+    _, v, force, tau = unknowns
     total, scale, lever = found[0], found[1], found[2]
     d = p.R.shape[1]
     for i in range(n):
@@ -166,12 +166,12 @@ def _balance(
     for k in range(contacts):
         for r in range(k * d, k * d + d):
             for e in range(first[k], first[k + 1]):
-                j = touched[e]
+                j = coordinate[e]
                 lever[j] = max(lever[j], abs(p.W[r, j]))
                 total[j] -= p.W[r, j] * force[r]
     for r in range(limited):
         for e in range(first[contacts + r], first[contacts + r + 1]):
-            j = touched[e]
+            j = coordinate[e]
             lever[j] = max(lever[j], abs(p.S[r, j]))
             total[j] -= p.S[r, j] * tau[r]
     worst = 0.0

@@ -13,7 +13,7 @@ import math
 
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.kernel import Ints, Reals, kernel
 
 _NOTICED = 1e-3
@@ -25,19 +25,19 @@ _BETTER = 0.1
 
 
 @kernel
-def correct_velocities(
-    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
-) -> None:
+def correct_velocities(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination) -> None:
     """Correct v (n,) of an answer in these modes if a row that holds moves by more than the rounding of v."""
-    before = _greatest_rate(p, n, contacts, limited, mode, v)
+    n, contacts = sizes.n, sizes.contacts
+    mode, v = unknowns.mode, unknowns.v
+    before = _greatest_rate(p, sizes, unknowns)
     if not before > _NOTICED * p.quantum[0]:
         return
-    kept = matrix[matrix.shape[0] - 1]
+    kept = room.matrix[room.matrix.shape[0] - 1]
     for i in range(n):
         kept[i] = v[i]
     for _ in range(_ROUNDS):
-        _correct(p, n, contacts, limited, mode, v, matrix, order)
-    after, opening = _greatest_rate(p, n, contacts, limited, mode, v), True
+        _correct(p, sizes, unknowns, room)
+    after, opening = _greatest_rate(p, sizes, unknowns), True
     for k in range(contacts):
         if mode[k] == OPEN:
             opening &= (
@@ -49,11 +49,11 @@ def correct_velocities(
 
 
 @kernel
-def _correct(
-    p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals, matrix: Reals, order: Ints
-) -> None:
+def _correct(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination) -> None:
     """Add the least change of v that gives the holding rows their rates; W H^-1 W^T has a unit diagonal."""
-    size, rows = 0, 2 * contacts + limited
+    n, contacts, limited = sizes
+    mode, v = unknowns.mode, unknowns.v
+    matrix, size, rows = room.matrix, 0, 2 * contacts + limited
     for r in range(rows):
         if _holds(p, r, contacts, mode):
             at = 0
@@ -63,7 +63,7 @@ def _correct(
                     at += 1
             matrix[size, at] = -_rate(p, r, contacts, n, v) / _length(p, r, contacts, n)
             size += 1
-    solve_in_place(matrix, size, 1, order)
+    solve_in_place(matrix, size, 1, room.order)
     at = 0
     for r in range(rows):
         if _holds(p, r, contacts, mode):
@@ -116,8 +116,10 @@ def _coupling(p: ContactProblem, r: int, s: int, contacts: int, n: int) -> float
 
 
 @kernel
-def _greatest_rate(p: ContactProblem, n: int, contacts: int, limited: int, mode: Ints, v: Reals) -> float:
+def _greatest_rate(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
     """Greatest rate of a row that holds."""
+    n, contacts, limited = sizes
+    mode, v = unknowns.mode, unknowns.v
     greatest = 0.0
     for r in range(2 * contacts + limited):
         if _holds(p, r, contacts, mode):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rungwise.contact.step import ContactProblem, allocate_problem
+from rungwise.contact.step import ContactProblem, Sizes, allocate_problem
 from rungwise.kernel import Reals, kernel
 from rungwise.simulation.core.state import Scratch, State
 
@@ -30,15 +30,14 @@ class Note:
 @kernel
 def note(
     problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
+    sizes: Sizes,
     status: int,
     stage: int,
     state: State,
     scratch: Scratch,
 ) -> None:
     """Add the problem and its outcome to `scratch.hard`, unless it is full."""
+    n, contacts, limited = sizes
     out, clock, p = scratch.hard, state.clock[0], problem
     out[1] += 1.0
     at = max(int(out[0]), _FIRST)

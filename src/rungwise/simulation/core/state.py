@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.contact.step import matrix_size
-from rungwise.kernel import Ints, Reals, RecordArray, record_type
+from rungwise.contact.step import Elimination, Unknowns, matrix_size
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
 
 COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
@@ -68,6 +68,16 @@ class Scratch(Block):
     hard: Reals
     support: RecordArray
     other: Reals
+
+
+@inner_kernel
+def unknowns_in(scratch: Scratch) -> Unknowns:
+    return Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
+
+
+@inner_kernel
+def elimination_in(scratch: Scratch) -> Elimination:
+    return Elimination(scratch.matrix, scratch.order)
 
 
 def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:

@@ -11,11 +11,13 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
+    Sizes,
+    Unknowns,
     correct_velocities,
     solve_planar,
     start_associated,
 )
-from rungwise.kernel import Ints, Reals, RecordArray, copy, imported_kernel, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, imported_kernel, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
@@ -27,7 +29,7 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.notes import note
-from rungwise.simulation.core.state import Scratch, State
+from rungwise.simulation.core.state import Scratch, State, elimination_in, unknowns_in
 from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, METRIC, Terms
 
@@ -50,16 +52,7 @@ SLOWER = 0.1
 
 
 @imported_kernel("rungwise.contact.solvers.space.chain")
-def solve_spatial(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> tuple[int, float, int]:
+def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> tuple[int, float, int]:
     """Solve the step's problem where contacts have three directions; v holds velocities to start from."""
     raise NotImplementedError
 
@@ -198,6 +191,7 @@ def _solve_in_turn(
     as it is where bodies that hold each other on all sides cannot come apart."""
     clock = state.clock[0]
     n, limited, ease = clock.free, clock.limited, terms.pause[0]
+    sizes = Sizes(n, contacts, limited)
     bounced = rung[0].inertia > 0.0
     clock.theta = rung[0].theta
     status = NO_SOLUTION
@@ -210,7 +204,7 @@ def _solve_in_turn(
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
         for i in range(n):
             scratch.x[i] = state.v[state.free[i]] if rung[0].inertia == 1.0 else 0.0
-        status = solve_assembled(contacts, limited, n, terms, state, scratch, problem, convex)
+        status = solve_assembled(sizes, terms, state, scratch, problem, convex)
         if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
             clock.theta = 1.0
         elif status == SOLVED:
@@ -223,9 +217,7 @@ def _solve_in_turn(
             break
     clock.bounced = bounced
     if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
-        correct_velocities(
-            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.matrix, scratch.order
-        )
+        correct_velocities(problem, sizes, unknowns_in(scratch), elimination_in(scratch))
     return status
 
 
@@ -258,18 +250,11 @@ def _take_over(
 
 @kernel
 def solve_assembled(
-    contacts: int,
-    limited: int,
-    n: int,
-    terms: Terms,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-    convex: bool,
+    sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem, convex: bool
 ) -> int:
     """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
     the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are."""
-    d = state.force.shape[1]
+    contacts, limited, d = sizes.contacts, sizes.limited, state.force.shape[1]
     state.clock[0].solves += 1
     for k in range(contacts):
         slot = scratch.slots[k]
@@ -279,25 +264,18 @@ def solve_assembled(
             scratch.contact_force[k * d + i] = force
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
-    if convex and not start_associated(
-        problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force
-    ):
+    unknowns = unknowns_in(scratch)
+    if convex and not start_associated(problem, sizes, unknowns):
         return NO_SOLUTION
     if state.clock[0].surfaces:
-        status, found, stage = solve_supported(contacts, limited, n, terms, state, scratch, problem)
+        status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
     elif d == 2:
-        status, found, stage = solve_planar(
-            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
-            scratch.limited_force, scratch.matrix, scratch.order,
-        )  # fmt: skip
+        status, found, stage = solve_planar(problem, sizes, unknowns, elimination_in(scratch))
     else:
-        status, found, stage = solve_spatial(
-            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
-            scratch.limited_force,
-        )  # fmt: skip
+        status, found, stage = solve_spatial(problem, sizes, unknowns)
     state.clock[0].residual = found
     if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
-        note(problem, n, contacts, limited, status, stage, state, scratch)
+        note(problem, sizes, status, stage, state, scratch)
     return status
 
 

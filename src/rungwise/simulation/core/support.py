@@ -25,11 +25,12 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
+    Sizes,
     solve_planar,
     trim,
 )
 from rungwise.kernel import Ints, Reals, Record, kernel, rare_kernel
-from rungwise.simulation.core.state import Scratch, State
+from rungwise.simulation.core.state import Scratch, State, elimination_in, unknowns_in
 from rungwise.system.terms import APART, Terms
 
 STUCK, SLIPS, YIELDS = 0, 1, 2
@@ -53,10 +54,11 @@ VAGUE = 1e-6
 
 @kernel
 def solve_supported(
-    contacts: int, limited: int, n: int, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
+    sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem
 ) -> tuple[int, float, int]:
     """Solve the assembled `problem` as `solve_planar`, changing the rows that share a surface; forces and
     modes belong to the rows of `terms`. The first guess slips along `state.v`, or sticks."""
+    n, contacts, limited = sizes
     for r in range(limited):
         row = scratch.support[r]
         row.offset = problem.w_s[r]
@@ -67,10 +69,7 @@ def solve_supported(
     unsettled, until, spell = False, DIRECTIONS, TURNS
     for turn in range(ROUNDS):
         _fill(contacts, limited, n, terms, state, scratch, problem)
-        status, found, stage = solve_planar(
-            problem, n, contacts, limited, scratch.mode, scratch.x, scratch.contact_force,
-            scratch.limited_force, scratch.matrix, scratch.order,
-        )  # fmt: skip
+        status, found, stage = solve_planar(problem, sizes, unknowns_in(scratch), elimination_in(scratch))
         if status != SOLVED:
             if loosened or not _loosen(limited, terms, scratch):
                 break

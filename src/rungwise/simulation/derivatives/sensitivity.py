@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
-from rungwise.contact.step import solve_planar, trim
+from rungwise.contact.step import Elimination, Sizes, Unknowns, solve_planar, trim
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
@@ -225,10 +225,9 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
             break
     n, limited = int(clock["free"]), int(clock["limited"])
     # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
-    solve_planar(
-        work.problem, n, count, limited, scratch.mode, scratch.x, scratch.contact_force,
-        scratch.limited_force, scratch.matrix, scratch.order,
-    )  # fmt: skip
+    unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
+    room = Elimination(scratch.matrix, scratch.order)
+    solve_planar(work.problem, Sizes(n, count, limited), unknowns, room)
     problem = trim(work.problem, n, count, limited)
     contact = Sensitivity(
         problem, scratch.x[:n].copy(), scratch.contact_force[: 2 * count].copy(),

@@ -13,6 +13,7 @@ the problem as it was given.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +25,9 @@ from rungwise.contact.solvers.space.rows import Bodies, Groups, demanded_yield, 
 from rungwise.contact.solvers.space.sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual_in_space import residual_in_space
-from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
+from rungwise.kernel import Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
 """Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
@@ -51,20 +52,35 @@ _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
 
 
+class Island(NamedTuple):
+    """Bodies that touch, with the quantum of their problem."""
+
+    bodies: Bodies
+    groups: Groups
+    span: Span
+    quantum: float
+
+
+class Room(NamedTuple):
+    """What solvers of islands work in: `point` is where they are and end, `trial` where they look, `attempt`
+    where the proximal point method begins on the path, and `best` the least residual met."""
+
+    point: Point
+    trial: Point
+    attempt: Point
+    best: Point
+    answers: Answers
+    duals: Duals
+    steps: Steps
+
+
 @allocating_kernel
-def solve_spatial(
-    problem: ContactProblem,
-    n: int,
-    contacts: int,
-    limited: int,
-    mode: Ints,
-    v: Reals,
-    force: Reals,
-    tau: Reals,
-) -> tuple[int, float, int]:
+def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> tuple[int, float, int]:
     """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that
     slips is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
     velocities are zero, and the residual is the least that was found."""
+    n, contacts, limited = sizes
+    _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
     going = v[:n].copy()
@@ -73,16 +89,16 @@ def solve_spatial(
     for turn in range(2 if _all_touch(p, n, contacts * d, limited) else 1):
         if turn == 1:
             v[:n] = going
-        error = residual_in_space(p, n, contacts, limited, v, force, tau)
+        error = residual_in_space(p, sizes, unknowns)
         if error <= _MARGIN * TOLERANCE:
-            _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+            _tell_modes(p, sizes, unknowns)
             return SOLVED, error, GUESS
     bodies = Bodies(
         np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
         np.empty(n, np.int64), np.empty(n),
     )  # fmt: skip
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
-    islands = sort_rows(p, n, contacts, limited, bodies, island, order)
+    islands = sort_rows(p, sizes, bodies, island, order)
     if islands < 0:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
@@ -97,14 +113,16 @@ def solve_spatial(
         np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
     fill_groups(p, n, contacts, bodies, order, groups)
-    demand = demanded_yield(p, n, contacts, limited)
+    demand = demanded_yield(p, sizes)
     vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
     point = _point(vectors[0], n, rows)
-    points = point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows)
-    duals = Duals(dual[0], dual[1], dual[2], dual[3])
     steps = Steps(
         np.empty(n * n), np.empty(n, np.int64), np.empty(n), np.empty(rows), np.empty((count, d, 2 * d)),
         np.empty((count, d, 2 * d)), np.zeros(rows),
+    )  # fmt: skip
+    room = Room(
+        point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows), answers,
+        Duals(dual[0], dual[1], dual[2], dual[3]), steps,
     )  # fmt: skip
     _take_start(groups, contacts, d, force, tau, point.x)
     for i in range(n):
@@ -117,18 +135,14 @@ def solve_spatial(
             span = Span(low, island[i, 0], first, island[i, 1])
             low, first = span.high, span.last
             if polishes:
-                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, points[1], steps)
+                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
             else:
-                worst = max(
-                    worst,
-                    _solve_island(
-                        bodies, groups, span, p.quantum[0], demand, going, answers, points, duals, steps
-                    ),
-                )
+                touching = Island(bodies, groups, span, p.quantum[0])
+                worst = max(worst, _solve_island(touching, demand, going, room))
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
         _give_back(groups, contacts, d, point.x, force, tau)
-        error = residual_in_space(p, n, contacts, limited, v, force, tau)
+        error = residual_in_space(p, sizes, unknowns)
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
@@ -139,7 +153,7 @@ def solve_spatial(
     )
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
-    _tell_modes(p, n, contacts, limited, v, force, tau, mode)
+    _tell_modes(p, sizes, unknowns)
     return status, error, worst
 
 
@@ -170,22 +184,12 @@ def _point(vector: Reals, n: int, rows: int) -> Point:
 
 
 @kernel
-def _solve_island(
-    bodies: Bodies,
-    groups: Groups,
-    span: Span,
-    quantum: float,
-    demand: float,
-    going: Reals,
-    answers: Answers,
-    points: tuple[Point, Point, Point, Point],
-    duals: Duals,
-    steps: Steps,
-) -> int:
+def _solve_island(island: Island, demand: float, going: Reals, room: Room) -> int:
     """Solve from the forces at the point, and rest or velocities `going` (n,); returns the stage that it
     took."""
     tol = _MARGIN * TOLERANCE
-    point, trial, _, best = points
+    bodies, groups, span, quantum = island
+    point, trial, best, steps = room.point, room.trial, room.best, room.steps
     # At rest, or in steady motion, velocities that are differences of forces would be rounding.
     for turn in range(2 if span.first < span.last else 0):
         for i in range(span.low, span.high):
@@ -203,15 +207,15 @@ def _solve_island(
         descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
         if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
             return PROXIMAL
-    respond(bodies, groups, span, answers)
+    respond(bodies, groups, span, room.answers)
     for turn in range(2 if demand > 0.0 else 1):
         _look_ahead(groups, span, demand if turn == 1 else 0.0)
         _put(groups, span, best, point)
-        if _by_newton(bodies, groups, span, quantum, answers, point, trial, steps):
+        if _by_newton(island, room):
             return PROXIMAL
     for turn in range(1 if demand > 0.0 else 0, -1, -1):
         _look_ahead(groups, span, demand if turn == 1 else 0.0)
-        if _by_path(bodies, groups, span, quantum, answers, points, duals, steps):
+        if _by_path(island, room):
             break
     return PIVOTING
 
@@ -224,18 +228,11 @@ def _look_ahead(groups: Groups, span: Span, demand: float) -> None:
 
 
 @kernel
-def _by_newton(
-    bodies: Bodies,
-    groups: Groups,
-    span: Span,
-    quantum: float,
-    answers: Answers,
-    point: Point,
-    trial: Point,
-    steps: Steps,
-) -> bool:
+def _by_newton(island: Island, room: Room) -> bool:
     """Turns of sweeps and Newton steps, and the proximal point method; whether the point is a solution."""
     tol, give = _MARGIN * TOLERANCE, GIVE
+    bodies, groups, span, quantum = island
+    point, trial, answers, steps = room.point, room.trial, room.answers, room.steps
     accelerate(bodies, groups, span, point)
     for turn in range(_TURNS):
         sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
@@ -248,20 +245,12 @@ def _by_newton(
 
 
 @kernel
-def _by_path(
-    bodies: Bodies,
-    groups: Groups,
-    span: Span,
-    quantum: float,
-    answers: Answers,
-    points: tuple[Point, Point, Point, Point],
-    duals: Duals,
-    steps: Steps,
-) -> bool:
+def _by_path(island: Island, room: Room) -> bool:
     """The interior point method, with the proximal point method from it; leaves the least residual met at
     the point, and returns whether it is a solution."""
     tol, least = _MARGIN * TOLERANCE, math.inf
-    point, trial, attempt, best = points
+    bodies, groups, span, quantum = island
+    point, trial, attempt, best, answers, duals, steps = room
     begin(bodies, groups, span, point, duals, steps)
     finish, earlier, before = _FINISH, math.inf, math.inf
     for done in range(_PATH):
@@ -342,10 +331,10 @@ def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float
 
 
 @kernel
-def _tell_modes(
-    p: ContactProblem, n: int, contacts: int, limited: int, v: Reals, force: Reals, tau: Reals, mode: Ints
-) -> None:
+def _tell_modes(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
     """A contact that pushes slips where its friction is at the limit and its rate is more than rounding."""
+    n, contacts, limited = sizes
+    mode, v, force, tau = unknowns
     d = p.R.shape[1]
     for k in range(contacts):
         rubs = 0.0

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.step.problem import ContactProblem
+from rungwise.contact.step.problem import ContactProblem, Sizes
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _DEMANDED = 1e3
@@ -60,11 +60,10 @@ class Groups(NamedTuple):
 
 
 @allocating_kernel
-def sort_rows(
-    p: ContactProblem, n: int, contacts: int, limited: int, bodies: Bodies, island: Ints, order: Ints
-) -> int:
+def sort_rows(p: ContactProblem, sizes: Sizes, bodies: Bodies, island: Ints, order: Ints) -> int:
     """Fill the bodies, the ends (islands, 2) of each island's coordinates and groups in `island`, and the
     groups' order in `order` (groups,). Returns the number of islands; -1 where H is not positive definite."""
+    n, contacts, limited = sizes
     block, isle = np.empty(n, np.int64), np.empty(n, np.int64)
     groups, d = contacts + limited, p.R.shape[1]
     for i in range(n):
@@ -212,9 +211,10 @@ def fill_groups(
 
 
 @kernel
-def demanded_yield(p: ContactProblem, n: int, contacts: int, limited: int) -> float:
+def demanded_yield(p: ContactProblem, sizes: Sizes) -> float:
     """The greatest rate that is demanded over the greatest force that a load calls for; 0 where there is
     none of either."""
+    n, contacts, limited = sizes
     rate, force, rows = 0.0, 0.0, contacts * p.R.shape[1]
     for r in range(rows):
         rate = max(rate, abs(p.w[r]))

@@ -8,7 +8,7 @@ drives and dry friction: what balances only against others got there by momentum
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, SOLVED
+from rungwise.contact.step import OPEN, SOLVED, Sizes
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import carried
 from rungwise.models.limit import greatest_load
@@ -63,7 +63,8 @@ def _is_bound_by_inertia(records: Records, h: float, workspace: Workspace) -> bo
             problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
         for j in range(clock.free):
             problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
-    status = solve_assembled(clock.contacts, clock.limited, clock.free, terms, state, scratch, problem, False)
+    sizes = Sizes(clock.free, clock.contacts, clock.limited)
+    status = solve_assembled(sizes, terms, state, scratch, problem, False)
     if status != SOLVED:
         return True
     for i in range(clock.free):
