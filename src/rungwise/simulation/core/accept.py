@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.step import OPEN, ContactProblem
-from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, summing_kernel
+from rungwise.contact.step import OPEN
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
-from rungwise.simulation.core.state import Scratch, State
+from rungwise.simulation.core.state import State, Trial
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 
@@ -19,21 +19,14 @@ def end_velocity(theta: float, v_old: float, v_new: float, prescribed: bool) -> 
 
 
 @kernel
-def accept(
-    rung: RecordArray,
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-) -> float:
+def accept(trial: Trial) -> float:
     """Take over the solved step: forces, deformations, work, impulses, velocities at its end, and time.
 
     Returns the greatest normal deformation."""
+    h, contacts, state, scratch = trial.h, trial.contacts, trial.state, trial.scratch
     clock, deepest = state.clock[0], 0.0
-    accept_forces(rung, h, terms, contacts, state, scratch, problem)
-    account(rung, h, terms, contacts, state, scratch, state.v)
+    accept_forces(trial)
+    account(trial)
     for i in range(state.v.shape[0]):
         state.v[i] = end_velocity(clock.theta, state.v[i], scratch.v_new[i], state.prescribed[i] == 1)
     for k in range(contacts):
@@ -57,23 +50,16 @@ def forget(slots: Ints, fresh: Ints, state: State) -> None:
 
 
 @kernel
-def accept_forces(
-    rung: RecordArray,
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-) -> None:
+def accept_forces(trial: Trial) -> None:
     """Hand forces, modes and deformations of the solved contacts to their slots; the others relax."""
+    rung, _, terms, contacts, state, scratch, _ = trial
     force, slots = scratch.contact_force, scratch.slots
     d = state.force.shape[1]
     for slot in range(state.force.shape[0]):
         for i in range(d):
             state.force[slot, i] = 0.0
     if rung[0].compliant:
-        _relax(h, terms, contacts, state, scratch, problem)
+        _relax(trial)
     for k in range(contacts):
         slot = slots[k]
         state.modes[slot] = scratch.mode[k]
@@ -84,15 +70,9 @@ def accept_forces(
 
 
 @kernel
-def _relax(
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-) -> None:
+def _relax(trial: Trial) -> None:
     """Fill in new deformations. A slot that is too far away to be among the contacts is at rest."""
+    _, h, terms, contacts, state, scratch, problem = trial
     for k in range(contacts):
         if math.isfinite(terms.contact_stiffness[k, 0, 0]):
             deform(h, state.clock[0].theta, terms, k, scratch.contact_force, problem, scratch.after)
@@ -101,14 +81,13 @@ def _relax(
 
 
 @kernel
-def account(
-    rung: RecordArray, h: float, terms: Terms, contacts: int, state: State, scratch: Scratch, v_old: Reals
-) -> None:
+def account(trial: Trial) -> None:
     """Add reactions of drives, and the work of drives, loads, contacts and supports over the step.
 
     With the mean of the velocities at both ends as lever, their sum is the change of kinetic energy to
     rounding. On the kinematic rung there is neither force nor work.
     """
+    rung, h, terms, contacts, state, scratch, _ = trial
     if rung[0].metric:
         return
     clock = state.clock[0]
@@ -132,13 +111,13 @@ def account(
         if state.prescribed[i]:
             inertial = 0.0
             for j in range(n if momentum else 0):
-                end = end_velocity(theta, v_old[j], scratch.v_new[j], state.prescribed[j])
-                inertial += clock.eps * terms.inertia[i, j] * (end - v_old[j]) / h
+                end = end_velocity(theta, state.v[j], scratch.v_new[j], state.prescribed[j])
+                inertial += clock.eps * terms.inertia[i, j] * (end - state.v[j]) / h
             drive = inertial - state.passive[i] - contact - support - joint
         lever = scratch.v_new[i]
         if momentum:
-            end = end_velocity(theta, v_old[i], scratch.v_new[i], state.prescribed[i])
-            lever = 0.5 * (v_old[i] + end)
+            end = end_velocity(theta, state.v[i], scratch.v_new[i], state.prescribed[i])
+            lever = 0.5 * (state.v[i] + end)
         state.reaction[i] = drive
         clock.drive_work += h * lever * drive
         clock.load_work += h * lever * state.passive[i]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
-from rungwise.contact.step import Elimination, Unknowns, matrix_size
+from rungwise.contact.step import ContactProblem, Elimination, Sizes, Unknowns, matrix_size
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
+from rungwise.system.terms import Terms
 
 COUNTS = "steps solves limited free bounced leans surfaces"
 TIMES = "time tried eps theta residual drive_work load_work contact_work support_work joint_work"
@@ -68,6 +69,24 @@ class Scratch(Block):
     hard: Reals
     support: RecordArray
     other: Reals
+
+
+class Trial(NamedTuple):
+    """A step of length h that is tried on a rung, with the first `contacts` of its terms."""
+
+    rung: RecordArray
+    h: float
+    terms: Terms
+    contacts: int
+    state: State
+    scratch: Scratch
+    problem: ContactProblem
+
+
+@inner_kernel
+def sizes_in(trial: Trial) -> Sizes:
+    clock = trial.state.clock[0]
+    return Sizes(clock.free, trial.contacts, clock.limited)
 
 
 @inner_kernel

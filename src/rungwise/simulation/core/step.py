@@ -29,7 +29,7 @@ from rungwise.models.limit import (
     resting_inertia,
 )
 from rungwise.simulation.core.notes import note
-from rungwise.simulation.core.state import Scratch, State, elimination_in, unknowns_in
+from rungwise.simulation.core.state import State, Trial, elimination_in, sizes_in, unknowns_in
 from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, METRIC, Terms
 
@@ -58,32 +58,25 @@ def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> 
 
 
 @kernel
-def solve_step(
-    rung: RecordArray,
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-) -> int:
+def solve_step(trial: Trial) -> int:
     """Velocities after a step of length h into scratch.v_new; returns SUPPORTED, UNSUPPORTED or UNSOLVED.
 
     Contact modes and forces start from the values of the slots, and `state.modes` is left as it was.
     """
-    status = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
+    rung, terms, state, scratch = trial.rung, trial.terms, trial.state, trial.scratch
+    status = _solve_with_care(trial, False)
     free = rung[0].inertia == 0.0 and rung[0].loads and not state.clock[0].leans
     if not free or state.force.shape[1] > 2 or not _is_pressed(terms, state):
         return status
-    lands = status == SUPPORTED and _lands(h, terms, contacts, state, scratch)
+    lands = status == SUPPORTED and _lands(trial)
     if status == SUPPORTED and not lands:
         return status
     pace, first = _pace(terms, scratch.v_new), scratch.other[-1] < 0.0 and status != UNSOLVED
     if first:
         copy(scratch.v_new, scratch.other[:-1])
-    held = _solve_with_care(rung, h, terms, contacts, state, scratch, problem, True) == SUPPORTED
+    held = _solve_with_care(trial, True) == SUPPORTED
     if lands and not (held and _pace(terms, scratch.v_new) <= SLOWER * pace):
-        return _solve_with_care(rung, h, terms, contacts, state, scratch, problem, False)
+        return _solve_with_care(trial, False)
     if held and first:
         scratch.other[-1] = state.clock[0].time
     return SUPPORTED if held else status
@@ -97,9 +90,10 @@ def _is_pressed(terms: Terms, state: State) -> bool:
 
 
 @kernel
-def _lands(h: float, terms: Terms, contacts: int, state: State, scratch: Scratch) -> bool:
+def _lands(trial: Trial) -> bool:
     """Whether something moves far faster than before, or than what is driven, to where open contacts stop it:
     it may have been held instead."""
+    _, h, terms, contacts, state, scratch, _ = trial
     now, before = _pace(terms, scratch.v_new), max(_pace(terms, state.v), _pace(terms, state.speed))
     if h * now <= STIR * terms.rounding[0] or now * SLOWER <= before:
         return False
@@ -119,20 +113,12 @@ def _pace(terms: Terms, v: Reals) -> float:
 
 
 @kernel
-def _solve_with_care(
-    rung: RecordArray,
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-    convex: bool,
-) -> int:
+def _solve_with_care(trial: Trial, convex: bool) -> int:
     """Solve the step with more and more care for rounding; `convex`: from the forces that let bodies rest."""
+    rung, h, terms, contacts, state, _, _ = trial
     clock = state.clock[0]
     status, balanced, free, tried = NO_SOLUTION, True, clock.free, -1.0
-    first = RESTING if _may_rest(rung, h, terms, state) else MOVING
+    first = RESTING if _may_rest(trial) else MOVING
     for care in range(first, LANDING + 1):
         if care == RESTING:
             clock.eps = resting_inertia(h, terms, free, state.free)
@@ -147,12 +133,12 @@ def _solve_with_care(
             )
         if clock.eps != tried:
             tried = clock.eps
-            status = _solve_in_turn(rung, h, terms, contacts, state, scratch, problem, convex)
+            status = _solve_in_turn(trial, convex)
             if status == SOLVED:
-                _take_over(rung, terms, contacts, state, scratch, problem)
+                _take_over(trial)
         if status == SOLVED:
             balanced = rung[0].inertia > 0.0 or not rung[0].loads
-            balanced = balanced or is_balanced(h, _UNBALANCED[care], terms, state, scratch)
+            balanced = balanced or is_balanced(trial, _UNBALANCED[care])
         if status == SOLVED and balanced:
             break
     if status != SOLVED:
@@ -161,9 +147,10 @@ def _solve_with_care(
 
 
 @kernel
-def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
+def _may_rest(trial: Trial) -> bool:
     """Whether bodies under load may be at rest on rigid contacts: nothing free or driven moves, and something
     resists motion besides (where nothing does, any inertia is exact)."""
+    rung, h, terms, state = trial.rung, trial.h, trial.terms, trial.state
     clock = state.clock[0]
     free = not rung[0].compliant and rung[0].inertia == 0.0 and rung[0].loads
     if not free or clock.leans or greatest_load(terms, clock.free, state.free)[0] == 0.0:
@@ -177,21 +164,13 @@ def _may_rest(rung: RecordArray, h: float, terms: Terms, state: State) -> bool:
 
 
 @kernel
-def _solve_in_turn(
-    rung: RecordArray,
-    h: float,
-    terms: Terms,
-    contacts: int,
-    state: State,
-    scratch: Scratch,
-    problem: ContactProblem,
-    convex: bool,
-) -> int:
+def _solve_in_turn(trial: Trial, convex: bool) -> int:
     """Solve with restitution or else without it, with theta = 1 where something rigid holds, and with overlap
     as it is where bodies that hold each other on all sides cannot come apart."""
+    rung, h, terms, contacts, state, scratch, problem = trial
     clock = state.clock[0]
-    n, limited, ease = clock.free, clock.limited, terms.pause[0]
-    sizes = Sizes(n, contacts, limited)
+    sizes, ease = sizes_in(trial), terms.pause[0]
+    n, _, limited = sizes
     bounced = rung[0].inertia > 0.0
     clock.theta = rung[0].theta
     status = NO_SOLUTION
@@ -204,14 +183,14 @@ def _solve_in_turn(
             lean(rung, h, clock.eps, terms, contacts, state.free, n, state.wish, problem)
         for i in range(n):
             scratch.x[i] = state.v[state.free[i]] if rung[0].inertia == 1.0 else 0.0
-        status = solve_assembled(sizes, terms, state, scratch, problem, convex)
-        if status == SOLVED and clock.theta < 1.0 and _is_held(contacts, limited, terms, scratch):
+        status = solve_assembled(trial, convex)
+        if status == SOLVED and clock.theta < 1.0 and _is_held(trial):
             clock.theta = 1.0
         elif status == SOLVED:
             break
         elif bounced:
             bounced = False
-        elif math.isfinite(ease) and _is_pressed(terms, state) and _overlap(rung, terms, contacts):
+        elif math.isfinite(ease) and _is_pressed(terms, state) and _overlap(trial):
             ease = math.inf
         else:
             break
@@ -222,8 +201,9 @@ def _solve_in_turn(
 
 
 @rare_kernel
-def _overlap(rung: RecordArray, terms: Terms, contacts: int) -> bool:
+def _overlap(trial: Trial) -> bool:
     """Whether bodies whose contact is rigid overlap by more than rounding."""
+    rung, terms, contacts = trial.rung, trial.terms, trial.contacts
     overlap = False
     for k in range(contacts):
         yields = rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0])
@@ -232,11 +212,10 @@ def _overlap(rung: RecordArray, terms: Terms, contacts: int) -> bool:
 
 
 @kernel
-def _take_over(
-    rung: RecordArray, terms: Terms, contacts: int, state: State, scratch: Scratch, problem: ContactProblem
-) -> None:
+def _take_over(trial: Trial) -> None:
     """Write all velocities into scratch.v_new, and forces with their values in the limit."""
-    n, limited = state.clock[0].free, state.clock[0].limited
+    rung, _, terms, contacts, state, scratch, problem = trial
+    n, _, limited = sizes_in(trial)
     if _is_free_of_load(rung, n, state.clock[0].eps, problem):
         for r in range(contacts * terms.contact_stiffness.shape[1]):
             scratch.contact_force[r] = 0.0
@@ -249,12 +228,12 @@ def _take_over(
 
 
 @kernel
-def solve_assembled(
-    sizes: Sizes, terms: Terms, state: State, scratch: Scratch, problem: ContactProblem, convex: bool
-) -> int:
+def solve_assembled(trial: Trial, convex: bool) -> int:
     """Solve the problem as it stands, from the modes and forces of the slots or, if `convex`, from
     the forces that let bodies rest; velocities go to scratch.x, where in space those to start from are."""
-    contacts, limited, d = sizes.contacts, sizes.limited, state.force.shape[1]
+    terms, state, scratch, problem = trial.terms, trial.state, trial.scratch, trial.problem
+    sizes, d = sizes_in(trial), state.force.shape[1]
+    _, contacts, limited = sizes
     state.clock[0].solves += 1
     for k in range(contacts):
         slot = scratch.slots[k]
@@ -280,11 +259,13 @@ def solve_assembled(
 
 
 @kernel
-def _is_held(contacts: int, limited: int, terms: Terms, scratch: Scratch) -> bool:
+def _is_held(trial: Trial) -> bool:
     """Whether something rigid holds: a contact, a travel limit, or dry friction that does not slip.
 
     The rigid part stops a body within the step; with theta below 1 the body would bounce back.
     """
+    terms, scratch = trial.terms, trial.scratch
+    _, contacts, limited = sizes_in(trial)
     d = terms.contact_stiffness.shape[1]
     held = False
     for k in range(contacts):
@@ -308,9 +289,10 @@ def _is_free_of_load(rung: RecordArray, n: int, eps: float, problem: ContactProb
 
 
 @kernel
-def is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scratch: Scratch) -> bool:
+def is_balanced(trial: Trial, unbalanced: float) -> bool:
     """Whether the inertia that the limit eps -> 0+ leaves in the balance of each coordinate is negligible
     beside the load and the resistance there, of springs, dampers, and drives and friction with a limit."""
+    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
     clock = state.clock[0]
     force, acceleration = greatest_load(terms, clock.free, state.free)
     balanced = True
@@ -319,30 +301,31 @@ def is_balanced(step: float, unbalanced: float, terms: Terms, state: State, scra
         load = noticed_load(terms, a, force, acceleration, _ROUNDING)
         left, resisted = 0.0, 0.0
         for b in state.free[: clock.free]:
-            left += clock.eps / step * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
-            resisted += abs((step * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
+            left += clock.eps / h * terms.inertia[a, b] * (scratch.v_new[b] - state.wish[b])
+            resisted += abs((h * terms.stiffness[a, b] + terms.damping[a, b]) * scratch.v_new[b])
         for r in range(clock.limited):
             if math.isfinite(terms.limit[r]):
                 resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
         if force > 0.0 and abs(left) > unbalanced * (load + resisted):
-            load += _passed_on(step, unbalanced, a, terms, state, scratch)
+            load += _passed_on(trial, unbalanced, a)
             balanced &= abs(left) <= unbalanced * (load + resisted)
     return balanced
 
 
 @rare_kernel
-def _passed_on(step: float, unbalanced: float, a: int, terms: Terms, state: State, scratch: Scratch) -> float:
+def _passed_on(trial: Trial, unbalanced: float, a: int) -> float:
     """What the loads of other coordinates, and their own dampers, springs and drives, would ask of coordinate
     a by inertia alone, and what the least motion that counts asks of its own: beside this, inertia that is
     left of motion against the others is negligible where its own spring, damper or servo holds it."""
+    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
     clock = state.clock[0]
-    held = _held(step, a, terms, state, scratch)
-    if clock.eps / step * terms.inertia[a, a] > unbalanced * held:
+    held = _held(trial, a)
+    if clock.eps / h * terms.inertia[a, a] > unbalanced * held:
         return 0.0
-    asked: float = held * STIR * terms.rounding[0] / (step * math.sqrt(terms.heft[a, METRIC]))
+    asked: float = held * STIR * terms.rounding[0] / (h * math.sqrt(terms.heft[a, METRIC]))
     for b in state.free[: clock.free]:
         if b != a:
-            own = step * terms.stiffness[b, b] + terms.damping[b, b]
+            own = h * terms.stiffness[b, b] + terms.damping[b, b]
             force = abs(terms.load[b]) + abs(own * scratch.v_new[b])
             for r in range(clock.limited):
                 if math.isfinite(terms.limit[r]):
@@ -352,12 +335,13 @@ def _passed_on(step: float, unbalanced: float, a: int, terms: Terms, state: Stat
 
 
 @rare_kernel
-def _held(step: float, a: int, terms: Terms, state: State, scratch: Scratch) -> float:
+def _held(trial: Trial, a: int) -> float:
     """Force per speed of coordinate a, by its own springs, dampers, and servos that are within their
     limits."""
-    held: float = step * terms.stiffness[a, a] + terms.damping[a, a]
+    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
+    held: float = h * terms.stiffness[a, a] + terms.damping[a, a]
     for r in range(state.clock[0].limited):
-        gain = step * terms.gains[r, 0] + terms.gains[r, 1]
+        gain = h * terms.gains[r, 0] + terms.gains[r, 1]
         if math.isfinite(gain) and abs(scratch.limited_force[r]) < terms.limit[r]:
             held += terms.limited[r, a] ** 2 * gain
     return held

@@ -24,7 +24,7 @@ from rungwise.simulation.core.accept import accept, forget
 from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
 from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
-from rungwise.simulation.core.state import CLOCK, Scratch, State, scratch_arrays, state_arrays
+from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
 from rungwise.system.moving import Crowded, Moment, System
@@ -274,9 +274,10 @@ class Stepper:
 
     def _again(self, h: float) -> int:
         """Solve the problem of a step of length h from the terms that there are."""
-        return int(
-            self._solve(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
-        )
+        return int(self._solve(self._tried(h)))
+
+    def _tried(self, h: float) -> Trial:
+        return Trial(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
 
     def _fits(self, v: Reals, h: float, way: float, before: float) -> bool:
         """Whether things overlap no more at the end of a step to v than is allowed or was so `before`; on
@@ -351,7 +352,7 @@ class Stepper:
 
     def _accept(self, h: float) -> None:
         self.clock["time"] = self.time
-        sunk = self._take(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
+        sunk = self._take(self._tried(h))
         self.system.accept()
         self.residual = max(self.residual, float(self.clock["residual"]))
         if self._leaping > 0.0:

@@ -24,6 +24,7 @@ from rungwise.models.ladder import Rung
 from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.read import load_planar
+from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
@@ -219,7 +220,7 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
     state, scratch, clock = work.state, work.scratch, work.state.clock[0]
     for _ in range(MAX_LINEARISATIONS):
         count = here.gather(trial)
-        if solve_step(here.rung, h, work.terms, count, state, scratch, work.problem) != SUPPORTED:
+        if solve_step(Trial(here.rung, h, work.terms, count, state, scratch, work.problem)) != SUPPORTED:
             raise ModelError("step: it has no solution")
         if not here.widened(scratch.v_new):
             break

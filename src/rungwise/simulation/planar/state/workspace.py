@@ -178,6 +178,12 @@ class Workspace(Block):
 
 
 @inner_kernel
+def trial_in(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> core.Trial:
+    w = workspace
+    return core.Trial(rung, h, w.terms, contacts, w.state, w.scratch, w.problem)
+
+
+@inner_kernel
 def time_slot(state: State) -> int:
     """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
     return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0])

@@ -14,7 +14,7 @@ from rungwise.simulation.planar.state.memory import bring_back, remember
 from rungwise.simulation.planar.state.nearby import begin_step, fastest_pair, gather, look, widen
 from rungwise.simulation.planar.state.passing import SLIP, passes
 from rungwise.simulation.planar.state.verdicts import sense
-from rungwise.simulation.planar.state.workspace import Scratch, State, Workspace
+from rungwise.simulation.planar.state.workspace import Scratch, State, Workspace, trial_in
 from rungwise.simulation.planar.step.blame import blame
 from rungwise.simulation.planar.step.far_contacts import stands, strides
 from rungwise.simulation.planar.step.jumps import jumps
@@ -114,7 +114,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             break
         if first:
             jumped = jumps(records, rung, h, contacts, workspace)
-        accept_forces(rung, h, terms, contacts, state, scratch, workspace.problem)
+        accept_forces(trial_in(rung, h, contacts, workspace))
         if not first and clock.centred and not clock.lost and rung[0].compliant:
             yield_fully(contacts, workspace)
         if first and math.isfinite(terms.low[0]):
@@ -338,7 +338,7 @@ def _finish(records: Records, rung: RecordArray, h: float, contacts: int, worksp
     note_opened(records, h, contacts, workspace)
     state.clock[0].leapt = state.clock[0].leaping
     work = state.clock[0].contact_work
-    account(rung, h, terms, contacts, state, scratch, state.v)
+    account(trial_in(rung, h, contacts, workspace))
     work = state.clock[0].contact_work - work
     if state.clock[0].bounced and work > _rounding_of_work(h, terms, contacts, state, scratch):
         state.clock[0].gained += work

@@ -8,14 +8,14 @@ drives and dry friction: what balances only against others got there by momentum
 
 from __future__ import annotations
 
-from rungwise.contact.step import OPEN, SOLVED, Sizes
+from rungwise.contact.step import OPEN, SOLVED
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.assemble import carried
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
 from rungwise.simulation.planar.state.nearby import NEAR, gather
-from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.simulation.planar.step.leaps import HEAVIER, LEFT, displacement, solve_again
 from rungwise.simulation.planar.step.preferred_motion import choose_motion
 
@@ -31,7 +31,9 @@ def strides(rung: RecordArray, h: float, contacts: int, workspace: Workspace) ->
         met |= scratch.contact_force[2 * k] > 0.0 and not _is_within(h, k, workspace)
     if met and greatest_load(terms, state.clock[0].free, state.free)[0] == 0.0:
         return False
-    return met or (state.clock[0].leaping > 0.0 and not is_balanced(h, LEFT, terms, state, scratch))
+    return met or (
+        state.clock[0].leaping > 0.0 and not is_balanced(trial_in(rung, h, contacts, workspace), LEFT)
+    )
 
 
 @rare_kernel
@@ -44,7 +46,9 @@ def stands(records: Records, rung: RecordArray, h: float, shortest: float, works
         if _is_within(h, k, workspace):
             _put(k, clock.contacts, workspace)
             clock.contacts += 1
-    held = solve_again(rung, h, workspace) == SUPPORTED and not _is_bound_by_inertia(records, h, workspace)
+    held = solve_again(rung, h, workspace) == SUPPORTED and not _is_bound_by_inertia(
+        records, rung, h, workspace
+    )
     if held:
         clock.contacts = gather(records, workspace)
         choose_motion(records, rung, h, clock.contacts, shortest, workspace)
@@ -52,7 +56,7 @@ def stands(records: Records, rung: RecordArray, h: float, shortest: float, works
 
 
 @rare_kernel
-def _is_bound_by_inertia(records: Records, h: float, workspace: Workspace) -> bool:
+def _is_bound_by_inertia(records: Records, rung: RecordArray, h: float, workspace: Workspace) -> bool:
     """Whether bodies move less than half as far with `HEAVIER` times the inertia that stands for none."""
     state, terms, scratch, problem = workspace.state, workspace.terms, workspace.scratch, workspace.problem
     clock = state.clock[0]
@@ -63,8 +67,7 @@ def _is_bound_by_inertia(records: Records, h: float, workspace: Workspace) -> bo
             problem.c[i] -= more * terms.inertia[state.free[i], b] * state.speed[b]
         for j in range(clock.free):
             problem.H[i, j] += more * terms.inertia[state.free[i], state.free[j]]
-    sizes = Sizes(clock.free, clock.contacts, clock.limited)
-    status = solve_assembled(sizes, terms, state, scratch, problem, False)
+    status = solve_assembled(trial_in(rung, h, clock.contacts, workspace), False)
     if status != SOLVED:
         return True
     for i in range(clock.free):

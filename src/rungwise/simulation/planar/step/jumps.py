@@ -15,7 +15,7 @@ from rungwise.models.assemble import approach
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
 from rungwise.simulation.planar.state.nearby import gather
-from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 
 GROWN = 2.0
 """A jump is looked for only where acceleration has grown by this factor since the last step."""
@@ -45,16 +45,14 @@ def jumps(records: Records, rung: RecordArray, h: float, contacts: int, workspac
             terms.friction[k] = 0.0
         found = not _changes_so_soon(rung, h, contacts, workspace, change)
         gather(records, workspace)
-    solve_step(rung, h, terms, contacts, state, workspace.scratch, workspace.problem)
+    solve_step(trial_in(rung, h, contacts, workspace))
     return found
 
 
 @rare_kernel
 def _changes_so_soon(rung: RecordArray, h: float, contacts: int, workspace: Workspace, change: float) -> bool:
     """Whether velocity changes by half as much at least in a far shorter step."""
-    status = solve_step(
-        rung, SHORTER * h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
-    )
+    status = solve_step(trial_in(rung, SHORTER * h, contacts, workspace))
     return status == SUPPORTED and _norm(workspace, 1.0) > 0.5 * change
 
 

@@ -26,7 +26,7 @@ from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.limit import LIMIT
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import solve_step
-from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.system.terms import Terms
 
 LEAST = 1e-2
@@ -108,7 +108,4 @@ def displacement(records: Records, h: float, workspace: Workspace) -> tuple[floa
 
 @rare_kernel
 def solve_again(rung: RecordArray, h: float, workspace: Workspace) -> int:
-    return solve_step(
-        rung, h, workspace.terms, workspace.state.clock[0].contacts, workspace.state, workspace.scratch,
-        workspace.problem,
-    )  # fmt: skip
+    return solve_step(trial_in(rung, h, workspace.state.clock[0].contacts, workspace))

@@ -16,7 +16,7 @@ import math
 from rungwise.kernel import Record, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import NO_DRIVE, Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
-from rungwise.simulation.planar.state.workspace import ROUNDING, State, Workspace
+from rungwise.simulation.planar.state.workspace import ROUNDING, State, Workspace, trial_in
 from rungwise.system.planar.place import coordinate_count, turns
 
 SUDDEN = 5
@@ -85,9 +85,7 @@ def choose_motion(
 
 @kernel
 def _solve(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -> int:
-    return solve_step(
-        rung, h, workspace.terms, contacts, workspace.state, workspace.scratch, workspace.problem
-    )
+    return solve_step(trial_in(rung, h, contacts, workspace))
 
 
 @kernel
