@@ -86,7 +86,7 @@ FAULTS = (
     ),
     Fault(
         "contact-work-at-end", "src/rungwise/simulation/core/accept.py",
-        "lever = 0.5 * (v_old[i] + end)", "lever = end", _CORE,
+        "lever = 0.5 * (state.v[i] + end)", "lever = end", _CORE,
         "work is force times the speed at the end of the step", True,
     ),
     Fault(
