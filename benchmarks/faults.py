@@ -265,7 +265,8 @@ FAULTS = (
     ),
     Fault(
         "nearest-corner-other", "src/rungwise/sets/feasible/feasible.py",
-        "(inside >= 0.5).astype(np.int64)", "(inside < 0.5).astype(np.int64)", ("tests/sets/test_export.py",),
+        "(inside >= 0.5).astype(np.int64)", "(inside < 0.5).astype(np.int64)",
+        ("tests/sets/test_export.py::test_where_three_labels_meet_points_have_the_label_of_the_nearest_corner",),
         "a point has the label of the opposite corner",
     ),
     Fault(

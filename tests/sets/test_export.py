@@ -15,8 +15,9 @@ from rungwise.sets.cells.surface import Mesh, boundary
 RADIUS = 0.73
 
 
-def solid(goal: str, axes: int = 3, tol: float = 0.01) -> rw.FeasibleSet:
-    """The set of parameters x, y, z in -1..1 that satisfy a condition, each of them asked by a run."""
+def solid(goal: str, axes: int = 3, tol: float = 0.01, **more: str) -> rw.FeasibleSet:
+    """The set of parameters x, y, z in -1..1 that satisfy a condition, each of them asked by a run; `more`
+    fields of the scene."""
     names = ("x", "y", "z")[:axes]
     scene = rw.load(
         {
@@ -33,6 +34,7 @@ def solid(goal: str, axes: int = 3, tol: float = 0.01) -> rw.FeasibleSet:
             "duration": 0.1,
             "step": 0.1,
         }
+        | more
     )  # fmt: skip
     return rw.feasible_set(scene, rw.KINEMATIC, names, tol=tol, threads=1, accuracy=0.1)
 
@@ -170,3 +172,22 @@ def test_a_saved_set_holds_its_scene(tmp_path: Path) -> None:
     again = rw.load_set(tmp_path)
     assert again.scene.file == found.scene.file and again.data.identical(found.data)
     assert again.replay({"x": 0.2, "y": 0.2}).outcome.name == "goal"
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.137, 0.211), (-0.31, 0.52), (0.655, -0.42)])
+def test_where_three_labels_meet_points_have_the_label_of_the_nearest_corner(x: float, y: float) -> None:
+    """No plane parts three: unsafe for greater y, below there the goal for greater x, and else nothing."""
+    found = solid(f"x >= {x}", 2, 0.02, unsafe=f"y >= {y}")
+    meeting = (np.array([[x, y]]) - found.box[:, 0]) / found.unit
+    levels, index = found.tree.locate(meeting)
+    assert levels[0] == found.tree.finest
+    origin, size = found.tree.leaves[levels[0]][index[0]], found.tree.size(levels[0])
+    for near in (0.1, 0.4):
+        places = origin + size * (near + (1.0 - 2.0 * near) * found.tree.corners)
+        labels = found.classify(found.box[:, 0] + places * found.unit)
+        assert labels.tolist() == ["infeasible", "unsafe", "feasible", "unsafe"]
+    points = found.random(20_000, 3)
+    truth = np.where(points[:, 1] >= y, "unsafe", np.where(points[:, 0] >= x, "feasible", "infeasible"))
+    across, up = np.abs(points - (x, y)).T
+    away = np.where(points[:, 1] >= y, up, np.minimum(up, across))
+    assert away[found.classify(points) != truth].max() <= found.tol * 2.0  # of the side, which is 2

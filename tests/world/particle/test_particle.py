@@ -119,15 +119,23 @@ def test_sets_over_parameters_and_states(scene: ParticleScene, tmp_path: Path) -
     assert found.classify(points).tolist() == ["feasible", "infeasible", "feasible", "infeasible"]
     found.save(tmp_path / "set")
     assert rw.load_set(tmp_path / "set").volumes() == found.volumes()
-    box = {"puck.x": (0.0, 0.9), "finger.x": (-1.0, 0.7)}
-    doomed = rw.doomed_set(
-        scene, rw.KINEMATIC, ("puck.x", "finger.x"), {"vx": (0.2, 1.0)}, box=box, cells=(18, 6)
-    )
-    # Nothing takes back a puck that is far beyond its goal.
-    assert doomed.volumes["doomed"] > 0.0
-    assert doomed.classify(np.array([[0.1, -0.5]])).tolist() == ["unknown"]
     with pytest.raises(rw.SceneError, match="only the slowest motion is known"):
         rw.feasible_set(scene, rw.KINEMATIC, ("vx",), solutions="possible")
+
+
+def test_a_puck_beyond_its_goal_is_lost_and_no_other(scene: ParticleScene) -> None:
+    """A finger that only goes forward takes nothing back: behind the puck, the set is puck.x > 0.6 whatever
+    the finger does. Ahead of the puck it leaves the box, which counts as reaching the goal."""
+    box = {"puck.x": (0.3, 0.9), "finger.x": (0.1, 0.7)}
+    found = rw.doomed_set(
+        scene, rw.KINEMATIC, ("puck.x", "finger.x"), {"vx": (0.2, 1.0)}, box=box, cells=(20, 15), threads=1
+    )
+    points = np.random.default_rng(5).uniform(*found.box.T, (20_000, 2))
+    points = points[np.abs(points[:, 0] - points[:, 1]) >= 0.2]
+    lost = found.classify(points) == "doomed"
+    behind = points[:, 1] < points[:, 0]
+    assert not lost[~behind | (points[:, 0] <= 0.6)].any()
+    assert lost[behind & (points[:, 0] > 0.6 + 1.01 * found.unit[0])].all()
 
 
 def test_plans_are_found_saved_verified_and_diagnosed(
