@@ -54,7 +54,7 @@ from .sets.store import SetError
 from .simulation.derivatives.chain import RunSensitivity, run_sensitivity
 from .simulation.derivatives.sensitivity import StepSensitivity, step_sensitivity
 from .simulation.inputs import Schedule, ScheduleError, Segment
-from .simulation.options import ModelError
+from .simulation.options import ModelError, RunOptions
 from .simulation.result import Run
 from .simulation.rows import States
 from .simulation.run import Simulation
@@ -115,6 +115,7 @@ __all__ = [
     "Results",
     "Rollouts",
     "Run",
+    "RunOptions",
     "RunSensitivity",
     "Rung",
     "Scene",

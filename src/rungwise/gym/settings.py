@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypedDict
 
@@ -19,7 +19,7 @@ from rungwise.planning.task.task import Task, guarded_scene, task_of
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
 from rungwise.scene.read import load
-from rungwise.simulation.options import check_options, count, moving_rung
+from rungwise.simulation.options import RunOptions, count, moving_rung
 from rungwise.wording import choices, listed
 from rungwise.world.find import world_of
 
@@ -139,9 +139,9 @@ def read_settings(
     task = None if loaded.file.task is None else task_of(loaded, parameters)
     duration, size = _extent(loaded, parameters)
     low, high, rate = _bounds(loaded, task, given.get("bounds"))
-    step, tol, _, theta = check_options(given.get("step"), given.get("tol"), None, given.get("theta", 1.0))
-    if step is None and tol is None:
-        tol = ACCURACY * size
+    steps = RunOptions(**{name: given[name] for name in ("step", "tol", "theta") if name in given})
+    if steps.step is None and steps.tol is None:
+        steps = replace(steps, tol=ACCURACY * size)
     hold, holds = _times(given, _longest(task, duration))
     ramp = given.get("ramp")
     return Settings(
@@ -152,7 +152,7 @@ def read_settings(
         reward=_reward(given.get("reward", "progress")),
         bonus=finite("bonus", given.get("bonus", 1.0), GymError),
         scaled=_truth("scaled", given.get("scaled", True)), dtype=_dtype(given.get("dtype", "float32")),
-        step=step, tol=tol, theta=theta, threads=given.get("threads"),
+        step=steps.step, tol=steps.tol, theta=steps.theta, threads=given.get("threads"),
     )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.simulation.options import ModelError, check_options, count, moving_rung
+from rungwise.simulation.options import ModelError, RunOptions, count, moving_rung
 from rungwise.world.find import world_of
 
 PART = 1e-2
@@ -62,7 +62,7 @@ def compare(
     loaded, samples = load(scene), count("samples", samples, 0)
     rng = np.random.default_rng(count("seed", seed, 0))
     accuracy = _part(accuracy)
-    fixed = check_options(None, None, duration, 1.0)[2]
+    fixed = RunOptions(duration=duration).duration
     chosen = [] if model is None else [moving_rung(model).name]
     pairs = [p for p in PAIRS if not chosen or chosen[0] in (p.richer.name, p.simpler.name)]
     values = loaded.parameters(parameters)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from numbers import Real
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +17,10 @@ from rungwise.models.ladder import Rung, rung
 from rungwise.scene import Scene
 from rungwise.scene.fields.values import shown
 from rungwise.wording import choices
+
+if TYPE_CHECKING:
+    from rungwise.simulation.inputs import Schedule
+    from rungwise.simulation.state import State
 
 MANY = 10**9
 """Most frames, and most steps between two of them."""
@@ -36,18 +43,58 @@ def moving_rung(model: Rung | str) -> Rung:
     return chosen
 
 
-def check_options(
-    step: object, tol: object, duration: object, theta: object
-) -> tuple[float | None, float | None, float | None, float]:
-    """The options as numbers. Raises ModelError that names the option out of its range."""
-    if not 0.5 <= _real(theta) <= 1.0:
-        raise ModelError(f"theta: must be a number in 0.5..1, not {shown(theta)}")
-    return (
-        None if step is None else positive("step", step),
-        None if tol is None else positive("tol", tol),
-        None if duration is None else positive("time", duration),
-        _real(theta),
-    )
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """Options of a run, checked. Raises ModelError that names the option out of its range.
+
+    Args:
+        parameters: values by name; the others keep their defaults.
+        step: length of a step; the scene's own if not given.
+        tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
+        duration: end of the run; the scene's own if not given.
+        span: where this run is a part of one that lasts so long, steps of controlled length are no longer
+            than that run's; the end of this run if not given.
+        theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
+            where contacts do not change their mode.
+        motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
+            the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
+            rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
+            not given, nearest to zero: the slowest. See `simulation.planar.step.preferred_motion`.
+        state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
+            end of the run) are not part of it.
+        inputs: a schedule of the scene's inputs, which begins where the run begins: segments, or mappings of
+            their fields (see `Segment`). The run ends with it, or at `duration` if that is given. A state
+            whose run had not come to the end of its schedule goes on with it if none is given here.
+        frames: how many states are kept at most (the stride doubles when they are full).
+        stride: steps between frames at first; if not given, so many that the whole duration fits into
+            `frames` with fixed steps, and 1 under error control.
+        save_hard: a folder, for the problems of hard steps (see `HardSteps`); needs h5py.
+    """
+
+    parameters: Mapping[str, float] | None = None
+    step: float | None = None
+    tol: float | None = None
+    duration: float | None = None
+    span: float | None = None
+    theta: float = 1.0
+    motion: Mapping[str, float] | None = None
+    state: State | None = None
+    inputs: Schedule | None = None
+    frames: int | None = 2000
+    stride: int | None = None
+    save_hard: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.5 <= _real(self.theta) <= 1.0:
+            raise ModelError(f"theta: must be a number in 0.5..1, not {shown(self.theta)}")
+        checked: dict[str, object] = {"theta": _real(self.theta)}
+        for field, name in (("step", "step"), ("tol", "tol"), ("duration", "time"), ("span", "span")):
+            value = getattr(self, field)
+            checked[field] = None if value is None else positive(name, value)
+        for field, least in (("frames", 3), ("stride", 1)):
+            value = getattr(self, field)
+            checked[field] = None if value is None else count(field, value, least)
+        vars(self).update(checked)
 
 
 def preferences(scene: Scene, model: Rung, motion: Mapping[str, float] | None) -> Reals:

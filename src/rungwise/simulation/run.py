@@ -13,25 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.contact.judge import Balance, Certificate
+from rungwise.contact.judge import Balance
 from rungwise.contact.step import ContactProblem, trim
 from rungwise.kernel import Ints, linking_time
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.plain import cut
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
-from rungwise.simulation.inputs import Schedule, Segment, compile_segments, read_schedule
-from rungwise.simulation.options import (
-    MANY,
-    ModelError,
-    check_options,
-    count,
-    moving_rung,
-    positive,
-    preferences,
-)
+from rungwise.simulation.inputs import compile_segments
+from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.state.inputs import begin_inputs
 from rungwise.simulation.planar.state.workspace import CONTROL, Workspace, allocate
@@ -39,96 +30,48 @@ from rungwise.simulation.reasons.reasons import JAM as JAM
 from rungwise.simulation.reasons.reasons import Reasons
 from rungwise.simulation.restart import begin_at, out_of_place
 from rungwise.simulation.result import Run
-from rungwise.simulation.state import State, check_state, digest
+from rungwise.simulation.state import check_state
+from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 from rungwise.system.planar.place import start
 
 if TYPE_CHECKING:
     from rungwise.simulation.reasons.hard_steps import HardSteps
 
-TURN_S = 0.1
-"""Longest time in compiled code before Python sees progress and Ctrl-C."""
 
-
-LONGEST = 10
-"""Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
-
-
-class Simulation:
+class Simulation(Turns):
     """A run that is taken in turns. Raises SceneError or ModelError for wrong input.
 
     Args:
         scene: a scene, or a source that `load` takes.
         model: a rung or its name; the geometric rung does not move.
-        parameters: values by name; the others keep their defaults.
-        step: length of a step; the scene's own if not given.
-        tol: error allowed per step in each coordinate, for steps of controlled length; if not given, fixed.
-        duration: end of the run; the scene's own if not given.
-        span: where this run is a part of one that lasts so long, steps of controlled length are no longer
-            than that run's; the end of this run if not given.
-        theta: of the theta rule where compliant contact carries momentum, in 1/2..1. 1/2 is of second order
-            where contacts do not change their mode.
-        motion: preferred velocities by coordinate ("part.x3"), in multiples of the pace, the fastest speed of
-            the slowest motion; an angle counts by its radius of gyration. On the kinematic and quasistatic
-            rungs an object that cannot rest takes, of all its admissible motions, the one nearest to them; if
-            not given, nearest to zero: the slowest. See `simulation.planar.step.preferred_motion`.
-        state: to go on from, at its time; the scene's start if not given. `parameters` and `duration` (the
-            end of the run) are not part of it.
-        inputs: a schedule of the scene's inputs, which begins where the run begins: segments, or mappings of
-            their fields (see `Segment`). The run ends with it, or at `duration` if that is given. A state
-            whose run had not come to the end of its schedule goes on with it if none is given here.
-        frames: how many states are kept at most (the stride doubles when they are full).
-        stride: steps between frames at first; if not given, so many that the whole duration fits into
-            `frames` with fixed steps, and 1 under error control.
-        save_hard: a folder, for the problems of hard steps (see `HardSteps`); needs h5py.
+        options: fields of `RunOptions`, which says what they are.
     """
+
+    scene: Scene
 
     @keywords
     def __init__(
-        self,
-        scene: Scene | str | Path | Mapping[str, Any],
-        model: Rung | str,
-        *,
-        parameters: Mapping[str, float] | None = None,
-        step: float | None = None,
-        tol: float | None = None,
-        duration: float | None = None,
-        span: float | None = None,
-        theta: float = 1.0,
-        motion: Mapping[str, float] | None = None,
-        state: State | None = None,
-        inputs: Schedule | None = None,
-        frames: int = 2000,
-        stride: int | None = None,
-        save_hard: str | Path | None = None,
+        self, scene: Scene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any
     ) -> None:
-        self.scene = load_planar(scene)
-        self.model = moving_rung(model)
-        step, tol, duration, theta = check_options(step, tol, duration, theta)
-        span = None if span is None else positive("span", span)
-        frames = count("frames", frames, 3)
-        stride = None if stride is None else count("stride", stride, 1)
-        self.parameters = self.scene.parameters(parameters)
-        preferred = preferences(self.scene, self.model, motion)
+        super().__init__(load_planar(scene), model, options)
+        given, state = self.given, self.given.state
+        frames = count("frames", given.frames, 3)
+        preferred = preferences(self.scene, self.model, given.motion)
         if state is not None:
             check_state(state, self.scene)
-        self.inputs = self._schedule(inputs, state)
-        self._begins_inputs = inputs is not None or not self.inputs
-        self.motion = {name: float(value) for name, value in (motion or {}).items()}
-        self.reason = ""
-        self.wall_s = 0.0
-        self.outcome = Code.RUNNING
-        self.certificate: Certificate | None = None
+        self.inputs = self._schedule()
+        self._begins_inputs = given.inputs is not None or not self.inputs
+        self.motion = {name: float(value) for name, value in (given.motion or {}).items()}
         self.problem: ContactProblem | None = None
         self._sought = -math.inf
         self.workspace: Workspace | None = None
         self._turn = 10
-        self.theta = theta
         self.hard: HardSteps | None = None
-        if save_hard is not None:
+        if given.save_hard is not None:
             from rungwise.simulation.reasons.hard_steps import HardSteps
 
             try:
-                self.hard = HardSteps(save_hard, f"{self.scene.name}, {self.model.name}")
+                self.hard = HardSteps(given.save_hard, f"{self.scene.name}, {self.model.name}")
             except ValueError as error:
                 raise ModelError(str(error)) from None
         try:
@@ -138,16 +81,16 @@ class Simulation:
             return
         world = self._bound.records.world[0]
         self._control = np.zeros(1, CONTROL)
-        self._control["step"] = world["step"] if step is None else step
-        self._control["duration"] = self._end(state) if duration is None else duration
-        self._control["ends"] = duration is None and len(self.inputs) > 0
+        self._control["step"] = world["step"] if given.step is None else given.step
+        self._control["duration"] = self._end_of_inputs() if given.duration is None else given.duration
+        self._control["ends"] = given.duration is None and len(self.inputs) > 0
         self._control["tolerance"] = world["tolerance"]
         self._control["jam"] = JAM * world["tolerance"]
         self._control["longest"] = (
-            self._control["step"] if tol is None else (span or self._control["duration"]) / LONGEST
+            self._control["step"] if given.tol is None else (given.span or self.end) / LONGEST
         )
-        self._control["error"] = 0.0 if tol is None else tol
-        self._rung = self.model.record(theta)
+        self._control["error"] = 0.0 if given.tol is None else given.tol
+        self._rung = self.model.record(self.theta)
         noted = self.hard is not None
         try:
             self.workspace = allocate(
@@ -158,9 +101,10 @@ class Simulation:
             raise ModelError(
                 f"frames: {frames} states and {pairs} pairs of shapes that may touch do not fit into memory"
             ) from None
+        stride = given.stride
         if stride is None:
-            steps = float(self._control[0]["duration"]) / float(self._control[0]["step"])
-            stride = 1 if tol is not None else math.ceil(min(steps / frames, MANY))
+            steps = self.end / float(self._control[0]["step"])
+            stride = 1 if given.tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.prefer[:] = preferred
         template = self.scene.template
         conditions = template.conditions
@@ -174,9 +118,10 @@ class Simulation:
             if code == Code.INVALID:
                 self.reason = out_of_place(self.scene, records, self.workspace)
         else:
-            end = float(self._control[0]["duration"])
-            if not (state.time < end or (self._control[0]["ends"] and state.time == end)):
-                raise ModelError(f"duration: the run ends at {end:g}, and the state is of {state.time:g}")
+            if not (state.time < self.end or (self._control[0]["ends"] and state.time == self.end)):
+                raise ModelError(
+                    f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
+                )
             self.reason = begin_at(
                 state, self.scene, records, self._rung, self._control, self._inputs, self._bound.buffer,
                 self._begins_inputs, self.workspace,
@@ -185,28 +130,15 @@ class Simulation:
         if self.reason:
             self.outcome = Code.INVALID
 
-    def _schedule(self, inputs: Schedule | None, state: State | None) -> tuple[Segment, ...]:
-        """The schedule given, or else the schedule that the state's run followed."""
-        if inputs is not None:
-            return read_schedule(self.scene, inputs)
-        if state is not None and state.memory is not None and state.memory.scene == digest(self.scene):
-            return state.memory.inputs
-        return ()
-
-    def _end(self, state: State | None) -> float:
+    def _end_of_inputs(self) -> float:
         """The end of the schedule, or of the scene where there is none."""
         if not self.inputs:
             return float(self._bound.records.world[0]["duration"])
+        state = self.given.state
         began = 0.0 if state is None else state.time
         if state is not None and state.memory is not None and not self._begins_inputs:
             began = float(state.memory.clock["opened"])
         return reduce(add, (segment.duration for segment in self.inputs), began)
-
-    def __repr__(self) -> str:
-        return (
-            f"<Simulation of {cut(self.scene.name)} on {cut(self.model.name)}:"
-            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
-        )
 
     @property
     def time(self) -> float:
@@ -214,14 +146,9 @@ class Simulation:
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
 
     @property
-    def state(self) -> State:
-        """The state that the run has come to. Raises ValueError for a run that cannot begin."""
-        return self.result().state
-
-    @property
-    def progress(self) -> float:
-        """Simulated time over duration, 0..1."""
-        return 1.0 if self.outcome != Code.RUNNING else self.time / float(self._control[0]["duration"])
+    def end(self) -> float:
+        """Simulated time at which the run ends at the latest."""
+        return float(self._control[0]["duration"])
 
     def advance(self, steps: int | None = None) -> bool:
         """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on."""
@@ -289,22 +216,14 @@ class Simulation:
         if self.hard is not None and self.workspace is not None:
             self.hard.end(self.workspace)
         clock = None if self.workspace is None else self.workspace.state.clock[0]
+        told = self._record(clock)
+        if self.workspace is not None:
+            told["theta"] = float(self._rung[0]["theta"])
         return Run(
-            scene=self.scene,
-            model=self.model,
-            parameters=self.parameters,
+            **told,
             motion=self.motion,
-            inputs=self.inputs,
-            theta=float(self._rung[0]["theta"]) if self.workspace is not None else self.theta,
-            outcome=OUTCOMES[self.outcome],
-            reason=self.reason or OUTCOMES[self.outcome].meaning,
-            time=self.time,
-            steps=0 if clock is None else int(clock["steps"]),
             attempts=0 if clock is None else int(clock["attempts"]),
-            solves=0 if clock is None else int(clock["solves"]),
             worst_residual=0.0 if clock is None else float(clock["worst_residual"]),
-            wall_s=self.wall_s,
-            certificate=self.certificate,
             problem=self.problem,
             workspace=self.workspace if clock is not None and clock["frames"] > 0 else None,
             hard=self.hard,

@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
 from rungwise.scene.template import records as rec
 from rungwise.simulation.inputs import compiled
-from rungwise.simulation.options import ModelError, check_options, count, preferences
+from rungwise.simulation.options import ModelError, RunOptions, count, preferences
 from rungwise.simulation.planar.loop import STOPPED
 from rungwise.simulation.planar.samples import (
     OPTIONS,
@@ -29,8 +30,8 @@ from rungwise.simulation.planar.samples import (
 )
 from rungwise.simulation.planar.state.workspace import CLOCK, CONTROL, Workspace, allocate, in_memory
 from rungwise.simulation.reasons.reasons import CLOSER, JAM, LOOKS
-from rungwise.simulation.run import LONGEST, TURN_S
 from rungwise.simulation.state import Memory, digest
+from rungwise.simulation.turns import LONGEST, TURN_S
 from rungwise.wording import choices, listed
 
 CHUNK = 256
@@ -44,9 +45,8 @@ BUDGET = 1_000_000
 class Workers:
     """Threads for runs of one scene on one rung, with segments whose conditions are `until` and that ramp
     where `ramps` says so; `budget` is the greatest number of steps of one run, and `jam` the motion in a step
-    without solution, in parts of the goal's tolerance, that counts as a jam. Other options as for
-    `Simulation`. Where runs are parts of one that lasts for `span`, their steps are no longer than its own.
-    Raises SceneError, ScheduleError or ModelError for wrong input."""
+    without solution, in parts of the goal's tolerance, that counts as a jam. Other `options` are fields of
+    `RunOptions`. Raises SceneError, ScheduleError or ModelError for wrong input."""
 
     def __init__(
         self,
@@ -57,19 +57,15 @@ class Workers:
         *,
         until: Sequence[str | None] = (),
         ramps: Sequence[bool] = (),
-        step: float | None = None,
-        tol: float | None = None,
-        duration: float | None = None,
-        span: float | None = None,
-        theta: float = 1.0,
-        motion: Mapping[str, float] | None = None,
         budget: int | None = None,
         jam: float = JAM * CLOSER**LOOKS,
         threads: int | None = None,
+        **options: Any,
     ) -> None:
         self.scene, self.model, self.over = scene, model, tuple(over)
-        step, tol, duration, self.theta = check_options(step, tol, duration, theta)
-        self._preferred = preferences(scene, model, motion)
+        given = RunOptions(**options)
+        self.theta = given.theta
+        self._preferred = preferences(scene, model, given.motion)
         template = scene.template
         self.parameters, self.digest = scene.parameters(parameters), digest(scene)
         self._columns = np.array([template.parameters.index(name) for name in self.over], np.int64)
@@ -82,10 +78,10 @@ class Workers:
         self._conditions = (conditions.code, conditions.constants, conditions.table)
         self._rung = self.model.record(self.theta)
         self._options = np.zeros(1, OPTIONS)
-        self._options["step"] = math.nan if step is None else step
-        self._options["duration"] = math.nan if duration is None else duration
-        self._options["span"] = math.nan if span is None else span
-        self._options["tol"] = 0.0 if tol is None else tol
+        for name in ("step", "duration", "span"):
+            value = getattr(given, name)
+            self._options[name] = math.nan if value is None else value
+        self._options["tol"] = 0.0 if given.tol is None else given.tol
         self._options["longest"] = LONGEST
         self._options["jam"] = jam
         self._options["budget"] = BUDGET if budget is None else count("budget", budget, 1)

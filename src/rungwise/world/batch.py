@@ -57,10 +57,10 @@ class Batch:
     """Runs of one scene on one rung, whatever the points. Raises SceneError or ModelError for wrong input.
 
     Args:
-        scene, model: as for `Simulation`.
+        scene, model: as for `simulate`.
         over: names of the parameters that points give, in order.
         parameters: values of other parameters; the rest keep their defaults.
-        step, tol, duration, theta, motion: as for `Simulation`.
+        step, tol, duration, theta, motion: as for `simulate`.
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
         threads: how many, in space processes; as many as there are cores if not given. The results do not
             depend on it.

@@ -245,17 +245,16 @@ class World(Protocol):
     def scene(self) -> Any: ...
 
     def simulation(self, model: Rung | str, **options: Any) -> Any:
-        """A run that is taken in turns; options as of `rungwise.Simulation`."""
+        """A run that is taken in turns; options are fields of `RunOptions`."""
 
     def runs(
         self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
-        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
-        tol: float | None = None, duration: float | None = None, span: float | None = None,
-        theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
-        patience: int | None = None, threads: int | None = None,
+        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), budget: int | None = None,
+        patience: int | None = None, threads: int | None = None, **options: Any,
     ) -> Runs:  # fmt: skip
         """Many runs over parameters, with segments that conditions `until` end sooner and that ramp where
-        `ramps` says so. With a patience they end where they take so many times as long as a search waits."""
+        `ramps` says so; `options` of their steps are fields of `RunOptions`. With a patience they end where
+        they take so many times as long as a search waits."""
 
     def rollout(
         self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,

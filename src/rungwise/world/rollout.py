@@ -46,7 +46,7 @@ def rollout(
     """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
 
     Args:
-        scene, model, step, tol, theta, motion: as for `Simulation`, but that steps are error-controlled if
+        scene, model, step, tol, theta, motion: as for `simulate`, but that steps are error-controlled if
             `tol` is not None.
         states: one state or m; or places (m, n), or places and velocities (m, 2 n), at t = 0; the scene's
             start if not given. States of runs go on as `simulate(..., state=)` does.

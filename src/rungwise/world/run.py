@@ -52,8 +52,8 @@ def simulate(
     save_hard: str | Path | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> Any:
-    """Run `scene` on `model` to its outcome; options and errors as for `Simulation`. Returns a `Run`, of a
-    scene in space a `SpaceRun`.
+    """Run `scene`, or what `load` makes of it, on `model` to its outcome; options are those of `RunOptions`.
+    Returns a `Run`, of a scene in space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
 
     `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
     within the same time.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.run import TURN_S
+from rungwise.simulation.turns import TURN_S
 from rungwise.world import contract
 from rungwise.world.contract import Runs
 from rungwise.world.find import world_of

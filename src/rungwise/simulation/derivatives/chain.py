@@ -73,7 +73,7 @@ def run_sensitivity(
     """Take `steps` steps of length h, and differentiate the state after them.
 
     Args:
-        scene, model, parameters, theta: as for `Simulation`.
+        scene, model, parameters, theta: as for `simulate`.
         steps: how many, at least 1.
         h: length of each; the scene's own if not given.
         q, v: (n,) at the start, both or none. If none, the run starts as the scene does, and its start

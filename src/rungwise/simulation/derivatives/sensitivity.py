@@ -81,7 +81,7 @@ def step_sensitivity(
     """Take one step of length h from (q, v) and differentiate it.
 
     Args:
-        scene, model, parameters, theta: as for `Simulation`.
+        scene, model, parameters, theta: as for `simulate`.
         q, v: (n,) in the order of the scene's coordinates.
         wrt: which of "q", "v", "deformation", "inputs", "parameters"; all but "deformation" if not given.
         names: the parameters to differentiate by; all if not given.

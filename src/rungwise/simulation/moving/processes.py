@@ -18,8 +18,9 @@ from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import Stepper
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import worked
-from rungwise.simulation.moving.run import TURN_S, MovingSimulation
+from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.state import State
+from rungwise.simulation.turns import TURN_S
 
 FEW = 4
 """So many runs are not worth the start of other processes; they are made in this one."""

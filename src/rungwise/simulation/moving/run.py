@@ -7,21 +7,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.plain import cut
 from rungwise.scene import InvalidScene
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.stepper import ROUNDING, Stepper
-from rungwise.simulation.inputs import Schedule, Segment, condition, read_schedule
+from rungwise.simulation.inputs import condition
 from rungwise.simulation.moving.back import Begun, sooner
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
@@ -30,16 +27,11 @@ from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values
-from rungwise.simulation.options import MANY, ModelError, check_options, count, moving_rung, positive
+from rungwise.simulation.options import MANY, ModelError
 from rungwise.simulation.reasons.remarks import advice
-from rungwise.simulation.state import State, StateError, digest
+from rungwise.simulation.state import State, StateError
+from rungwise.simulation.turns import LONGEST, TURN_S, Turns
 
-TURN_S = 0.1
-"""Longest time of steps before the caller sees progress."""
-
-
-LONGEST = 10
-"""Under error control no step is longer than this fraction of the duration, so that conditions are seen."""
 GAINED = 1e-12
 """Work of contacts in a step, over all of it, that is rounding."""
 
@@ -48,43 +40,19 @@ Prepare = Callable[[dict[str, float]], Prepared]
 """Makes a scene ready at its parameters. Raises InvalidScene where it is impossible there."""
 
 
-class MovingSimulation(Kind):
-    """A run that is taken in turns, of what `prepare` makes of the scene; other arguments and errors as of
-    `simulation.run.Simulation`, but that no frames are kept where `frames` is None."""
+class MovingSimulation(Turns, Kind):
+    """A run that is taken in turns, of what `prepare` makes of the scene; no frames are kept where `frames`
+    is None."""
 
-    def __init__(
-        self,
-        scene: StatedScene,
-        model: Rung | str,
-        prepare: Prepare,
-        *,
-        parameters: Mapping[str, float] | None = None,
-        step: float | None = None,
-        tol: float | None = None,
-        duration: float | None = None,
-        span: float | None = None,
-        theta: float = 1.0,
-        motion: Mapping[str, float] | None = None,
-        state: State | None = None,
-        inputs: Schedule | None = None,
-        frames: int | None = 2000,
-        stride: int | None = None,
-        save_hard: str | Path | None = None,
-    ) -> None:
-        self.scene, self.model = scene, moving_rung(model)
-        step, tol, duration, self.theta = check_options(step, tol, duration, theta)
-        span = None if span is None else positive("span", span)
-        stride = None if stride is None else count("stride", stride, 1)
-        for name, given in (("motion", motion), ("save_hard", save_hard)):
-            if given is not None:
+    def __init__(self, scene: StatedScene, model: Rung | str, prepare: Prepare, **options: Any) -> None:
+        super().__init__(scene, model, options)
+        given = self.given
+        for name in ("motion", "save_hard"):
+            if getattr(given, name) is not None:
                 raise ModelError(f"{name}: is not known for {self.kind}")
-        self.parameters = scene.parameters(parameters)
-        self.inputs = read_schedule(scene, inputs) if inputs is not None else _schedule_of(state, scene)
-        self.wall_s, self._gained, self.reason = 0.0, 0.0, ""
-        self.outcome = Code.RUNNING
-        self.certificate: Certificate | None = None
+        self.inputs = self._schedule()
+        self._gained = 0.0
         self.stepper: Stepper | None = None
-        most = 0 if frames is None else count("frames", frames, 3)
         try:
             made = prepare(self.parameters)
         except InvalidScene as error:
@@ -94,24 +62,25 @@ class MovingSimulation(Kind):
         self.system.forget()
         self._bound: Any = bound
         self.notes: tuple[str, ...] = bound.notes
-        self.step = bound.step if step is None else step
+        self.step = bound.step if given.step is None else given.step
         template = scene.template
         columns = tuple(template.parameters.index(name) for name in template.inputs)
         self._margins = -math.inf, -math.inf
-        self._tol = math.inf if tol is None else tol
-        self._next = self.step
+        self._tol = math.inf if given.tol is None else given.tol
+        self._next, state = self.step, given.state
         self._clock = Clock(self.inputs, 0.0 if state is None else state.time, template.inputs, columns)
-        self._scheduled = bool(self.inputs) and duration is None
+        self._scheduled = bool(self.inputs) and given.duration is None
         self.stepper = Stepper(self.system, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
         before: list[Fault] | None = []
         if state is not None:
-            before = self._go_on(state, self.stepper, inputs is None)
-        self.end = duration or (self._clock.end if self.inputs else bound.duration)
-        self._longest = (self.end if span is None else span) / LONGEST
+            before = self._go_on(state, self.stepper, given.inputs is None)
+        self._end = given.duration or (self._clock.end if self.inputs else bound.duration)
+        self._longest = (given.span or self.end) / LONGEST
         if state is not None and not state.time < self.end:
             raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
+        most, stride = given.frames or 0, given.stride
         if stride is None:
             stride = max(1, math.ceil(min(self.end / self.step / max(most, 1), MANY)))
         self._recorder = Recorder(most, stride)
@@ -128,27 +97,15 @@ class MovingSimulation(Kind):
         if self.outcome != Code.RUNNING:
             self._explain(self.stepper)
 
-    def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
-            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
-        )
-
     @property
     def time(self) -> float:
         """Simulated time so far."""
         return 0.0 if self.stepper is None else self.stepper.time
 
     @property
-    def state(self) -> State:
-        """The state that the run has come to. Raises ValueError for a run that cannot begin."""
-        state: State = self.result().state
-        return state
-
-    @property
-    def progress(self) -> float:
-        """Simulated time over duration, 0..1."""
-        return 1.0 if self.outcome != Code.RUNNING else self.time / self.end
+    def end(self) -> float:
+        """Simulated time at which the run ends at the latest."""
+        return self._end
 
     def advance(self) -> bool:
         """Take steps for about `TURN_S`; returns whether the run goes on."""
@@ -356,26 +313,9 @@ class MovingSimulation(Kind):
         if stepper is not None and self._recorder.frames and self._recorder.frames[-1].time != stepper.time:
             self._recorder.take(stepper.time, self.frame, last=True)
         return self.run_of(
-            scene=self.scene,
-            model=self.model,
-            parameters=self.parameters,
-            inputs=self.inputs,
-            theta=self.theta,
-            outcome=OUTCOMES[self.outcome],
-            reason=self.reason or OUTCOMES[self.outcome].meaning,
-            time=self.time,
-            steps=0 if clock is None else int(clock["steps"]),
-            solves=0 if clock is None else int(clock["solves"]),
+            **self._record(clock),
             worst_residual=0.0 if stepper is None else stepper.residual,
-            wall_s=self.wall_s,
-            certificate=self.certificate,
             frames=tuple(self._recorder.frames) if stepper is not None else (),
             energy_gained=self._gained,
             notes=self._notes() if stepper is not None else (),
         )
-
-
-def _schedule_of(state: State | None, scene: StatedScene) -> tuple[Segment, ...]:
-    """The schedule that the run of a state followed, if it has a memory of this scene."""
-    memory = state.memory if isinstance(state, State) else None
-    return memory.inputs if memory is not None and memory.scene == digest(scene) else ()

@@ -14,7 +14,7 @@ from rungwise.models.ladder import Rung
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
-from rungwise.simulation.options import ModelError, check_options, count
+from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.workers import BUDGET, threads_of
 from rungwise.world.arguments import Asked
 from rungwise.world.moving.runs import MovingRuns
@@ -42,10 +42,8 @@ def rollout(
     on_progress: Callable[[int], None] | None,
 ) -> Kind:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them; `threads` are processes."""
-    check_options(options["step"], options["tol"], None, options["theta"])
-    if options["motion"] is not None:
+    if RunOptions(**options).motion is not None:
         raise ModelError(f"motion: is not known for {runs.kind}")
-    options = {name: value for name, value in options.items() if name != "motion"}
     most = BUDGET if budget is None else count("budget", budget, 1)
     processes = min(threads_of(threads), runs.most)
     size = None if chunk is None else count("chunk", chunk, 1)

@@ -25,7 +25,7 @@ from rungwise.simulation.moving.processes import (
     run_samples,
     spread,
 )
-from rungwise.simulation.options import ModelError, check_options, count
+from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.state import Memory, State, StateError, check_state, digest
 from rungwise.simulation.workers import BUDGET, threads_of
 from rungwise.world.contract import Places, Ran, Told
@@ -56,21 +56,18 @@ class MovingRuns:
 
     def __init__(
         self, scene: StatedScene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
-        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), step: float | None = None,
-        tol: float | None = None, duration: float | None = None, span: float | None = None,
-        theta: float = 1.0, motion: Mapping[str, float] | None = None, budget: int | None = None,
-        patience: int | None = None, threads: int | None = None,
+        until: Sequence[str | None] = (), ramps: Sequence[bool] = (), budget: int | None = None,
+        patience: int | None = None, threads: int | None = None, **options: Any,
     ) -> None:  # fmt: skip
-        if motion is not None:
+        given = RunOptions(**options)
+        if given.motion is not None:
             raise ModelError(f"motion: is not known for {self.kind}")
-        check_options(step, tol, duration, theta)
-        self.scene, self.model, self._over, self._theta = scene, model, tuple(over), theta
+        self.scene, self.model, self._over, self._theta = scene, model, tuple(over), given.theta
         self._until, self._ramps = tuple(until), tuple(ramps)
         self.parameters = scene.parameters(parameters)
         self.threads = min(threads_of(threads), self.most)
         most = BUDGET if budget is None else count("budget", budget, 1)
         most = most if patience is None else patience * WAITS
-        options = {"step": step, "tol": tol, "theta": theta, "duration": duration, "span": span}
         self._terms = Terms(scene, model, type(self).make, options, most, False)
         self._digest, self._values = digest(scene), memory_parts(scene).values
 
