@@ -206,7 +206,7 @@ def _least_distance(
     normal of contact c at its begin, at rest or carried with one of them."""
     a, b = seen.geom[c, 0], seen.geom[c, 1]
     x, y, z = seen.frame[c, 0], seen.frame[c, 1], seen.frame[c, 2]
-    first = _distance(a, b, x, y, z, shapes, begin)
+    first = separation(a, b, x, y, z, shapes, begin)
     turn_a, turn_b = part * _rate(rates.turn, shapes.body[a], v), part * _rate(rates.turn, shapes.body[b], v)
     bend = turn_a * part * _rate(rates.swing, shapes.body[a], v)
     bend += turn_b * part * _rate(rates.swing, shapes.body[b], v)
@@ -219,7 +219,7 @@ def _least_distance(
             continue
         g = a if k == 1 else b
         nx, ny, nz = (x, y, z) if k == 0 else _carried(g, x, y, z, begin, end)
-        last = _distance(a, b, nx, ny, nz, shapes, end)
+        last = separation(a, b, nx, ny, nz, shapes, end)
         bent = bend + 2.0 * turn * turn * apart + 2.0 * turn * speed
         best = max(best, min(first, last) - bent / 8.0)
     return best
@@ -270,7 +270,7 @@ def _radius(g: int, shapes: Shapes) -> float:
 
 
 @kernel
-def _distance(a: int, b: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
+def separation(a: int, b: int, x: float, y: float, z: float, shapes: Shapes, frames: Frames) -> float:
     """Distance of the geoms along an axis from a to b; negative where they overlap along it."""
     along = x * (frames.place[b, 0] - frames.place[a, 0])
     along += y * (frames.place[b, 1] - frames.place[a, 1])

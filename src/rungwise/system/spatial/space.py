@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from rungwise.system.spatial.features import (
 )
 from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
+from rungwise.system.spatial.nearest import Nearest
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import LOOKS, SLIP, Passing, frames
 from rungwise.system.spatial.reach import fastest_point, reaches
@@ -98,6 +100,8 @@ class Space:
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.room = ROOM * int(moving.sum()) + SPARE
         sizes = np.where(m.geom_rbound > 0.0, m.geom_rbound, np.inf)
+        self.nearest = Nearest(m, self.passing.shapes, sizes)
+        self._collide = self.nearest.collide if self.nearest.may_meet else partial(mujoco.mj_collision, m)
         length = float(sizes[moving].min(initial=np.inf))
         length = length if math.isfinite(length) else float(self.reaches.max(initial=0.0)) or 1.0
         self.lever = self.reaches.max(axis=0, initial=0.0)
@@ -282,7 +286,7 @@ class Space:
         if q is not self._q and not np.array_equal(q, self._q):
             m, d = self.model, self.data
             d.qpos[:] = q
-            if not (self.boxes.may_meet or self.rims.may_meet):
+            if not (self.boxes.may_meet or self.rims.may_meet or self.nearest.may_meet):
                 self._mujoco.mj_fwdPosition(m, d)
             else:
                 self._mujoco.mj_kinematics(m, d)
@@ -290,8 +294,9 @@ class Space:
                 self._mujoco.mj_tendon(m, d)
                 self._mujoco.mj_makeM(m, d)
                 self._mujoco.mj_factorM(m, d)
-                self._mujoco.mj_collision(m, d)
-                self.boxes.mend(d)
+                self._collide(d)
+                if self.boxes.may_meet:
+                    self.boxes.mend(d)
                 if self.rims.may_meet:
                     self.rims.mend(d)
                 self._mujoco.mj_makeConstraint(m, d)
