@@ -56,6 +56,18 @@ class Bound:
     records: rec.Records
     values: NDArray[np.float64]
 
+    @property
+    def tolerance(self) -> float:
+        return float(self.records.world[0]["tolerance"])
+
+    @property
+    def duration(self) -> float:
+        return float(self.records.world[0]["duration"])
+
+    @property
+    def step(self) -> float:
+        return float(self.records.world[0]["step"])
+
 
 @dataclass(frozen=True)
 class Scene:

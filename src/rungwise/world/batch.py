@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,6 @@ from rungwise.simulation.options import moving_rung
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.workers import names_of, outside
 from rungwise.world.find import world_of
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from rungwise.scene.contract import AnyScene
+
+
+def heading(scene: AnyScene) -> dict[str, Any]:
+    """Name and purpose of a scene."""
+    return {"scene": scene.name, "about": scene.file.about}
+
+
+def common(scene: AnyScene, parameters: Mapping[str, float], numbers: Any) -> dict[str, Any]:
+    """Parameters, conditions, and the tolerance, duration and step of a scene's numbers, as plain values."""
+    return {
+        "parameters": {
+            name: {"value": parameters[name], **parameter.model_dump()}
+            for name, parameter in scene.file.parameters.items()
+        },
+        **{name: getattr(scene.file, name) for name in ("goal", "unsafe", "doomed")},
+        **{name: getattr(numbers, name) for name in ("tolerance", "duration", "step")},
+    }
+
 
 def stated(report: Mapping[str, Any], width: int) -> list[str]:
     """Lines of the parameters, whose names have this width, of the conditions, and of times and tolerance."""

@@ -7,8 +7,10 @@ no momentum to bounce with.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,24 +31,36 @@ TOUCHES = 1e-3
 """Bodies that come nearer than this part of the size of what moves count as having met."""
 
 
-class Variant(Protocol):
+@dataclass(frozen=True)
+class Variant(ABC):
     """A scene at its parameters, on a rung, at an accuracy (the error allowed per step), taken apart into
-    ingredients."""
+    ingredients, and put together from two."""
 
-    @property
-    def scene(self) -> Any: ...
-    @property
-    def parameters(self) -> dict[str, float]: ...
-    @property
-    def model(self) -> Rung: ...
-    @property
-    def tol(self) -> float: ...
+    scene: Any
+    parameters: dict[str, float]
+    model: Rung
+    tol: float
 
+    @abstractmethod
     def effective(self, ingredient: str) -> Any:
         """What the ingredient amounts to: plain values that are equal where it is the same."""
 
+    @abstractmethod
+    def resolved(self, friction: Self, support: Self, give: Self, bounce: Self) -> Any:
+        """The scene without conditions, with numbers of contacts and supports from these variants."""
+
     def mixed(self, other: Self, taken: frozenset[str]) -> Self:
         """This variant, with the ingredients `taken` from the other, and without conditions."""
+        of = {name: other if name in taken else self for name in INGREDIENTS}
+        base, model, tol = of[OTHER], of[BALANCE].model, of[ACCURACY].tol
+        if model.metric:
+            return replace(base, scene=base.resolved(base, base, base, base), model=model, tol=tol)
+        model = Rung(
+            "hybrid", 3, "between two worlds", friction=of[FRICTION].model.friction,
+            compliant=of[COMPLIANCE].model.compliant, inertia=of[INERTIA].model.inertia,
+        )  # fmt: skip
+        scene = base.resolved(of[FRICTION], of[SUPPORT], of[COMPLIANCE], of[RESTITUTION])
+        return replace(base, scene=scene, model=model, tol=tol)
 
 
 @dataclass(frozen=True)
@@ -106,3 +120,12 @@ def parameters(parting: Parting) -> dict[str, Any]:
     """Parameters that differ."""
     one, other = (variant.parameters for variant in parting.variants)
     return {name: [one[name], other[name]] for name in one if name in other and one[name] != other[name]}
+
+
+def evidence_of(
+    own: Mapping[str, Callable[[Parting], dict[str, Any]]], parting: Parting, causes: Sequence[str]
+) -> dict[str, dict[str, Any]]:
+    """Numbers for each cause, plain values by name: those that a world's `own` functions give, and else what
+    holds in all worlds."""
+    known = {BALANCE: speeds, INERTIA: speeds, ACCURACY: accuracy, OTHER: parameters, **own}
+    return {cause: known[cause](parting) for cause in causes if cause in known}

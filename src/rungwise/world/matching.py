@@ -9,11 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from scipy.optimize import brentq
 
+from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
+from rungwise.system.terms import Terms
 
 STIFFNESS, DAMPING, BOUNCE, TURN = "match_stiffness", "match_damping", "match_bounce_{}", "match_inertia_{}"
 """Parameters of a matched scene: factors of all stiffnesses and dampings, restitution of each contact, and
@@ -61,3 +64,35 @@ def damping_ratio(bounce: float) -> float:
     if bounce >= 1.0:
         return 0.0
     return float(brentq(lambda ratio: restitution(ratio) - bounce, 0.0, 1.0 / math.sqrt(bounce)))
+
+
+class Alike(NamedTuple):
+    """Restitution, damping and damping ratio of a contact that say the same."""
+
+    restitution: float
+    damping: float
+    ratio: float
+
+    def told(self, stiffness: float, mass: float) -> str:
+        return (
+            f"restitution {self.restitution:.3g} and damping ratio {self.ratio:.3g} (stiffness"
+            f" {stiffness:.3g}, damping {self.damping:.3g}, mass {mass:.3g} at first touch)"
+        )
+
+
+def alike(bounce: float, damping: float, stiffness: float, mass: float) -> Alike:
+    """Where a contact has restitution, its damping follows from that, otherwise its restitution follows from
+    its damping."""
+    critical = 2.0 * math.sqrt(stiffness * mass)
+    if bounce > 0.0:
+        ratio = damping_ratio(bounce)
+        return Alike(bounce, ratio * critical, ratio)
+    ratio = damping / critical
+    return Alike(restitution(ratio), damping, ratio)
+
+
+def flexibility(terms: Terms, row: int, free: Ints) -> float:
+    """How far a unit of impulse along a row moves the free velocities along it: one over the mass that a
+    contact feels, without friction."""
+    normal: Reals = terms.rows[row, free]
+    return float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,6 @@ from rungwise.simulation.planar.questions import read
 from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
-
-if TYPE_CHECKING:
-    pass
 
 SMALLEST = 5e-324
 """Smallest number greater than 0."""

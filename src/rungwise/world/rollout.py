@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -17,9 +17,6 @@ from rungwise.simulation.rows import States
 from rungwise.world.arguments import asked
 from rungwise.world.find import world_of
 from rungwise.world.rolled import Rolled
-
-if TYPE_CHECKING:
-    pass
 
 
 @keywords

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -14,9 +14,6 @@ from rungwise.simulation.inputs import Schedule
 from rungwise.simulation.options import count
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
-
-if TYPE_CHECKING:
-    pass
 
 
 def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung | str, **options: Any) -> Any:

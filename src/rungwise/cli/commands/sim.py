@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -20,9 +20,6 @@ from rungwise.cli.arguments import (
 )
 from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
 from rungwise.world.any_run import AnyRun
-
-if TYPE_CHECKING:
-    pass
 
 
 def sim(

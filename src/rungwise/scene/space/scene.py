@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,9 +21,6 @@ from rungwise.scene.space.laws import smallest
 from rungwise.scene.space.model import LIBRARY, model_path
 from rungwise.scene.space.numbers import FARTHEST
 from rungwise.scene.stated import StatedScene
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.stepper import OVERLAP
 from rungwise.world.contract import OBJECT
 from rungwise.world.moving.instance import MovingInstance, body_of
 from rungwise.world.moving.place import MovingPlace
 
 
-class MovingConfigurations:
+class StraightWays:
+    """The part of `Configurations` that holds where changes are differences of places."""
+
+    unit: Reals
+
+    def changed(self, rows: Reals, change: Reals) -> Reals:
+        return np.asarray(rows + change)
+
+    def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
+        return np.asarray(a + at[:, None] * (b - a))
+
+    def lengths(self, way: Reals) -> Reals:
+        return np.asarray(np.linalg.norm(np.diff(way / self.unit, axis=0), axis=1))
+
+
+class MovingConfigurations(StraightWays):
     """See `Configurations`: changes are differences of places, and a body moves as far as its coordinates do.
     Raises InputError for scenes in which velocities are no rates of places."""
 
@@ -34,9 +51,7 @@ class MovingConfigurations:
             [k for k, owner in enumerate(owners) if owner == body] for body in dict.fromkeys(owners)
         ]
         self._owners = np.eye(len(self.names), dtype=bool)[owners]
-        self._kept = [k for k, pair in enumerate(template.contacts) if without not in pair]
-        pairs = [[self.names.index(name) for name in template.contacts[k]] for k in self._kept]
-        self.pairs = np.array(pairs, np.int64).reshape(-1, 2)
+        self._kept, self.pairs = pairs_without(template, without)
 
     def look(self, rows: Reals) -> tuple[Reals, Reals]:
         return self._place.geometry(rows)[0][:, self._kept], rows
@@ -44,11 +59,9 @@ class MovingConfigurations:
     def moved(self, marks: Reals) -> Reals:
         return np.asarray(np.sqrt(np.diff(marks, axis=0) ** 2 @ self._owners))
 
-    def changed(self, rows: Reals, change: Reals) -> Reals:
-        return np.asarray(rows + change)
 
-    def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
-        return np.asarray(a + at[:, None] * (b - a))
-
-    def lengths(self, way: Reals) -> Reals:
-        return np.asarray(np.linalg.norm(np.diff(way / self.unit, axis=0), axis=1))
+def pairs_without(template: Any, without: str) -> tuple[list[int], Ints]:
+    """Numbers of the pairs that may touch, but for those of the body `without`, and their bodies (c, 2)."""
+    kept = [k for k, pair in enumerate(template.contacts) if without not in pair]
+    pairs = [[template.bodies.index(name) for name in template.contacts[k]] for k in kept]
+    return kept, np.array(pairs, np.int64).reshape(-1, 2)

@@ -11,19 +11,24 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.moving.prepared import Prepared
+from rungwise.simulation.moving.prepared import Numbers, Prepared
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT, Moved
+from rungwise.world.parts import BoundInstance
 
 
 @dataclass(frozen=True)
-class MovingInstance:
+class MovingInstance(BoundInstance):
     """See `Instance`: coordinates are lengths of the bodies by whose names they begin, nothing bounds them,
     and nothing lies on supports."""
 
     scene: StatedScene
     made: Prepared
     roles: Mapping[str, str]
+
+    @property
+    def bound(self) -> Numbers:
+        return self.made.bound
 
     @cached_property
     def _start(self) -> tuple[Reals, Reals]:
@@ -43,18 +48,6 @@ class MovingInstance:
         return np.repeat([[-math.inf], [math.inf]], len(self.q), axis=1)
 
     @property
-    def duration(self) -> float:
-        return self.made.bound.duration
-
-    @property
-    def step(self) -> float:
-        return self.made.bound.step
-
-    @property
-    def tolerance(self) -> float:
-        return self.made.bound.tolerance
-
-    @property
     def smallest(self) -> float:
         return float(self.made.system.size.length)
 
@@ -67,10 +60,6 @@ class MovingInstance:
         )
         turns = np.array([range(first, first + 4) for first in template.turns], np.int64).reshape(-1, 4)
         return Moved(weights, self.smallest, turns, rates)
-
-    @property
-    def stops(self) -> Reals | None:
-        return None
 
     def carrier(self, name: str, _numbers: Mapping[str, float]) -> Carrier:
         raise TaskError(f"task.transit.{name}: no body of {self.scene.name} is led through free space")

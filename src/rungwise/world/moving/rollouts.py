@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar
@@ -13,11 +12,12 @@ from numpy.typing import NDArray
 from rungwise.models.ladder import Rung
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.moving.frames import WORK
-from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms, nothing, run_samples, spread
+from rungwise.simulation.moving.processes import Ends, Sample, Sampled, Terms
 from rungwise.simulation.options import ModelError, RunOptions, count
 from rungwise.simulation.workers import BUDGET, threads_of
 from rungwise.world.arguments import Asked
-from rungwise.world.moving.runs import MovingRuns
+from rungwise.world.contract import Told
+from rungwise.world.moving.runs import MOST, PARTS, MovingRuns, columns, sampled
 from rungwise.world.rolled import Rolled
 from rungwise.world.run import simulate
 
@@ -39,7 +39,7 @@ Kind = TypeVar("Kind", bound=MovingRollouts)
 def rollout(
     kind: type[Kind], runs: type[MovingRuns], scene: StatedScene, model: Rung, wanted: Asked,
     options: dict[str, Any], *, keep: bool, budget: int | None, threads: int | None, chunk: int | None,
-    on_progress: Callable[[int], None] | None,
+    on_progress: Told | None,
 ) -> Kind:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them; `threads` are processes."""
     if RunOptions(**options).motion is not None:
@@ -49,21 +49,9 @@ def rollout(
     size = None if chunk is None else count("chunk", chunk, 1)
     terms = Terms(scene, model, runs.make, options, most, keep)
     m = len(wanted.points)
-    numbers = [i for i in range(m) if i not in wanted.faults]
-    size = size or max(1, min(16, len(numbers) // (4 * processes)))
-    parts = [
-        [Sample(**wanted.options(scene, i)) for i in numbers[at : at + size]]
-        for at in range(0, len(numbers), size)
-    ]
-    found = [nothing(scene, "")] * m
-    done = m - len(numbers)
-    look = None if on_progress is None else lambda: on_progress(done)
-    for part in spread(run_samples, terms, parts, len(numbers), processes, look):
-        for sampled in part:
-            found[numbers[done - m + len(numbers)]] = sampled
-            done += 1
-        if on_progress is not None:
-            on_progress(done)
+    samples = {i: Sample(**wanted.options(scene, i)) for i in range(m) if i not in wanted.faults}
+    size = size or max(1, min(MOST, len(samples) // (PARTS * processes)))
+    found = sampled(terms, samples, m, processes, size, on_progress)
     faults = wanted.faults | {i: f"sample {i}: {each.fault}" for i, each in enumerate(found) if each.fault}
     ends = _ends(scene, found, wanted.lengths.shape[1]) if keep else Ends(*[np.zeros((0, 0))] * 5)
 
@@ -74,12 +62,7 @@ def rollout(
         return simulate(scene, model, **of_sample(i))
 
     return kind(
-        scene=scene, model=model, outcome=np.array([each.outcome for each in found], np.int64),
-        margin=np.array([each.margin for each in found]), time=np.array([each.time for each in found]),
-        steps=np.array([each.steps for each in found], np.int64),
-        attempts=np.array([each.attempts for each in found], np.int64),
-        solves=np.array([each.solves for each in found], np.int64),
-        switches=np.array([each.switches for each in found], np.int64),
+        scene=scene, model=model, **columns(found),
         worst_residual=np.array([each.residual for each in found]),
         final=np.array([each.q for each in found]), speed=np.array([each.v for each in found]),
         faults=faults, memory=ends.memory, _again=again,

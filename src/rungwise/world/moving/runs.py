@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -46,6 +46,34 @@ def of_world(scene: StatedScene, model: Rung, **options: Any) -> Any:
     return world_of(scene).simulation(model, **options)
 
 
+def sampled(
+    terms: Terms, samples: dict[int, Sample], m: int, processes: int, size: int, on_progress: Told | None
+) -> list[Sampled]:
+    """How m runs ended, of which those of these samples are made, `size` by one task; `on_progress` counts
+    the others as done."""
+    numbers, found = list(samples), [nothing(terms.scene, "")] * m
+    parts = [[samples[i] for i in numbers[at : at + size]] for at in range(0, len(numbers), size)]
+    done = 0
+
+    def look() -> None:
+        if on_progress is not None:
+            on_progress(m - len(numbers) + done)
+
+    for part in spread(run_samples, terms, parts, len(numbers), processes, look):
+        for each in part:
+            found[numbers[done]] = each
+            done += 1
+    look()
+    return found
+
+
+def columns(found: list[Sampled]) -> dict[str, Any]:
+    """What `Ran` and `Rolled` have in common, of runs that ended so."""
+    whole = ("outcome", "steps", "attempts", "solves", "switches")
+    counted = {name: np.array([getattr(each, name) for each in found], np.int64) for name in whole}
+    return counted | {name: np.array([getattr(each, name) for each in found]) for name in ("margin", "time")}
+
+
 class MovingRuns:
     """Runs of a scene on one rung; options as of `World.runs`, but `threads` are processes."""
 
@@ -77,22 +105,14 @@ class MovingRuns:
         chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,
     ) -> Ran:  # fmt: skip
         """See `Runs.run`."""
-        m = len(points)
-        numbers = [i for i in range(m) if wrong is None or not wrong[i]]
-        size = chunk or max(1, min(MOST, math.ceil(len(numbers) / (PARTS * self.threads))))
-        samples = [self._sample(i, points, places, durations, levels) for i in numbers]
-        parts = [samples[at : at + size] for at in range(0, len(samples), size)]
-        terms, found, done = self._terms._replace(ends=ends, keeps=keeps), [nothing(self.scene, "")] * m, 0
-
-        def look() -> None:
-            if on_progress is not None:
-                on_progress(done)
-
-        for part in spread(run_samples, terms, parts, len(samples), self.threads, look):
-            for each in part:
-                found[numbers[done]] = each
-                done += 1
-        look()
+        samples = {
+            i: self._sample(i, points, places, durations, levels)
+            for i in range(len(points))
+            if wrong is None or not wrong[i]
+        }
+        size = chunk or max(1, min(MOST, math.ceil(len(samples) / (PARTS * self.threads))))
+        terms = self._terms._replace(ends=ends, keeps=keeps)
+        found = sampled(terms, samples, len(points), self.threads, size, on_progress)
         return self._ran(found, begins=False)
 
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
@@ -168,14 +188,10 @@ class MovingRuns:
     def _ran(self, found: list[Sampled], begins: bool) -> Ran:
         memory = np.empty(len(found), object)  # their lengths differ
         memory[:] = [each.memory for each in found]
-        time = np.array([each.time for each in found])
         n_q, n_v = len(self.scene.template.coordinates), len(self.scene.template.velocities)
         q = np.array([each.q for each in found]).reshape(len(found), n_q)
         v = np.array([each.v for each in found]).reshape(len(found), n_v)
         known = np.array([len(each.memory) > 0 for each in found], bool)
-
-        def counted(of: Callable[[Sampled], int]) -> Ints:
-            return np.array([of(each) for each in found], np.int64)
 
         def at(segment: int, rows: Ints) -> Places:
             ends = [found[i].ends for i in rows.tolist()]
@@ -184,13 +200,10 @@ class MovingRuns:
             parts = [np.array([getattr(end, name)[segment] for end in ends]) for name in ("q", "v", "time")]
             return Places(parts[0], parts[1], parts[2], there, np.ones(len(ends), bool))
 
+        own = columns(found)
         return Ran(
-            outcome=counted(lambda each: each.outcome), margin=np.array([each.margin for each in found]),
-            time=time, steps=counted(lambda each: each.steps),
-            attempts=counted(lambda each: each.attempts), solves=counted(lambda each: each.solves),
-            switches=counted(lambda each: each.switches),
-            residual=np.array([each.residual for each in found]),
+            **own, residual=np.array([each.residual for each in found]),
             work=np.array([each.drive_work for each in found]),
-            places=Places(q, v, time, memory, known & (not begins)),
+            places=Places(q, v, own["time"], memory, known & (not begins)),
             faults={i: each.fault for i, each in enumerate(found) if each.fault}, at=at,
         )  # fmt: skip

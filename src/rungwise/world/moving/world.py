@@ -17,8 +17,8 @@ from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.world.arguments import Asked
 from rungwise.world.contract import OBJECT, OBSTACLE, OTHER_SHAPES, ROBOT, Told
-from rungwise.world.description import stated
-from rungwise.world.ingredients import Parting
+from rungwise.world.description import common, heading, stated
+from rungwise.world.ingredients import Parting, evidence_of
 from rungwise.world.matching import Matched
 from rungwise.world.moving.configurations import MovingConfigurations
 from rungwise.world.moving.instance import MovingInstance, body_of
@@ -26,7 +26,7 @@ from rungwise.world.moving.marks import Coordinates
 from rungwise.world.moving.place import MovingPlace
 from rungwise.world.moving.rollouts import MovingRollouts, rollout
 from rungwise.world.moving.runs import MovingRuns
-from rungwise.world.moving.variant import MovingVariant, evidence
+from rungwise.world.moving.variant import MovingVariant
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class MovingWorld(ABC):
         return MovingVariant(self.scene, parameters, model, tol)
 
     def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        return evidence(parting, tuple(causes))
+        return evidence_of({}, parting, causes)
 
     def end(self, run: MovingRun) -> dict[str, Any]:
         """Outcome and time."""
@@ -110,24 +110,18 @@ class MovingWorld(ABC):
 
     def describe(self, parameters: Mapping[str, float]) -> dict[str, Any]:
         """Bodies with roles and coordinates, contacts, parameters, conditions. Plain values."""
-        file, template, here = self.scene.file, self.scene.template, self.at(parameters)
+        template, here = self.scene.template, self.at(parameters)
         bodies: dict[str, Any] = {
             name: {"role": role, "coordinates": {}} for name, role in self.roles(parameters).items()
         }
         for name, start in zip(template.coordinates, here.q.tolist(), strict=True):
             bodies[body_of(name)]["coordinates"][name.partition(".")[2]] = {"start": start}
-        return {
-            "scene": self.scene.name,
-            "about": file.about,
-            "bodies": bodies,
-            "contacts": [{"between": list(pair)} for pair in template.contacts],
-            "parameters": {
-                name: {"value": parameters[name], **parameter.model_dump()}
-                for name, parameter in file.parameters.items()
-            },
-            **{name: getattr(file, name) for name in ("goal", "unsafe", "doomed")},
-            **{name: getattr(here, name) for name in ("tolerance", "duration", "step")},
-        }
+        contacts = [{"between": list(pair)} for pair in template.contacts]
+        return (
+            heading(self.scene)
+            | {"bodies": bodies, "contacts": contacts}
+            | common(self.scene, parameters, here)
+        )
 
     def described(self, report: Mapping[str, Any]) -> str:
         lines = [f"{report['scene']}: {report['about']}", "bodies"]

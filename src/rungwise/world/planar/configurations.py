@@ -13,6 +13,7 @@ from rungwise.kernel import Reals
 from rungwise.scene import Scene
 from rungwise.system.planar.place import turns
 from rungwise.world.contract import OBJECT
+from rungwise.world.moving.configurations import StraightWays, pairs_without
 from rungwise.world.planar.instance import roles_in_plane
 from rungwise.world.planar.place import PlanarPlace
 
@@ -20,10 +21,10 @@ ROUNDING = 1e-9
 """Overlap that counts as rounding, in parts of the size of what is moved."""
 
 
-class PlanarConfigurations:
-    """See `Configurations`: changes are differences of places."""
+class PlanarConfigurations(StraightWays):
+    """See `Configurations`."""
 
-    def __init__(self, scene: Scene, parameters: Mapping[str, float], size: float, without: str) -> None:
+    def __init__(self, scene: Scene, parameters: Mapping[str, float], size: float, without: str = "") -> None:
         records = scene.bind(parameters).records
         self._place = PlanarPlace(scene, parameters)
         coordinates, reach = records.coordinates, records.shapes["reach"]
@@ -41,10 +42,7 @@ class PlanarConfigurations:
         self._reach = np.zeros(len(records.bodies))
         for shape, far in zip(records.shapes, np.where(np.isfinite(reach), reach, 0.0), strict=True):
             self._reach[shape["body"]] = max(self._reach[shape["body"]], far)
-        contacts = scene.template.contacts
-        self._kept = [k for k, pair in enumerate(contacts) if without not in pair]
-        pairs = [[self.names.index(name) for name in contacts[k]] for k in self._kept]
-        self.pairs = np.array(pairs, np.int64).reshape(-1, 2)
+        self._kept, self.pairs = pairs_without(scene.template, without)
         owners, roles = coordinates["body"].tolist(), roles_in_plane(scene)
         self.objects = np.array([roles[self.names[body]] == OBJECT for body in owners], bool)
         self.bodies = [[i for i, owner in enumerate(owners) if owner == body] for body in set(owners)]
@@ -56,15 +54,6 @@ class PlanarConfigurations:
     def moved(self, marks: Reals) -> Reals:
         moved = np.linalg.norm(np.diff(marks[..., :2], axis=0), axis=-1)
         return np.asarray(moved + self._reach * np.abs(_wrapped(np.diff(marks[..., 2], axis=0))))
-
-    def changed(self, rows: Reals, change: Reals) -> Reals:
-        return np.asarray(rows + change)
-
-    def between(self, a: Reals, b: Reals, at: Reals) -> Reals:
-        return np.asarray(a + at[:, None] * (b - a))
-
-    def lengths(self, way: Reals) -> Reals:
-        return np.asarray(np.linalg.norm(np.diff(way / self.unit, axis=0), axis=1))
 
 
 def _wrapped(angles: Reals) -> Reals:

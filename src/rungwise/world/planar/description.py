@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rungwise.scene import Scene
 from rungwise.scene.fields.fields import Drive, Joint
 from rungwise.system.planar.place import turns
-from rungwise.world.description import stated
+from rungwise.world.description import common, heading, stated
 
 
 def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
@@ -57,30 +57,8 @@ def describe(scene: Scene, parameters: Mapping[str, float]) -> dict[str, Any]:
     for index, (name, joint) in enumerate(file.joints.items()):
         own = records.measures[records.measures["joint"] == index]
         joints[name] = {"kind": joint.kind, "between": list(joint.between)} | _freedom(joint, own)
-    world = records.world[0]
-    return {
-        "scene": scene.name,
-        "about": file.about,
-        "bodies": bodies,
-        "joints": joints,
-        "contacts": contacts,
-        "parameters": {
-            name: {
-                "value": parameters[name],
-                "default": p.default,
-                "range": p.range,
-                "unit": p.unit,
-                "about": p.about,
-            }
-            for name, p in file.parameters.items()
-        },
-        "goal": file.goal,
-        "unsafe": file.unsafe,
-        "doomed": file.doomed,
-        "tolerance": float(world["tolerance"]),
-        "duration": float(world["duration"]),
-        "step": float(world["step"]),
-    }
+    own = {"bodies": bodies, "joints": joints, "contacts": contacts}
+    return heading(scene) | own | common(scene, parameters, bound)
 
 
 def _law(drive: Drive | None) -> str:

@@ -7,34 +7,16 @@ Each pair of numbers is of the first and of the second run.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.contact.step import ANY, FORWARD, NAMES, OPEN
 from rungwise.simulation.result import Run
-from rungwise.world.ingredients import (
-    ACCURACY,
-    BALANCE,
-    COMPLIANCE,
-    FRICTION,
-    INERTIA,
-    OTHER,
-    RESTITUTION,
-    SUPPORT,
-    TOUCHES,
-    Motion,
-    Parting,
-    accuracy,
-    of_body,
-    parameters,
-    speeds,
-)
+from rungwise.world import ingredients
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, evidence_of, of_body
 from rungwise.world.planar.variant import RESISTS, PlanarVariant
-
-if TYPE_CHECKING:
-    pass
 
 ACTS = 1e-6
 """Entries of a certificate below this part of the greatest take no part in it."""
@@ -42,11 +24,11 @@ ACTS = 1e-6
 
 def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name."""
-    known = {
-        BALANCE: speeds, FRICTION: _contact, SUPPORT: _support, COMPLIANCE: _overlap, INERTIA: _coasting,
-        RESTITUTION: _bounce, ACCURACY: accuracy, OTHER: parameters,
+    own = {
+        ingredients.FRICTION: _contact, ingredients.SUPPORT: _support, ingredients.COMPLIANCE: _overlap,
+        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
     }  # fmt: skip
-    return {cause: known[cause](parting) for cause in causes if cause in known}
+    return evidence_of(own, parting, causes)
 
 
 def end(run: Run) -> dict[str, Any]:

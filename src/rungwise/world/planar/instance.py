@@ -15,15 +15,16 @@ from rungwise.scene.template.records import Records
 from rungwise.system.planar.place import start
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT, Moved
+from rungwise.world.parts import BoundInstance
 from rungwise.world.planar.carriers import carrier
 
 
 @dataclass(frozen=True)
-class PlanarInstance:
+class PlanarInstance(BoundInstance):
     """See `Instance`."""
 
     scene: Scene
-    parameters: Mapping[str, float] | None
+    parameters: Mapping[str, float] | None = None
 
     @cached_property
     def bound(self) -> Bound:
@@ -50,21 +51,6 @@ class PlanarInstance:
         return np.array([own["lower"], own["upper"]])
 
     @property
-    def duration(self) -> float:
-        return self._world("duration")
-
-    @property
-    def step(self) -> float:
-        return self._world("step")
-
-    @property
-    def tolerance(self) -> float:
-        return self._world("tolerance")
-
-    def _world(self, field: str) -> float:
-        return float(self.bound.records.world[0][field])
-
-    @property
     def smallest(self) -> float:
         reach = self.bound.records.shapes["reach"]
         known = reach[np.isfinite(reach) & (reach > 0.0)]
@@ -86,7 +72,7 @@ class PlanarInstance:
         return carrier(self.scene, name, self.bound, numbers)
 
 
-def roles_in_plane(scene: Scene) -> dict[str, str]:
+def roles_in_plane(scene: Scene, _parameters: Mapping[str, float] | None = None) -> dict[str, str]:
     """The role of each body, as it is written."""
     return {name: body.role for name, body in scene.file.bodies.items()}
 

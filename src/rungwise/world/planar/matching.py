@@ -6,8 +6,6 @@ import json
 import math
 from typing import Any
 
-import numpy as np
-
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
 from rungwise.scene.template.records import Records
@@ -15,7 +13,7 @@ from rungwise.simulation.inputs import Segment
 from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
 from rungwise.world.ingredients import CONDITIONS
-from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, damping_ratio, restitution
+from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, alike, flexibility
 from rungwise.world.planar.variant import GIVE, PlanarVariant
 from rungwise.world.run import finished
 
@@ -32,17 +30,11 @@ def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matc
         bounce, mass, label = float(record["restitution"]), masses.get(k), "|".join(pair)
         ratio = math.nan
         if mass is not None:
-            critical = 2.0 * math.sqrt(give["stiffness"] * mass)
+            same = alike(bounce, give["damping"], give["stiffness"], mass)
             if bounce > 0.0:
-                ratio = damping_ratio(bounce)
-                give |= dict.fromkeys(("damping", "tangential_damping"), ratio * critical)
-            else:
-                ratio = give["damping"] / critical
-                bounce = restitution(ratio)
-            notes.append(
-                f"{label}: restitution {bounce:.3g} and damping ratio {ratio:.3g} (stiffness"
-                f" {give['stiffness']:.3g}, damping {give['damping']:.3g}, mass {mass:.3g} at first touch)"
-            )
+                give |= dict.fromkeys(("damping", "tangential_damping"), same.damping)
+            bounce, ratio = same.restitution, same.ratio
+            notes.append(f"{label}: {same.told(give['stiffness'], mass)}")
         extra[BOUNCE.format(k)] = bounce
         ratios.append(ratio)
         contacts.append(_contact(pair, float(record["friction"]), k, give))
@@ -87,10 +79,9 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
         pairs = bare.bind(parameters).records.pairs["contact"]
         for row, slot in enumerate(run.workspace.scratch.slots[: int(clock["contacts"])]):
             if slot // 2 < len(pairs) and pairs[slot // 2] == k:
-                normal = terms.rows[2 * row, free]
-                flexibility = float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
-                if flexibility > 0.0:
-                    found.setdefault(k, 1.0 / flexibility)
+                moves = flexibility(terms, 2 * row, free)
+                if moves > 0.0:
+                    found.setdefault(k, 1.0 / moves)
     return found
 
 

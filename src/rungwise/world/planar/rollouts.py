@@ -21,6 +21,7 @@ from rungwise.simulation.state import State, StateError, memory_of
 from rungwise.simulation.workers import CHUNK, Workers
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
+from rungwise.world.planar.runs import columns
 from rungwise.world.rolled import Rolled
 from rungwise.world.run import finished
 
@@ -84,10 +85,7 @@ def rollout(
         return finished(Simulation(scene, rung, **of_sample(i)))
 
     return Rollouts(
-        scene=scene, model=rung, outcome=found["outcome"].copy(), margin=found["margin"].copy(),
-        time=found["time"].copy(), steps=found["steps"].copy(), attempts=found["attempts"].copy(),
-        solves=found["solves"].copy(),
-        switches=found["switches"].copy(), worst_residual=found["worst_residual"].copy(),
+        scene=scene, model=rung, **columns(found), worst_residual=found["worst_residual"].copy(),
         final=samples.final[:, :n].copy(), speed=samples.final[:, n:].copy(), faults=faults,
         memory=samples.kept, _like=workers.workspace.state, _again=again, _schedules=schedule,
         _theta=workers.theta,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.scene import Scene
@@ -27,15 +27,21 @@ LONGEST, SHORT = 1000, 1e-1
 one."""
 
 
+def columns(found: RecordArray) -> dict[str, Any]:
+    """What `Ran` and `Rolled` have in common, from results of samples."""
+    names = ("outcome", "margin", "time", "steps", "attempts", "solves", "switches")
+    return {name: found[name].copy() for name in names}
+
+
 class PlanarRuns:
     """Runs of a planar scene on one rung; options as of `World.runs`."""
 
     def __init__(
-        self, scene: Scene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
+        self, scene: Scene, /, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
         tol: float | None = None, patience: int | None = None, **options: Any,
     ) -> None:  # fmt: skip
         if patience is not None and tol is not None:
-            tolerance = float(scene.bind(parameters).records.world[0]["tolerance"])
+            tolerance = scene.bind(parameters).tolerance
             options |= {"budget": patience * LONGEST, "jam": max(JAM, SHORT * tol / tolerance)}
         self.scene, self.model = scene, model
         self._options = {"tol": tol} | {name: options[name] for name in ("step", "theta") if name in options}
@@ -66,10 +72,10 @@ class PlanarRuns:
 
     def _ran(self, samples: Samples, before: Reals) -> Ran:
         found, kept, m = samples.results, samples.kept, len(samples.points)
-        n, switches = samples.final.shape[1] // 2, found["switches"].astype(np.int64)
+        n = samples.final.shape[1] // 2
         last = np.zeros((m, 0))
         if len(kept):
-            last = kept[np.arange(m), np.minimum(switches, kept.shape[1] - 1)]
+            last = kept[np.arange(m), np.minimum(found["switches"], kept.shape[1] - 1)]
 
         def at(segment: int, rows: Ints) -> Places:
             there = kept[rows, segment]
@@ -81,10 +87,7 @@ class PlanarRuns:
             np.full(m, len(kept) > 0),
         )  # fmt: skip
         return Ran(
-            outcome=found["outcome"].astype(np.int64), margin=found["margin"].copy(),
-            time=found["time"].copy(), steps=found["steps"].astype(np.int64),
-            attempts=found["attempts"].astype(np.int64), solves=found["solves"].astype(np.int64),
-            switches=switches, residual=found["worst_residual"].copy(),
+            **columns(found), residual=found["worst_residual"].copy(),
             work=self._read("drive_work", last) - before if len(kept) else np.full(m, math.nan),
             places=places, faults={}, at=at,
         )  # fmt: skip
@@ -130,7 +133,7 @@ class PlanarRuns:
 
     def _span(self, given: Mapping[str, float]) -> float:
         """How long a whole run lasts."""
-        return self._whole or float(self.scene.bind(given).records.world[0]["duration"])
+        return self._whole or self.scene.bind(given).duration
 
     def numbers(self, places: Places) -> Reals:
         return np.asarray(self._read("values", places.memory))

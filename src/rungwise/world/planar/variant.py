@@ -4,28 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from rungwise.kernel import Ints
-from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.scene import Scene, load
 from rungwise.scene.language.expression import STACK
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.records import Records
-from rungwise.world.ingredients import (
-    ACCURACY,
-    BALANCE,
-    COMPLIANCE,
-    CONDITIONS,
-    FRICTION,
-    INERTIA,
-    OTHER,
-    RESTITUTION,
-    SUPPORT,
-)
+from rungwise.world.ingredients import CONDITIONS, RESTITUTION, Variant
 
 GIVE = (
     "stiffness", "damping", "tangential_stiffness", "tangential_damping", "coupling_stiffness",
@@ -34,14 +22,10 @@ GIVE = (
 RESISTS = ("damping", "dry_friction")
 
 
-@dataclass(frozen=True)
-class PlanarVariant:
+class PlanarVariant(Variant):
     """See `Variant`."""
 
     scene: Scene
-    parameters: dict[str, float]
-    model: Rung
-    tol: float
 
     @property
     def records(self) -> Records:
@@ -78,21 +62,24 @@ class PlanarVariant:
         names, bodies = self.scene.template.coordinates, self.scene.file.bodies
         return np.flatnonzero([bodies[name.split(".")[0]].role == "object" for name in names])
 
-    def mixed(self, other: PlanarVariant, taken: frozenset[str]) -> PlanarVariant:
-        """This world, with the ingredients `taken` from the other, and without conditions."""
-
-        def of(ingredient: str) -> PlanarVariant:
-            return other if ingredient in taken else self
-
-        base, tol = of(OTHER), of(ACCURACY).tol
-        if of(BALANCE).model.metric:
-            return PlanarVariant(_resolved(base, base, base, base, base), base.parameters, KINEMATIC, tol)
-        model = Rung(
-            "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
-            compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
-        )  # fmt: skip
-        scene = _resolved(base, of(FRICTION), of(SUPPORT), of(COMPLIANCE), of(RESTITUTION))
-        return PlanarVariant(scene, base.parameters, model, tol)
+    def resolved(self, friction: Self, support: Self, give: Self, bounce: Self) -> Scene:
+        """The scene without conditions, with numbers of contacts and supports from these variants."""
+        file: dict[str, Any] = json.loads(self.scene.file.model_dump_json(exclude_unset=True))
+        for name in CONDITIONS:
+            file.pop(name, None)
+        slips, gives = friction.records.contacts["friction"], give.records.contacts
+        bounces = (
+            bounce.records.contacts["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))
+        )
+        file["contacts"] = [
+            {
+                "between": list(pair), "friction": float(slips[k]), "restitution": float(bounces[k]),
+                **{name: float(gives[name][k]) for name in GIVE},
+            }
+            for k, pair in enumerate(self.scene.template.contacts)
+        ]  # fmt: skip
+        _put_support(file["bodies"], self, support)
+        return load(file)
 
     def _support(self) -> Any:
         """What resists the motion of objects: friction of supports, damping and dry friction."""
@@ -110,29 +97,6 @@ class PlanarVariant:
         kinds = ("bodies", "shapes", "vertices", "potentials", "terms", "joints", "measures")
         gravity = [float(records.world[0][name]) for name in ("gravity_x", "gravity_y")]
         return [gravity, coordinates.tobytes(), *(getattr(records, kind).tobytes() for kind in kinds)]
-
-
-def _resolved(
-    base: PlanarVariant, friction: PlanarVariant, support: PlanarVariant, give: PlanarVariant,
-    bounce: PlanarVariant,
-) -> Scene:  # fmt: skip
-    """The scene of `base` without conditions, with numbers of contacts and supports from the others."""
-    file: dict[str, Any] = json.loads(base.scene.file.model_dump_json(exclude_unset=True))
-    for name in CONDITIONS:
-        file.pop(name, None)
-    slips, gives = friction.records.contacts["friction"], give.records.contacts
-    bounces = (
-        bounce.records.contacts["restitution"] if bounce.effective(RESTITUTION) else np.zeros(len(slips))
-    )
-    file["contacts"] = [
-        {
-            "between": list(pair), "friction": float(slips[k]), "restitution": float(bounces[k]),
-            **{name: float(gives[name][k]) for name in GIVE},
-        }
-        for k, pair in enumerate(base.scene.template.contacts)
-    ]  # fmt: skip
-    _put_support(file["bodies"], base, support)
-    return load(file)
 
 
 def _put_support(bodies: dict[str, Any], base: PlanarVariant, world: PlanarVariant) -> None:

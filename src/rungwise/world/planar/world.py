@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from rungwise.kernel import Reals
-from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
 from rungwise.scene.template import records as rec
-from rungwise.simulation.result import Run
 from rungwise.simulation.run import Simulation
-from rungwise.world.arguments import Asked
-from rungwise.world.contract import OUTLINES, Told
-from rungwise.world.ingredients import Parting
-from rungwise.world.matching import Matched
-from rungwise.world.moving.marks import Coordinates
-from rungwise.world.planar import description, evidence, matching
+from rungwise.world.contract import OUTLINES
+from rungwise.world.moving.marks import coordinates_of
+from rungwise.world.parts import of_scene
 from rungwise.world.planar.configurations import PlanarConfigurations
+from rungwise.world.planar.description import describe, described
+from rungwise.world.planar.evidence import end, evidence
 from rungwise.world.planar.instance import PlanarInstance, roles_in_plane
 from rungwise.world.planar.marks import measures
+from rungwise.world.planar.matching import matched
 from rungwise.world.planar.place import PlanarPlace
-from rungwise.world.planar.rollouts import Rollouts, rollout
+from rungwise.world.planar.rollouts import rollout
 from rungwise.world.planar.runs import PlanarRuns
 from rungwise.world.planar.variant import PlanarVariant
 
@@ -40,60 +36,21 @@ class PlanarWorld:
     comparison_steps: ClassVar[int] = 8000
     replanning_steps: ClassVar[int] = 300_000
 
-    def simulation(self, model: Rung | str, **options: Any) -> Simulation:
-        return Simulation(self.scene, model, **options)
-
-    def runs(
-        self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, **options: Any
-    ) -> PlanarRuns:
-        return PlanarRuns(self.scene, model, over, parameters, **options)
-
-    def rollout(
-        self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
-        threads: int | None, chunk: int | None, on_progress: Told | None,
-    ) -> Rollouts:  # fmt: skip
-        return rollout(
-            self.scene, model, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk,
-            on_progress=on_progress,
-        )  # fmt: skip
-
-    def place(self, parameters: Mapping[str, float] | None) -> PlanarPlace:
-        return PlanarPlace(self.scene, parameters)
-
-    def at(self, parameters: Mapping[str, float] | None = None) -> PlanarInstance:
-        return PlanarInstance(self.scene, parameters)
-
-    def configurations(
-        self, parameters: Mapping[str, float], size: float, without: str = ""
-    ) -> PlanarConfigurations:
-        return PlanarConfigurations(self.scene, parameters, size, without)
-
-    def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> PlanarVariant:
-        return PlanarVariant(self.scene, parameters, model, tol)
-
-    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        return evidence.evidence(parting, causes)
-
-    def end(self, run: Run) -> dict[str, Any]:
-        return evidence.end(run)
-
-    def matched(self, parameters: dict[str, float], duration: float) -> Matched:
-        return matching.matched(self.scene, parameters, duration)
-
-    def marks(self, _parameters: Mapping[str, float]) -> Coordinates:
-        return Coordinates(self.scene.template.coordinates)
-
-    def measures(self, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
-        return measures(self.scene, parameters, duration)
-
-    def describe(self, parameters: Mapping[str, float]) -> dict[str, Any]:
-        return description.describe(self.scene, parameters)
-
-    def described(self, report: Mapping[str, Any]) -> str:
-        return description.described(report)
-
-    def roles(self, _parameters: Mapping[str, float] | None = None) -> dict[str, str]:
-        return roles_in_plane(self.scene)
+    simulation = of_scene(Simulation)
+    runs = of_scene(PlanarRuns)
+    rollout = of_scene(rollout)
+    place = of_scene(PlanarPlace)
+    at = of_scene(PlanarInstance)
+    configurations = of_scene(PlanarConfigurations)
+    variant = of_scene(PlanarVariant)
+    evidence = staticmethod(evidence)
+    end = staticmethod(end)
+    matched = of_scene(matched)
+    marks = of_scene(coordinates_of)
+    measures = of_scene(measures)
+    describe = of_scene(describe)
+    described = staticmethod(described)
+    roles = of_scene(roles_in_plane)
 
     @property
     def velocities(self) -> tuple[str, ...]:

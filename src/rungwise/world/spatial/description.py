@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.elements import equality, named
 from rungwise.scene.space.laws import touching
-from rungwise.world.description import stated
+from rungwise.world.description import common, heading, stated
 
 if TYPE_CHECKING:
     import mujoco
@@ -28,10 +28,8 @@ def describe(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, An
     """Bodies with mass and coordinates, tendons, equalities, actuators, laws of contact, parameters, and
     conditions. Plain values."""
     bound = scene.bind(parameters)
-    model, file, names = bound.model, scene.file, scene.labels
-    return {
-        "scene": scene.name,
-        "about": file.about,
+    model, names = bound.model, scene.labels
+    own = {
         "bodies": {name: _body(scene, bound, b) for b, name in enumerate(names.bodies)},
         "tendons": {named(model.tendon(t).name, t): _tendon(model, t) for t in range(model.ntendon)},
         "equalities": {
@@ -40,17 +38,8 @@ def describe(scene: SpaceScene, parameters: Mapping[str, float]) -> dict[str, An
         },
         "actuators": {name: _actuator(model, a, bound) for a, name in enumerate(names.actuators)},
         "contacts": [_law(row) for row in bound.laws],
-        "parameters": {
-            name: {"value": parameters[name]} | p.model_dump(mode="json")
-            for name, p in file.parameters.items()
-        },
-        "goal": file.goal,
-        "unsafe": file.unsafe,
-        "doomed": file.doomed,
-        "tolerance": bound.tolerance,
-        "duration": bound.duration,
-        "step": bound.step,
     }
+    return heading(scene) | own | common(scene, parameters, bound)
 
 
 def _body(scene: SpaceScene, bound: SpaceBound, b: int) -> dict[str, Any]:

@@ -14,24 +14,10 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.spatial.result import SpaceRun
+from rungwise.world import ingredients
 from rungwise.world.contract import OBSTACLE
 from rungwise.world.find import world_of
-from rungwise.world.ingredients import (
-    ACCURACY,
-    BALANCE,
-    COMPLIANCE,
-    FRICTION,
-    INERTIA,
-    OTHER,
-    RESTITUTION,
-    TOUCHES,
-    Motion,
-    Parting,
-    accuracy,
-    of_body,
-    parameters,
-    speeds,
-)
+from rungwise.world.ingredients import TOUCHES, Motion, Parting, evidence_of, of_body, speeds
 from rungwise.world.spatial.variant import SLIP, SpatialVariant
 
 MODES = ("open", "stick", "slip")
@@ -44,11 +30,11 @@ MOST = 3
 
 def evidence(parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Numbers for each cause, plain values by name."""
-    known = {
-        BALANCE: _balance, FRICTION: _contact, COMPLIANCE: _overlap, INERTIA: _coasting,
-        RESTITUTION: _bounce, ACCURACY: accuracy, OTHER: parameters,
+    own = {
+        ingredients.BALANCE: _balance, ingredients.FRICTION: _contact, ingredients.COMPLIANCE: _overlap,
+        ingredients.INERTIA: _coasting, ingredients.RESTITUTION: _bounce,
     }  # fmt: skip
-    return {cause: known[cause](parting) for cause in causes if cause in known}
+    return evidence_of(own, parting, causes)
 
 
 def end(run: SpaceRun) -> dict[str, Any]:

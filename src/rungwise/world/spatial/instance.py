@@ -15,6 +15,7 @@ from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import moments
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Moved
+from rungwise.world.parts import BoundInstance
 from rungwise.world.spatial.carriers import carrier
 
 if TYPE_CHECKING:
@@ -27,11 +28,11 @@ TURNED = 2.0
 
 
 @dataclass(frozen=True)
-class SpatialInstance:
+class SpatialInstance(BoundInstance):
     """See `Instance`."""
 
     scene: SpaceScene
-    parameters: Mapping[str, float] | None
+    parameters: Mapping[str, float] | None = None
 
     @cached_property
     def bound(self) -> SpaceBound:
@@ -54,28 +55,12 @@ class SpatialInstance:
         return travel
 
     @property
-    def duration(self) -> float:
-        return self.bound.duration
-
-    @property
-    def step(self) -> float:
-        return self.bound.step
-
-    @property
-    def tolerance(self) -> float:
-        return self.bound.tolerance
-
-    @property
     def smallest(self) -> float:
         return self.scene.size if math.isfinite(self.scene.size) else 1.0
 
     @cached_property
     def moved(self) -> Moved:
         return moved_in_space(self.bound)
-
-    @property
-    def stops(self) -> Reals | None:
-        return None
 
     def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
         return carrier(self.scene, name, self.bound, numbers)

@@ -7,10 +7,7 @@ factors of the paths as well. The kinematic rung keeps each body's own rho^2 = I
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
-
-import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.models.ladder import DYNAMIC_RIGID
@@ -20,7 +17,7 @@ from rungwise.scene.space.fields import ENTRIES
 from rungwise.scene.space.laws import FROM
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.ingredients import CONDITIONS
-from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, Matched, damping_ratio, restitution
+from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, Matched, alike, flexibility
 
 FIELDS = ("stiffness", "tangential_stiffness", "damping", "tangential_damping")
 """What the first columns of a scene's laws are."""
@@ -48,16 +45,15 @@ def matched(scene: SpaceScene, parameters: dict[str, float], duration: float) ->
             left.append(label)
             continue
         number = int(bound.law[a, b])
-        row, bounce, ratio = _alike(bound.laws[number], mass)
-        extra[BOUNCE.format(len(entries))] = bounce
+        row = bound.laws[number].copy()
+        same = alike(float(row[4]), float(row[2]), row[0], mass)
+        if row[4] > 0.0:
+            row[2:4] = same.damping
+        extra[BOUNCE.format(len(entries))] = same.restitution
         entry = _entry((names[a], names[b]), row, _frictions(scene, number))
         entries.append(entry | {"restitution": BOUNCE.format(len(entries))})
-        ratios.append(ratio)
-        words = (
-            f"restitution {bounce:.3g} and damping ratio {ratio:.3g} (stiffness {row[0]:.3g}, damping"
-            f" {row[2]:.3g}, mass {mass:.3g} at first touch)"
-        )
-        told.setdefault(words, []).append(label)
+        ratios.append(same.ratio)
+        told.setdefault(same.told(row[0], mass), []).append(label)
     notes = [f"{', '.join(pairs)}: {words}" for words, pairs in told.items()]
     if left:
         notes.append(f"{', '.join(left)}: not matched, too many pairs or names that others have")
@@ -69,27 +65,8 @@ def matched(scene: SpaceScene, parameters: dict[str, float], duration: float) ->
     entries.append(_entry(("*", "*"), bound.laws[0], {}))
     given = {"parameters": file.get("parameters", {}) | {n: {"default": x} for n, x in extra.items()}}
     given["contacts"] = entries
-    return Matched(
-        load_space(file | given),
-        load_space(bare | given),
-        parameters | extra,
-        {},
-        (*notes, KEPT),
-        tuple(ratios),
-    )
-
-
-def _alike(law: Reals, mass: float) -> tuple[Reals, float, float]:
-    """A law of contact whose damping and restitution say the same for this mass, its restitution, and its
-    damping ratio."""
-    row, bounce = law.copy(), float(law[4])
-    critical = 2.0 * math.sqrt(row[0] * mass)
-    if bounce > 0.0:
-        ratio = damping_ratio(bounce)
-        row[2:4] = ratio * critical
-        return row, bounce, ratio
-    ratio = float(row[2]) / critical
-    return row, restitution(ratio), ratio
+    whole, without = load_space(file | given), load_space(bare | given)
+    return Matched(whole, without, parameters | extra, {}, (*notes, KEPT), tuple(ratios))
 
 
 def _entry(between: tuple[str, str], row: Reals, frictions: dict[str, float | str]) -> dict[str, Any]:
@@ -139,8 +116,7 @@ def _masses(scene: SpaceScene, parameters: dict[str, float], duration: float) ->
             if a < 0 or (a, b) in found:
                 continue
             free = stepper.state.free[: int(stepper.clock["free"])]
-            normal = terms.rows[k * d, free]
-            flexibility = float(normal @ np.linalg.solve(terms.inertia[np.ix_(free, free)], normal))
-            if flexibility > 0.0:
-                found[a, b] = 1.0 / flexibility
+            moves = flexibility(terms, k * d, free)
+            if moves > 0.0:
+                found[a, b] = 1.0 / moves
     return found

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from rungwise.scene.space import SpaceScene
 from rungwise.world.moving.rollouts import MovingRollouts
+from rungwise.world.moving.rollouts import rollout as moving_rollout
+from rungwise.world.spatial.runs import SpatialRuns
 
 
 @dataclass(frozen=True, repr=False)
@@ -13,3 +16,7 @@ class SpaceRollouts(MovingRollouts):
     """Rollouts of a scene in space, as of `Rolled`."""
 
     scene: SpaceScene
+
+
+rollout = partial(moving_rollout, SpaceRollouts, SpatialRuns)
+"""The runs that are asked for (see `rungwise.rollout`)."""

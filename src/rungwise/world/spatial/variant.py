@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
-from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.scene.space.fields import Contact
 from rungwise.scene.space.laws import FROM
-from rungwise.world.ingredients import (
-    ACCURACY,
-    BALANCE,
-    COMPLIANCE,
-    CONDITIONS,
-    FRICTION,
-    INERTIA,
-    OTHER,
-    RESTITUTION,
-    SUPPORT,
-)
+from rungwise.world import ingredients as of
+from rungwise.world.ingredients import Variant
 
 GIVE, BOUNCE, SLIP = slice(0, 4), 4, slice(5, 8)
 """Columns of the laws of contact: stiffness and damping, restitution, sliding, torsional and rolling
@@ -31,14 +20,10 @@ friction."""
 FRICTIONS = ("friction", *FROM)
 
 
-@dataclass(frozen=True)
-class SpatialVariant:
+class SpatialVariant(Variant):
     """See `Variant`."""
 
     scene: SpaceScene
-    parameters: dict[str, float]
-    model: Rung
-    tol: float
 
     @cached_property
     def bound(self) -> SpaceBound:
@@ -54,15 +39,15 @@ class SpatialVariant:
         model, laws = self.model, self.bound.laws
         bounces = model.inertia > 0.0 and not model.compliant and laws[:, BOUNCE].any()
         found: dict[str, Any] = {
-            BALANCE: not model.metric,
-            FRICTION: laws[:, SLIP].tobytes() if model.friction else 0.0,
-            SUPPORT: 0.0,
-            COMPLIANCE: laws[:, GIVE].tobytes() if model.compliant else 0.0,
-            INERTIA: model.inertia,
-            RESTITUTION: laws[:, BOUNCE].tobytes() if bounces else 0.0,
-            ACCURACY: self.tol,
+            of.BALANCE: not model.metric,
+            of.FRICTION: laws[:, SLIP].tobytes() if model.friction else 0.0,
+            of.SUPPORT: 0.0,
+            of.COMPLIANCE: laws[:, GIVE].tobytes() if model.compliant else 0.0,
+            of.INERTIA: model.inertia,
+            of.RESTITUTION: laws[:, BOUNCE].tobytes() if bounces else 0.0,
+            of.ACCURACY: self.tol,
         }
-        return self._others if ingredient == OTHER else found[ingredient]
+        return self._others if ingredient == of.OTHER else found[ingredient]
 
     @cached_property
     def _others(self) -> list[bytes]:
@@ -74,26 +59,12 @@ class SpatialVariant:
         mujoco.mj_saveModel(model, None, content)
         return [each.tobytes() for each in (content, bound.place, bound.motion, bound.control, bound.pace)]
 
-    def mixed(self, other: SpatialVariant, taken: frozenset[str]) -> SpatialVariant:
-        """This world, with the ingredients `taken` from the other, and without conditions."""
-
-        def of(ingredient: str) -> SpatialVariant:
-            return other if ingredient in taken else self
-
-        base, tol = of(OTHER), of(ACCURACY).tol
-        if of(BALANCE).model.metric:
-            return SpatialVariant(base.resolved(base, base, base), base.parameters, KINEMATIC, tol)
-        model = Rung(
-            "hybrid", 3, "between two worlds", friction=of(FRICTION).model.friction,
-            compliant=of(COMPLIANCE).model.compliant, inertia=of(INERTIA).model.inertia,
-        )  # fmt: skip
-        scene = base.resolved(of(FRICTION), of(COMPLIANCE), of(RESTITUTION))
-        return SpatialVariant(scene, base.parameters, model, tol)
-
-    def resolved(self, friction: SpatialVariant, give: SpatialVariant, bounce: SpatialVariant) -> SpaceScene:
+    def resolved(self, friction: Self, _support: Self, give: Self, bounce: Self) -> SpaceScene:
         """The scene without conditions, with numbers of its entries of contacts from these worlds."""
         bounces = (
-            bounce.bound.laws[:, BOUNCE] if bounce.effective(RESTITUTION) else np.zeros(len(self.bound.laws))
+            bounce.bound.laws[:, BOUNCE]
+            if bounce.effective(of.RESTITUTION)
+            else np.zeros(len(self.bound.laws))
         )
         slips, gives = friction.bound.laws[:, SLIP], give.bound.laws[:, GIVE]
         contacts = tuple(
@@ -105,7 +76,7 @@ class SpatialVariant:
             )
             for k, entry in enumerate(self.scene.file.contacts, start=1)
         )  # fmt: skip
-        return self.scene.changed(contacts=contacts, **dict.fromkeys(CONDITIONS))
+        return self.scene.changed(contacts=contacts, **dict.fromkeys(of.CONDITIONS))
 
     def loads_of(self, body: str) -> float:
         """The weight of a body, and of what hangs on it, that this world counts."""

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
-from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.simulation.spatial.run import SpaceSimulation
-from rungwise.world.arguments import Asked
-from rungwise.world.contract import SOLIDS, Told
-from rungwise.world.ingredients import Parting
-from rungwise.world.matching import Matched
-from rungwise.world.moving.rollouts import rollout
-from rungwise.world.spatial import description, evidence, matching
+from rungwise.world.contract import SOLIDS
+from rungwise.world.parts import of_scene
 from rungwise.world.spatial.configurations import SpatialConfigurations
+from rungwise.world.spatial.description import describe, described
+from rungwise.world.spatial.evidence import end, evidence
 from rungwise.world.spatial.instance import SpatialInstance, roles_in_space
-from rungwise.world.spatial.marks import Bodies, marks_of, measures
+from rungwise.world.spatial.marks import marks_of, measures
+from rungwise.world.spatial.matching import matched
 from rungwise.world.spatial.place import SpatialPlace
-from rungwise.world.spatial.rollouts import SpaceRollouts
+from rungwise.world.spatial.rollouts import rollout
 from rungwise.world.spatial.runs import SpatialRuns
 from rungwise.world.spatial.variant import SpatialVariant
 
@@ -39,54 +36,19 @@ class SpatialWorld:
     def simulation(self, model: Rung | str, **options: Any) -> SpaceSimulation:
         return SpaceSimulation(self.scene, model, **options)
 
-    def runs(
-        self, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, **options: Any
-    ) -> SpatialRuns:
-        return SpatialRuns(self.scene, model, over, parameters, **options)
-
-    def rollout(
-        self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
-        threads: int | None, chunk: int | None, on_progress: Told | None,
-    ) -> SpaceRollouts:  # fmt: skip
-        return rollout(
-            SpaceRollouts, SpatialRuns, self.scene, model, wanted, options, keep=keep, budget=budget,
-            threads=threads, chunk=chunk, on_progress=on_progress,
-        )  # fmt: skip
-
-    def place(self, parameters: Mapping[str, float] | None) -> SpatialPlace:
-        return SpatialPlace(self.scene, parameters)
-
-    def at(self, parameters: Mapping[str, float] | None = None) -> SpatialInstance:
-        return SpatialInstance(self.scene, parameters)
-
-    def configurations(
-        self, parameters: Mapping[str, float], size: float, without: str = ""
-    ) -> SpatialConfigurations:
-        return SpatialConfigurations(self.scene, parameters, size, without)
-
-    def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> SpatialVariant:
-        return SpatialVariant(self.scene, parameters, model, tol)
-
-    def evidence(self, parting: Parting, causes: Sequence[str]) -> dict[str, dict[str, Any]]:
-        return evidence.evidence(parting, causes)
-
-    def end(self, run: SpaceRun) -> dict[str, Any]:
-        return evidence.end(run)
-
-    def matched(self, parameters: dict[str, float], duration: float) -> Matched:
-        return matching.matched(self.scene, parameters, duration)
-
-    def marks(self, parameters: Mapping[str, float]) -> Bodies:
-        return marks_of(self.scene, parameters)
-
-    def measures(self, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
-        return measures(self.scene, parameters, duration)
-
-    def describe(self, parameters: Mapping[str, float]) -> dict[str, Any]:
-        return description.describe(self.scene, parameters)
-
-    def described(self, report: Mapping[str, Any]) -> str:
-        return description.described(report)
+    runs = of_scene(SpatialRuns)
+    rollout = of_scene(rollout)
+    place = of_scene(SpatialPlace)
+    at = of_scene(SpatialInstance)
+    configurations = of_scene(SpatialConfigurations)
+    variant = of_scene(SpatialVariant)
+    evidence = staticmethod(evidence)
+    end = staticmethod(end)
+    matched = of_scene(matched)
+    marks = of_scene(marks_of)
+    measures = of_scene(measures)
+    describe = of_scene(describe)
+    described = staticmethod(described)
 
     def roles(self, parameters: Mapping[str, float] | None = None) -> dict[str, str]:
         roles = roles_in_space(self.scene.bind(parameters))

@@ -1,0 +1,51 @@
+"""What worlds are made of, whichever they are: parts that begin with a scene, and instances of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
+
+from rungwise.kernel import Reals
+
+P = ParamSpec("P")
+Made = TypeVar("Made")
+
+
+class of_scene(Generic[P, Made]):
+    """A member of a world that calls a class or a function with the world's scene, and what is given after
+    it: with ``at = of_scene(PlanarInstance)``, ``world.at(parameters)`` is ``PlanarInstance(world.scene,
+    parameters)``."""
+
+    def __init__(self, made: Callable[Concatenate[Any, P], Made]) -> None:
+        self._made = made
+
+    def __get__(self, world: Any, _kind: type) -> Callable[P, Made]:
+        return partial(self._made, world.scene)
+
+
+class BoundInstance(ABC):
+    """A scene at one set of parameters (see `world.contract.Instance`), where nothing lies on
+    supports unless its world knows of some."""
+
+    @property
+    @abstractmethod
+    def bound(self) -> Any:
+        """The scene's numbers, among them duration, step and tolerance."""
+
+    @property
+    def duration(self) -> float:
+        return float(self.bound.duration)
+
+    @property
+    def step(self) -> float:
+        return float(self.bound.step)
+
+    @property
+    def tolerance(self) -> float:
+        return float(self.bound.tolerance)
+
+    @property
+    def stops(self) -> Reals | None:
+        return None
