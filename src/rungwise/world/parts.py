@@ -5,23 +5,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
+from typing import Any, Generic, TypeVar
 
 from rungwise.kernel import Reals
 
-P = ParamSpec("P")
 Made = TypeVar("Made")
 
 
-class of_scene(Generic[P, Made]):
+class of_scene(Generic[Made]):
     """A member of a world that calls a class or a function with the world's scene, and what is given after
     it: with ``at = of_scene(PlanarInstance)``, ``world.at(parameters)`` is ``PlanarInstance(world.scene,
     parameters)``."""
 
-    def __init__(self, made: Callable[Concatenate[Any, P], Made]) -> None:
+    def __init__(self, made: Callable[..., Made]) -> None:
         self._made = made
 
-    def __get__(self, world: Any, _kind: type) -> Callable[P, Made]:
+    def __get__(self, world: Any, _kind: type) -> Callable[..., Made]:
         return partial(self._made, world.scene)
 
 

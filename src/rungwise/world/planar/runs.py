@@ -37,7 +37,7 @@ class PlanarRuns:
     """Runs of a planar scene on one rung; options as of `World.runs`."""
 
     def __init__(
-        self, scene: Scene, /, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
+        self, scene: Scene, model: Rung, over: Sequence[str], parameters: Mapping[str, float] | None, *,
         tol: float | None = None, patience: int | None = None, **options: Any,
     ) -> None:  # fmt: skip
         if patience is not None and tol is not None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import SOLIDS
@@ -33,9 +32,7 @@ class SpatialWorld:
     comparison_steps: ClassVar[int] = 4000
     replanning_steps: ClassVar[int] = 10_000
 
-    def simulation(self, model: Rung | str, **options: Any) -> SpaceSimulation:
-        return SpaceSimulation(self.scene, model, **options)
-
+    simulation = of_scene(SpaceSimulation)
     runs = of_scene(SpatialRuns)
     rollout = of_scene(rollout)
     place = of_scene(SpatialPlace)
