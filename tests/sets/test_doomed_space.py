@@ -61,7 +61,7 @@ def test_braking_too_late(tmp_path: Path) -> None:
     """Doomed only if x + v^2 / 2 > 1 for v > 0, and mirrored; runs are those of the plane."""
     found = rw.doomed_set(
         braking(tmp_path), rw.DYNAMIC_RIGID, ("s", "speed(s)"), {"u": (-1.0, 1.0)},
-        box={"s": (-1.05, 1.05), "speed(s)": (-2.4, 2.4)}, cells=(20, 24), strides=(12.0,), threads=1,
+        box={"s": (-1.05, 1.05), "speed(s)": (-2.4, 2.4)}, cells=(14, 16), strides=(12.0,), threads=1,
     )  # fmt: skip
     points = np.random.default_rng(5).uniform(*found.box.T, (20_000, 2))
     x, v = points.T
