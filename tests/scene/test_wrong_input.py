@@ -189,6 +189,18 @@ WHOLE: dict[str, Any] = {
         "uncertain": {"p": {"normal": [0.5, 0.1]}},
         "inputs": {"u": {"range": [0.0, 1.0], "rate": 10.0}},
         "transit": {"rod": {"speed": 1.0, "clearance": 0.1, "push": [0.1, 1.0], "lean": 0.5}},
+        "fingers": {
+            "ro*": {
+                "speed": 1.0,
+                "clearance": 0.1,
+                "press": [0.1, 1.0],
+                "within": {"x": [-1.0, 1.0]},
+                "contacts": 1.0,
+                "reserve": 0.1,
+                "objects": ["pa*"],
+                "over": False,
+            }
+        },
         "keep_out": ["part.x < -9"],
         "moves": [1, 2],
         "duration": [0.1, 1.0],
@@ -199,7 +211,8 @@ WHOLE: dict[str, Any] = {
 }
 
 Path = tuple[str | int, ...]
-NUMBER, FINITE, UNIT, NAME, TEXT, CONDITION, CHOICE, MODEL, MANY, TABLE = (
+FLAG, NUMBER, FINITE, UNIT, NAME, TEXT, CONDITION, CHOICE, MODEL, MANY, TABLE = (
+    "flag",
     "number",
     "finite",
     "unit",
@@ -216,8 +229,9 @@ PLAIN = {
     values.Finite: FINITE,
     values.Unit: UNIT,
     values.Name: NAME,
+    values.Flag: FLAG,
 }
-OPTIONAL = ("drive", "coordinate", "support", "task")
+OPTIONAL = ("drive", "coordinate", "support", "task", "press")
 CONDITIONS = ("goal", "unsafe", "doomed", "where")
 
 
@@ -310,6 +324,7 @@ ANY = (
 """Values to put anywhere."""
 
 WRONG: dict[str, tuple[object, ...]] = {
+    FLAG: (None, 0, 1, 3.0, math.nan, "", "yes", "true", LONG, [], {}, object(), b"x"),
     NUMBER: (
         True,
         False,

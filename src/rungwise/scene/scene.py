@@ -290,7 +290,7 @@ def _path(loc: tuple[str | int, ...], data: object) -> str:
         if part == kind:
             kind = None
             continue
-        parts.append(part if isinstance(part, str) and re.fullmatch(r"[\w.]{1,60}", part) else shown(part))
+        parts.append(part if isinstance(part, str) and re.fullmatch(r"[\w.*]{1,60}", part) else shown(part))
         data = _inside(data, part)
         kind = data.get("kind") if isinstance(data, Mapping) else None
     return ".".join(parts) or "scene"

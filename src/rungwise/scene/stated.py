@@ -25,7 +25,7 @@ from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.language.expression import STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import OF_CONTACTS, Names
 from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain, parameter_values
-from rungwise.scene.template.task import check_task
+from rungwise.scene.template.task import check_fingers, check_task
 
 if TYPE_CHECKING:
     import rungwise
@@ -169,6 +169,7 @@ class StatedScene:
         _ = self.conditions
         if self.file.task is not None:
             check_task(self.file.task, self.template.names(), self.file.inputs, robots)
+            check_fingers(self.file.task, robots, self.template.bodies, "xyz")
         return self
 
     @abstractmethod

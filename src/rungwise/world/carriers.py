@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,11 +16,30 @@ class TaskError(InputError):
     """The scene has no task, or the task cannot be: one line that names the field."""
 
 
+class Link(NamedTuple):
+    """A joint of a robot's chain in the plane: it turns about the point `at` (2,), or where it `slides` moves
+    along `axis` (2,), both in the world where all joints are at 0; lower and upper bound it."""
+
+    name: str
+    slides: bool
+    at: Reals
+    axis: Reals
+    lower: float
+    upper: float
+
+
 @dataclass(frozen=True)
-class Carrier:
-    """A robot that is led through free space: its body, the coordinates (k,) that place it, x and y in the
-    plane, joints in space, and the inputs that drive them. Their speeds, or with `by_place` the targets of
-    their servos, are matrix (k, k) @ inputs + zero (k,). Then the lengths and the angle of its pushes."""
+class Driven:
+    """How inputs place a robot.
+
+    body: the robot; places (k,): the coordinates that place it: x and y in the plane, joints in space;
+    columns (u,): the inputs that drive these. Their speeds, or with `by_place` the targets of their servos,
+    are matrix (k, u) @ inputs + zero (k,), with u = k. stiffness, limit (k,): of the servos, in force per
+    place and in force, infinite where speeds are given; reach: how far the body reaches from its centre.
+    A robot of joints in the plane has its `links` (k,), from the ground on, which then take the part of
+    places in all of these, and `home` (3,): the pose of its centre of mass where all joints are at 0; its
+    `places` are those of its body's x and y all the same.
+    """
 
     body: str
     places: tuple[int, ...]
@@ -28,15 +47,39 @@ class Carrier:
     matrix: Reals
     zero: Reals
     by_place: bool
+    stiffness: Reals
+    limit: Reals
+    reach: float
+    links: tuple[Link, ...]
+    home: Reals
+
+    def levels(self, speeds: Reals, places: Reals) -> Reals:
+        """Inputs (m, u) that lead it at these speeds (m, k), or to these places (m, k)."""
+        wanted = places if self.by_place else speeds
+        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
+
+    def poses(self, joints: Reals) -> Reals:
+        """Poses (m, 3) of its centre of mass in the plane, with its `links` at these places (m, k)."""
+        found = np.repeat(self.home[None], len(joints), axis=0)
+        for link, by in zip(self.links[::-1], joints.T[::-1], strict=True):
+            if link.slides:
+                found[:, :2] += by[:, None] * link.axis
+                continue
+            x, y = (found[:, :2] - link.at).T
+            found[:, 0] = link.at[0] + np.cos(by) * x - np.sin(by) * y
+            found[:, 1] = link.at[1] + np.sin(by) * x + np.cos(by) * y
+            found[:, 2] += by
+        return found
+
+
+@dataclass(frozen=True)
+class Carrier(Driven):
+    """A robot that is led through free space, with the lengths and the angle of its pushes."""
+
     speed: float
     clearance: float
     push: tuple[float, float]
     lean: float
-
-    def levels(self, speeds: Reals, places: Reals) -> Reals:
-        """Inputs (m, k) that lead it at these speeds (m, k), or to these places (m, k)."""
-        wanted = places if self.by_place else speeds
-        return np.asarray((wanted - self.zero) @ np.linalg.inv(self.matrix).T)
 
 
 def pair(numbers: Mapping[str, float], path: str) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
-    from rungwise.world.carriers import Carrier
+    from rungwise.world.carriers import Driven
     from rungwise.world.ingredients import Parting, Variant
     from rungwise.world.matching import Matched
     from rungwise.world.rolled import Rolled
@@ -128,6 +128,16 @@ class Moved(NamedTuple):
     rates: Reals
 
 
+class Load(NamedTuple):
+    """What acts on an object besides contacts, within its motions: the size of gravity and of given forces,
+    the obstacles that it may touch, on which these may press it, and the greatest friction force of its
+    support."""
+
+    force: float
+    obstacles: tuple[str, ...]
+    friction: float
+
+
 class Instance(Protocol):
     """A scene at one set of parameters: where it starts, q (n_q,) and v (n_v,); how far coordinates may
     travel (2, n_q), infinite where nothing bounds them; its duration, step and tolerance; how far the
@@ -154,8 +164,12 @@ class Instance(Protocol):
     def stops(self) -> Reals | None:
         """The friction force per mass of objects on supports (k,), where all objects lie on such."""
 
-    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
-        """A robot that the task leads through free space. Raises TaskError where inputs do not drive it."""
+    def driven(self, name: str, path: str) -> Driven:
+        """How inputs place a robot that the task leads. Raises TaskError, at the path, where they do not."""
+
+    @property
+    def loads(self) -> Mapping[str, Load]:
+        """What acts on objects besides contacts."""
 
 
 class Configurations(Protocol):

@@ -9,6 +9,9 @@ from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = False) -> int:
     """Validate a scene; print its bodies, coordinates, contacts and parameters."""
     from rungwise.models.ladder import KINEMATIC
+    from rungwise.planning.task.described import described, summary
+    from rungwise.planning.task.fingers import taken
+    from rungwise.planning.task.task import task_of
     from rungwise.world.find import world_of
     from rungwise.world.run import simulation_of
 
@@ -17,11 +20,16 @@ def check(scene: SceneArgument, values: SetOption = None, as_json: JsonOption = 
         parameters = parameters_of(loaded, values)
         world = world_of(loaded)
         report = world.describe(parameters)
+        is_planned = loaded.file.task is not None and loaded.file.goal is not None and loaded.file.inputs
+        found = taken(task_of(loaded, parameters)) if is_planned else None
         start = simulation_of(loaded, KINEMATIC, parameters=parameters, frames=3).result()
     if start.outcome.name == "invalid":
         refuse(start.reason)
+    notes, fingers = list(start.notes), []
+    if found is not None:
+        report, notes, fingers = report | summary(found), notes + list(found.notes), described(found)
     if as_json:
-        show_json(report | {"notes": list(start.notes)})
+        show_json(report | {"notes": notes})
     else:
-        show("\n".join([world.described(report), *start.notes]))
+        show("\n".join([world.described(report), *fingers, *notes]))
     return 0

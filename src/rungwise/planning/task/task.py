@@ -20,8 +20,8 @@ from rungwise.scene.fields.task import Task as TaskFields
 from rungwise.scene.read import load
 from rungwise.simulation import options
 from rungwise.simulation.state import State
-from rungwise.world.carriers import Carrier, TaskError, pair
-from rungwise.world.contract import OUTLINES
+from rungwise.world.carriers import Carrier, TaskError, pair, pushes_of
+from rungwise.world.contract import OUTLINES, Instance
 from rungwise.world.find import world_of
 from rungwise.world.questions import ask, geometry
 
@@ -167,7 +167,7 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
     carriers: tuple[Carrier, ...] = ()
     here = world_of(scene).at(values)
     own, stops = here.moved, here.stops
-    carriers = tuple(here.carrier(name, numbers) for name in fields.transit)
+    carriers = tuple(_carrier(here, name, numbers) for name in fields.transit)
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
@@ -182,6 +182,16 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
         is_slow=stops is not None and _is_slow(stops, carriers, own.size),
         turns=own.turns, rates=own.rates, tolerance=here.tolerance,
     )  # fmt: skip
+
+
+def _carrier(here: Instance, name: str, numbers: Mapping[str, float]) -> Carrier:
+    """A robot to lead through free space. Raises TaskError for one that inputs do not lead, and for arms in
+    the plane."""
+    path = f"task.transit.{name}"
+    own = here.driven(name, path)
+    if own.links:
+        raise TaskError(f"{path}: joints lead {name}; robots with transit have two inputs for their x and y")
+    return Carrier(**vars(own), **pushes_of(name, numbers))
 
 
 def _is_slow(stops: Reals, carriers: tuple[Carrier, ...], size: float) -> bool:

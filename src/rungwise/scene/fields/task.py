@@ -14,7 +14,7 @@ from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from rungwise.scene.fields.strict import Strict
-from rungwise.scene.fields.values import Finite, Name, Number, Pair, Text
+from rungwise.scene.fields.values import Finite, Flag, Name, Number, Pair, Pattern, Patterns, Text
 
 
 class Spread(Strict):
@@ -53,6 +53,26 @@ class Transit(Strict):
     lean: Number = "pi / 4"
 
 
+class Finger(Strict):
+    """What a planner by contact modes may do with robots.
+
+    It moves them at `speed`, and with this `clearance` to all else between contacts; `press` bounds the
+    normal force of each of their contacts, for robots on servos; `within` bounds where their centres may be,
+    axis by axis; `contacts` is how many places of contact with objects each has at most, `reserve` the part
+    of friction that it keeps in hand, `objects` what it may touch; one that may go `over` lifts off the plane
+    and passes above objects.
+    """
+
+    speed: Number
+    clearance: Number
+    press: Pair | None = None
+    within: dict[Text, Pair] = {}
+    contacts: Number = 1.0
+    reserve: Number = 0.1
+    objects: Patterns = ("*",)
+    over: Flag = False
+
+
 class Cost(Strict):
     """Weights of a plan's duration, of the work of its drives and of the number of its moves."""
 
@@ -66,7 +86,8 @@ class Task(Strict):
 
     instances: how the parameters of an instance are drawn, again and again until `where` holds at the start
     and bodies are apart; uncertain: how starts, parameters and inputs vary about an instance; inputs: bounds
-    and rates (if not given, the ranges of the parameters); transit: robots that may go anywhere; keep_out:
+    and rates (if not given, the ranges of the parameters); transit: robots that may go anywhere; fingers: the
+    same for contact modes, by patterns of names, of which the first that fits a robot holds; keep_out:
     conditions that must not hold; moves: least and greatest number of moves; duration: least and greatest, of
     one move of a task without transit (up to the scene's duration, if not given); weights: of the coordinates
     of objects in distances between states; reserve: the part by which plans keep within the goal's bounds.
@@ -77,6 +98,7 @@ class Task(Strict):
     uncertain: dict[Name, Spread] = {}
     inputs: dict[Name, Bounds] = {}
     transit: dict[Name, Transit] = {}
+    fingers: dict[Pattern, Finger] = {}
     keep_out: tuple[Text, ...] = ()
     moves: tuple[Finite, Finite] = (1.0, 3.0)
     duration: Pair | None = None
@@ -117,6 +139,8 @@ def _numbers(task: Task) -> Iterator[Place]:
         yield Place(f"{path}.clearance", transit.clearance, above=0.0)
         yield from (Place(f"{path}.push.{k}", number, above=0.0) for k, number in enumerate(transit.push))
         yield Place(f"{path}.lean", transit.lean, 0.0, at_most=math.pi / 2.0)
+    for name, finger in task.fingers.items():
+        yield from _of_finger(f"task.fingers.{name}", finger)
     for k, number in enumerate(task.duration or ()):
         yield Place(f"task.duration.{k}", number, above=0.0)
     for name, number in task.weights.items():
@@ -124,3 +148,14 @@ def _numbers(task: Task) -> Iterator[Place]:
     for name in Cost.model_fields:
         yield Place(f"task.cost.{name}", getattr(task.cost, name), 0.0)
     yield Place("task.reserve", task.reserve, 0.0, at_most=0.9)
+
+
+def _of_finger(path: str, finger: Finger) -> Iterator[Place]:
+    yield Place(f"{path}.speed", finger.speed, above=0.0)
+    yield Place(f"{path}.clearance", finger.clearance, above=0.0)
+    for k, number in enumerate(finger.press or ()):
+        yield Place(f"{path}.press.{k}", number, 0.0, above=None if k == 0 else 0.0)
+    for axis, pair in finger.within.items():
+        yield from (Place(f"{path}.within.{axis}.{k}", number) for k, number in enumerate(pair))
+    yield Place(f"{path}.contacts", finger.contacts, 1.0)
+    yield Place(f"{path}.reserve", finger.reserve, 0.0, at_most=0.9)

@@ -63,6 +63,12 @@ def _finite(value: object) -> float:
     return number
 
 
+def _flag(value: object) -> object:
+    if not isinstance(value, bool):
+        raise PydanticCustomError("flag", "must be true or false")
+    return value
+
+
 def _unit(value: object) -> object:
     if not isinstance(value, str) or not _UNIT.fullmatch(value):
         raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")
@@ -83,10 +89,14 @@ def _unit(value: object) -> object:
 Text = Annotated[str, BeforeValidator(_text)]
 Name = Annotated[str, Field(pattern=NAME, max_length=60), AfterValidator(_no_keyword), BeforeValidator(_text)]
 Pattern = Annotated[str, Field(min_length=1, max_length=200), BeforeValidator(_text)]
+Patterns = Annotated[
+    tuple[Pattern, ...], Field(min_length=1), BeforeValidator(lambda x: (x,) if isinstance(x, str) else x)
+]
 Number = Annotated[
     float | str, BeforeValidator(_number), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "string"}]})
 ]
 Finite = Annotated[float, BeforeValidator(_finite)]
+Flag = Annotated[bool, BeforeValidator(_flag)]
 Unit = Annotated[str, BeforeValidator(_unit)]
 Pair = tuple[Number, Number]
 

@@ -19,7 +19,7 @@ from rungwise.scene.space.model import LIBRARY, compiled, model_path, no_file, r
 from rungwise.scene.space.refused import refuse
 from rungwise.scene.space.scene import SpaceScene
 from rungwise.scene.stated import NameTemplate
-from rungwise.scene.template.task import check_task
+from rungwise.scene.template.task import check_fingers, check_task
 
 if TYPE_CHECKING:
     import mujoco
@@ -89,6 +89,7 @@ def _scene(data: Any, folder: Path) -> SpaceScene:
     if file.task is not None:
         moving = [names.bodies[b] for b in range(model.nbody) if model.body_weldid[b]]
         check_task(file.task, scene.template.names(), file.inputs, moving)
+        check_fingers(file.task, moving, moving, "xyz")
     return scene
 
 

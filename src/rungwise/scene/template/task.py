@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from fnmatch import fnmatchcase
 
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.fields import Free, SceneFile
@@ -24,6 +25,8 @@ def write_task(writer: Writer, scene: SceneFile) -> None:
         name for name, body in scene.bodies.items() if body.role == "robot" and isinstance(body.motion, Free)
     ]
     check_task(task, writer.names, scene.inputs, robots)
+    objects = [name for name, body in scene.bodies.items() if body.role == "object"]
+    check_fingers(task, robots, objects, "xy")
     for k, place in enumerate(numbers_of(task)):
         writer.put(
             "task", k, "value", place.number, place.path,
@@ -45,6 +48,25 @@ def check_task(task: Task, names: Names, inputs: Iterable[str], robots: Iterable
     least, most = task.moves
     if not (least == int(least) and most == int(most) and 1 <= least <= most <= MOST_MOVES):
         raise SceneError(f"task.moves: must be two whole numbers, 1 <= least <= greatest <= {MOST_MOVES}")
+
+
+def check_fingers(task: Task, robots: Iterable[str], objects: Iterable[str], axes: str) -> None:
+    """Raise SceneError for fingers whose patterns fit no robot that can be one, or no object, and for axes
+    that the world does not have."""
+    for pattern, finger in task.fingers.items():
+        path = f"task.fingers.{pattern}"
+        if not any(fnmatchcase(name, pattern) for name in robots):
+            raise SceneError(
+                f"task.fingers: {shown(pattern)} names no free robot{choices(pattern, robots)}, or *"
+            )
+        for k, wanted in enumerate(finger.objects):
+            if not any(fnmatchcase(name, wanted) for name in objects):
+                raise SceneError(
+                    f"{path}.objects.{k}: {shown(wanted)} names no object{choices(wanted, objects)}, or *"
+                )
+        for axis in finger.within:
+            if axis not in axes or len(axis) != 1:
+                raise SceneError(f"{path}.within: unknown axis {shown(axis)}{choices(axis, axes)}")
 
 
 def _known(field: str, kind: str, given: Iterable[str], valid: Iterable[str]) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.moving.prepared import Numbers, Prepared
-from rungwise.world.carriers import Carrier, TaskError
-from rungwise.world.contract import OBJECT, Moved
+from rungwise.world.carriers import Driven, TaskError
+from rungwise.world.contract import OBJECT, Load, Moved
 from rungwise.world.parts import BoundInstance
 
 
@@ -61,8 +61,12 @@ class MovingInstance(BoundInstance):
         turns = np.array([range(first, first + 4) for first in template.turns], np.int64).reshape(-1, 4)
         return Moved(weights, self.smallest, turns, rates)
 
-    def carrier(self, name: str, _numbers: Mapping[str, float]) -> Carrier:
-        raise TaskError(f"task.transit.{name}: no body of {self.scene.name} is led through free space")
+    def driven(self, _name: str, path: str) -> Driven:
+        raise TaskError(f"{path}: no body of {self.scene.name} is led through free space")
+
+    @property
+    def loads(self) -> Mapping[str, Load]:
+        return {}
 
 
 def body_of(name: str) -> str:

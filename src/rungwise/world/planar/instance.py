@@ -13,10 +13,10 @@ from rungwise.kernel import Reals
 from rungwise.scene import Bound, Scene
 from rungwise.scene.template.records import Records
 from rungwise.system.planar.place import start
-from rungwise.world.carriers import Carrier
-from rungwise.world.contract import OBJECT, Moved
+from rungwise.world.carriers import Driven
+from rungwise.world.contract import OBJECT, OBSTACLE, Load, Moved
 from rungwise.world.parts import BoundInstance
-from rungwise.world.planar.carriers import carrier
+from rungwise.world.planar.carriers import driven
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,23 @@ class PlanarInstance(BoundInstance):
             return None
         return np.asarray(records.supports["force"] / records.bodies["mass"][records.supports["body"]])
 
-    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
-        return carrier(self.scene, name, self.bound, numbers)
+    def driven(self, name: str, path: str) -> Driven:
+        return driven(self.scene, name, self.bound, path)
+
+    @property
+    def loads(self) -> Mapping[str, Load]:
+        records, names, roles = self.bound.records, self.scene.template.bodies, roles_in_plane(self.scene)
+        gravity = np.array([records.world["gravity_x"][0], records.world["gravity_y"][0]])
+        found = {}
+        for name, body in zip(names, records.bodies, strict=True):
+            if roles[name] != OBJECT:
+                continue
+            force = body["mass"] * gravity + [body["force_x"], body["force_y"]]
+            pairs = [pair for pair in self.scene.template.contacts if name in pair]
+            on = tuple(other for pair in pairs for other in pair if roles[other] == OBSTACLE)
+            own = records.supports["force"][records.supports["body"] == names.index(name)]
+            found[name] = Load(math.hypot(*force), on, float(own.sum()))
+        return found
 
 
 def roles_in_plane(scene: Scene, _parameters: Mapping[str, float] | None = None) -> dict[str, str]:

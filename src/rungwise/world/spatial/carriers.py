@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.system.spatial.drives import joints_of, targets
-from rungwise.world.carriers import Carrier, TaskError, pushes_of
+from rungwise.system.spatial.drives import drives, joints_of, targets
+from rungwise.world.carriers import Driven, TaskError
 
 
-def carrier(scene: SpaceScene, name: str, bound: SpaceBound, numbers: Mapping[str, float]) -> Carrier:
-    """A body to lead through free space by its joints. Raises TaskError where inputs do not drive these."""
+def driven(scene: SpaceScene, name: str, bound: SpaceBound, path: str, reach: float) -> Driven:
+    """How inputs place a body by its joints. Raises TaskError, at the path, where they do not drive these."""
     joints = joints_of(bound.model, scene.template.bodies.index(name))
     matrix, zero, by_place = _followed_in_space(scene, joints, bound)
     columns = np.flatnonzero(np.abs(matrix).any(axis=0)).tolist()
@@ -22,14 +20,24 @@ def carrier(scene: SpaceScene, name: str, bound: SpaceBound, numbers: Mapping[st
     if not k or len(columns) != k or np.linalg.matrix_rank(matrix) < k or not (by_place or not zero.any()):
         own = [scene.template.velocities[v] for v in bound.model.jnt_dofadr[joints].tolist()]
         raise TaskError(
-            f"task.transit.{name}: needs inputs, one for each of {', '.join(own) or 'its joints'}, that drive"
+            f"{path}: needs inputs, one for each of {', '.join(own) or 'its joints'}, that drive"
             " their speeds, or the targets of their servos, linearly and whatever the time"
         )
-    places = tuple(bound.model.jnt_qposadr[joints].tolist())
-    return Carrier(
-        body=name, places=places, columns=tuple(columns), matrix=matrix, zero=zero, by_place=by_place,
-        **pushes_of(name, numbers),
+    stiffness, limit = _strengths(bound, joints) if by_place else (np.full(k, np.inf), np.full(k, np.inf))
+    return Driven(
+        body=name, places=tuple(bound.model.jnt_qposadr[joints].tolist()), columns=tuple(columns),
+        matrix=matrix, zero=zero, by_place=by_place, stiffness=stiffness, limit=limit, reach=reach, links=(),
+        home=np.zeros(0),
     )  # fmt: skip
+
+
+def _strengths(bound: SpaceBound, joints: list[int]) -> tuple[Reals, Reals]:
+    """Stiffness and greatest force (k,) of the servos that lead joints (see `drives.targets`)."""
+    model, own = bound.model, drives(bound.model)
+    actuators = {int(model.actuator_trnid[a, 0]): (s, a) for s, a in enumerate(own.servos.tolist())}
+    rows = [(s, a, float(model.actuator_gear[a, 0])) for s, a in (actuators[joint] for joint in joints)]
+    stiffness = np.array([own.gains[s, 0] * gear**2 for s, _, gear in rows])
+    return stiffness, np.array([own.limit[a] * abs(gear) for _, a, gear in rows])
 
 
 def _followed_in_space(scene: SpaceScene, joints: list[int], bound: SpaceBound) -> tuple[Reals, Reals, bool]:

@@ -13,10 +13,10 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
 from rungwise.system.spatial.drives import moments
-from rungwise.world.carriers import Carrier
-from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Moved
+from rungwise.world.carriers import Driven
+from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Load, Moved
 from rungwise.world.parts import BoundInstance
-from rungwise.world.spatial.carriers import carrier
+from rungwise.world.spatial.carriers import driven
 
 if TYPE_CHECKING:
     import mujoco
@@ -62,8 +62,21 @@ class SpatialInstance(BoundInstance):
     def moved(self) -> Moved:
         return moved_in_space(self.bound)
 
-    def carrier(self, name: str, numbers: Mapping[str, float]) -> Carrier:
-        return carrier(self.scene, name, self.bound, numbers)
+    def driven(self, name: str, path: str) -> Driven:
+        body = self.scene.template.bodies.index(name)
+        return driven(self.scene, name, self.bound, path, float(reaches_of(self.bound.model)[body]))
+
+    @property
+    def loads(self) -> Mapping[str, Load]:
+        model, names = self.bound.model, self.scene.template.bodies
+        roles = dict(zip(names, roles_in_space(self.bound), strict=True))
+        gravity, found = float(np.linalg.norm(model.opt.gravity)), {}
+        for name, mass in zip(names, model.body_mass.tolist(), strict=True):
+            if roles[name] == OBJECT:
+                pairs = [pair for pair in self.scene.template.contacts if name in pair]
+                on = tuple(other for pair in pairs for other in pair if roles[other] == OBSTACLE)
+                found[name] = Load(mass * gravity, on, 0.0)
+        return found
 
 
 def roles_in_space(bound: SpaceBound) -> list[str]:
