@@ -104,7 +104,8 @@ def scales(p: ContactProblem, v: Array, force: Array, tau: Array) -> tuple[Array
     yields = (rows**2 / np.diag(p.H)).max(axis=1, initial=0.0)
     unit = float(max(np.abs(force).max(initial=0.0), np.abs(tau).max(initial=0.0)))
     push = yields * unit
-    scale = np.where(scale < _ROUNDING * push, _REST * push, scale)
+    rigid = np.concatenate([np.repeat(p.R[:, 0, 0] == 0.0, d), p.R_s == 0.0])
+    scale = np.where(rigid & (scale < _ROUNDING * push), _REST * push, scale)
     light = yields > 0.0
     unit = max(unit, float((_FLOOR * scale[light] / yields[light]).max(initial=0.0)))
     return rows @ v + yielded + offset, scale, unit

@@ -47,7 +47,8 @@ def measure(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: P
         for entry in groups.W[at : at + groups.column[g + 1] - begin]:
             peak = max(peak, entry * entry)
         if peak > 0.0:
-            rest, floor = max(rest, peak), min(floor, peak)
+            rest = max(rest, peak) if groups.R[g, 0, 0] == 0.0 else rest
+            floor = min(floor, peak)
         for i in range(row, end):
             bend = 0.0
             for j in range(row, end):
