@@ -53,7 +53,7 @@ def simulate(
     Returns a `Run`, of a scene in space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
 
     `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
-    within the same time.
+    within the same time. Neither comes before a step, or a proof, that takes longer has ended.
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
