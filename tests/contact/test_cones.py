@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from rungwise.contact.solvers.cones import beyond, nesterov_todd
+from rungwise.contact.solvers.cones import Layout, Scaling, beyond, nesterov_todd
 
 
 def inside(rng: np.random.Generator, d: int) -> np.ndarray:
@@ -24,17 +24,17 @@ def arrow(x: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_the_scaling_and_the_bend_of_products(d: int) -> None:
-    rng, first, dim = np.random.default_rng(d), np.array([0]), np.array([d])
+    rng, layout = np.random.default_rng(d), Layout(np.array([0]), np.array([d]), np.zeros(0, np.int64))
     for _ in range(20):
         z, w, dz, dw = inside(rng, d), inside(rng, d), rng.normal(size=d), rng.normal(size=d)
-        S, inverse, turn, fault, bend = np.zeros((d, 3)), np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
-        nesterov_todd(z, w, first, dim, 1.0, S, inverse, turn, fault)
+        S, inverse, turn, slip, bend = np.zeros((d, 3)), np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)
+        nesterov_todd(z, w, 1.0, layout, Scaling(S, inverse, turn, slip))
         np.testing.assert_allclose(S[:, :d] @ z, w, rtol=1e-9)
         np.testing.assert_allclose(arrow(z) @ inverse, np.eye(d)[0], atol=1e-9)
-        np.testing.assert_allclose(fault[0], np.linalg.norm(w[1:]))
+        np.testing.assert_allclose(slip[0], np.linalg.norm(w[1:]))
         W = np.real(sqrtm(S[:, :d]))
         together = W @ z
         np.testing.assert_allclose(np.linalg.solve(W, w), together, rtol=1e-8)
-        beyond(z, w, dz, dw, first, dim, np.empty((4, 3)), bend)
+        beyond(z, w, dz, dw, layout, np.empty((4, 3)), bend)
         expected = W @ np.linalg.solve(arrow(together), arrow(W @ dz) @ np.linalg.solve(W, dw))
         np.testing.assert_allclose(bend, expected, rtol=1e-6, atol=1e-9)

@@ -197,19 +197,10 @@ class Simulation(Turns):
             self.reason += f" Here: rungwise solve {last}"
 
     def _take(self, turns: int, signals: Ints, workspace: Workspace) -> Code:
-        return Code(
-            loop.advance(
-                self._bound.records,
-                self._inputs,
-                self._conditions,
-                self._bound.buffer,
-                self._rung,
-                self._control,
-                workspace,
-                turns,
-                signals,
-            )
+        setting = loop.Setting(
+            self._bound.records, self._inputs, self._conditions, self._bound.buffer, self._rung, self._control
         )
+        return Code(loop.advance(setting, workspace, turns, signals))
 
     def result(self) -> Run:
         """The run as far as it has come."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rungwise.scene import load
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.manifold import allocate_manifolds, manifold
+from rungwise.system.planar.manifold import Found, allocate_manifolds, manifold
 from rungwise.system.planar.place import allocate_placement, place, start
 from rungwise.system.planar.seams import allocate_seams, find_seams
 
@@ -45,7 +45,9 @@ class Planar:
         self.place(q)
         points, features = np.zeros((2, 5)), np.zeros(2, np.int64)
         a, b = (int(self.records.pairs[pair][field]) for field in ("shape_a", "shape_b"))
-        count = manifold(self.records.shapes[a], self.records.shapes[b], self.outline, points, features)
+        count = manifold(
+            self.records.shapes[a], self.records.shapes[b], self.outline, Found(points, features)
+        )
         return points[:count], [int(feature) for feature in features[:count]]
 
     def look(self, q: Array, margin: float) -> float:

@@ -26,9 +26,27 @@ _DENSE = 200
 """Unknowns up to which A is dense; chosen by trial, for speed."""
 
 
+class Layout(NamedTuple):
+    """Cone i has dim[i] rows from first[i]; other rows are free, or dead (zero)."""
+
+    first: Ints
+    dim: Ints
+    dead: Ints
+
+
+class Scaling(NamedTuple):
+    """What cones are at a point (z, w), with `nesterov_todd`: S (N, 3), row by row of blocks, with S z = w;
+    the inverse of z, the direction of the slip times its weight in the linear system, and the slip in normal
+    rows (N,)."""
+
+    S: Reals
+    inverse: Reals
+    turn: Reals
+    slip: Reals
+
+
 class Cones(NamedTuple):
-    """w = A (z + offset) + b, x = (z + offset) / D; cone i has dim[i] rows from first[i]; others are free, or
-    dead (zero).
+    """w = A (z + offset) + b, x = (z + offset) / D.
 
     The first `size` are the unknowns of the system, of which `rows` are of contacts with d directions. A is
     None where the system has a product.
@@ -39,9 +57,7 @@ class Cones(NamedTuple):
     b: Array
     D: Array
     offset: Array
-    first: Ints
-    dim: Ints
-    dead: Ints
+    layout: Layout
     size: int
     rows: int
     d: int
@@ -90,7 +106,7 @@ def cones_of(system: System) -> Cones:
     weight[i, own] = 1.0
     weight[dead], idle[dead, own[dead]] = 0.0, 1.0
     A, b = (None, s.b / D) if s.product is not None and size == s.size else _with_limits(s, D)
-    return Cones(s, A, b, D, offset, first, dim, dead, s.size, s.rows, d, parts, idle, weight)
+    return Cones(s, A, b, D, offset, Layout(first, dim, dead), s.size, s.rows, d, parts, idle, weight)
 
 
 def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
@@ -114,35 +130,43 @@ def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
 def centre(cones: Cones) -> Array:
     """The unit of the cones over the root of their number."""
     unit = np.zeros(len(cones.b))
-    unit[cones.first] = 1.0 / math.sqrt(max(len(cones.first), 1))
+    first = cones.layout.first
+    unit[first] = 1.0 / math.sqrt(max(len(first), 1))
     return unit
 
 
-def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
-    """Factors of A + (I - e turn^T) scaling, rows of dead unknowns replaced by rows of the identity."""
-    A = cones.A
+def scaling_at(cones: Cones, z: Array, w: Array, turning: float) -> Scaling:
+    """The scaling at a point inside the cones; `turning` is the weight of the slips' directions."""
+    size = len(z)
+    made = Scaling(np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size))
+    nesterov_todd(z, w, turning, cones.layout, made)
+    return made
+
+
+def factorise(cones: Cones, scaling: Scaling) -> Factors | None:
+    """Factors of A + (I - e turn^T) S, rows of dead unknowns replaced by rows of the identity."""
+    A, (first, dim, dead) = cones.A, cones.layout
     if cones.condensed is not None:
         E = cones.idle.copy()
-        lean_rows(scaling, turn, cones.first, cones.dim, E)
+        lean_rows(scaling, cones.layout, E)
         return condensed_solver(cones.condensed, cones.rows, cones.d, E, cones.weight)
     if isinstance(A, np.ndarray):
         J = A.copy()
-        add_scaling(J, scaling, turn, cones.first, cones.dim)
-        J[cones.dead] = 0.0
-        J[cones.dead, cones.dead] = 1.0
+        add_scaling(J, scaling, cones.layout)
+        J[dead] = 0.0
+        J[dead, dead] = 1.0
         return factors(J)
-    blocks = np.zeros((len(scaling), 3))
-    lean_rows(scaling, turn, cones.first, cones.dim, blocks)
-    width = np.repeat(cones.dim, cones.dim)
-    start = np.repeat(cones.first, cones.dim)
-    row = start + np.arange(len(start)) - np.repeat(np.cumsum(cones.dim) - cones.dim, cones.dim)
+    size = len(scaling.S)
+    blocks = np.zeros((size, 3))
+    lean_rows(scaling, cones.layout, blocks)
+    width, start = np.repeat(dim, dim), np.repeat(first, dim)
+    row = start + np.arange(len(start)) - np.repeat(np.cumsum(dim) - dim, dim)
     used = np.arange(3) < width[:, None]
     column = (start[:, None] + np.arange(3))[used]
-    shape = (len(scaling), len(scaling))
-    J = A + sp.csr_array((blocks[row][used], (np.repeat(row, width), column)), shape=shape)
-    if len(cones.dead):
-        alive = np.ones(len(scaling))
-        alive[cones.dead] = 0.0
+    J = A + sp.csr_array((blocks[row][used], (np.repeat(row, width), column)), shape=(size, size))
+    if len(dead):
+        alive = np.ones(size)
+        alive[dead] = 0.0
         J = sp.diags_array(alive) @ J + sp.diags_array(1.0 - alive)
     if cones.system.has_free and (J.diagonal() > 0.0).all():
         return diagonal_factors(J)
@@ -150,19 +174,10 @@ def factorise(cones: Cones, scaling: Array, turn: Array) -> Factors | None:
 
 
 @kernel
-def nesterov_todd(
-    z: Reals,
-    w: Reals,
-    first: Ints,
-    dim: Ints,
-    turning: float,
-    scaling: Reals,
-    inverse: Reals,
-    turn: Reals,
-    fault: Reals,
-) -> None:
-    """Fill the scaling S with S z = w, the inverse of z, the direction of slip times `turning`; add the slip
-    to the fault."""
+def nesterov_todd(z: Reals, w: Reals, turning: float, layout: Layout, out: Scaling) -> None:
+    """Fill the scaling at (z, w), with the direction of the slip times `turning`; other rows are left."""
+    first, dim, _ = layout
+    scaling, inverse, turn, slips = out
     for c in range(len(first)):
         i, d = first[c], dim[c]
         if d == 1:
@@ -185,15 +200,14 @@ def nesterov_todd(
                 other = per * (w[i + l] / size_w + (1.0 if l == 0 else -1.0) * z[i + l] / size_z)
                 scaling[i + j, l] = size_w / size_z * 2.0 * mine * other
             scaling[i + j, j] -= sign * size_w / size_z
-        fault[i] += slip
+        slips[i] = slip
 
 
 @kernel
-def beyond(
-    z: Reals, w: Reals, dz: Reals, dw: Reals, first: Ints, dim: Ints, scratch: Reals, out: Reals
-) -> None:
+def beyond(z: Reals, w: Reals, dz: Reals, dw: Reals, layout: Layout, scratch: Reals, out: Reals) -> None:
     """The part of the products of z + dz and w + dw that is not linear, in the terms of `toward`; scratch is
     (4, 3)."""
+    first, dim, _ = layout
     v, a, b, c = scratch[0], scratch[1], scratch[2], scratch[3]
     for k in range(len(first)):
         i, d = first[k], dim[k]
@@ -250,26 +264,19 @@ def _turned(v: Reals, sign: float, factor: float, x: Reals, out: Reals) -> None:
 
 
 @kernel
-def toward(w: Reals, inverse: Reals, first: Ints, dim: Ints, target: float, aim: Reals) -> None:
+def toward(w: Reals, scaling: Scaling, target: float, layout: Layout, aim: Reals) -> None:
     """aim = target z^-1 - w, the value that dw + S dz must have."""
+    first, dim, _ = layout
     for c in range(len(first)):
         for i in range(first[c], first[c] + dim[c]):
-            aim[i] = target * inverse[i] - w[i]
+            aim[i] = target * scaling.inverse[i] - w[i]
 
 
 @kernel
-def lean(
-    aim: Reals,
-    fault: Reals,
-    repaired: float,
-    turn: Reals,
-    first: Ints,
-    dim: Ints,
-    dead: Ints,
-    right: Reals,
-) -> None:
+def lean(aim: Reals, fault: Reals, repaired: float, scaling: Scaling, layout: Layout, right: Reals) -> None:
     """right = aim - repaired fault, less the slip that `aim` brings with it in normal rows; nothing in dead
     rows."""
+    (first, dim, dead), turn = layout, scaling.turn
     for i in range(len(right)):
         right[i] = aim[i] - repaired * fault[i]
     for c in range(len(first)):
@@ -280,46 +287,50 @@ def lean(
 
 
 @kernel
-def lean_rows(scaling: Reals, turn: Reals, first: Ints, dim: Ints, out: Reals) -> None:
+def lean_rows(scaling: Scaling, layout: Layout, out: Reals) -> None:
     """out = (I - e turn^T) S, block by block."""
+    (first, dim, _), S, turn = layout, scaling.S, scaling.turn
     for c in range(len(first)):
         i = first[c]
         for l in range(dim[c]):
             for j in range(dim[c]):
-                out[i + j, l] = scaling[i + j, l]
+                out[i + j, l] = S[i + j, l]
             for j in range(1, dim[c]):
-                out[i, l] -= turn[i + j] * scaling[i + j, l]
+                out[i, l] -= turn[i + j] * S[i + j, l]
 
 
 @kernel
-def add_scaling(J: Reals, scaling: Reals, turn: Reals, first: Ints, dim: Ints) -> None:
+def add_scaling(J: Reals, scaling: Scaling, layout: Layout) -> None:
     """Add (I - e turn^T) S to J."""
+    (first, dim, _), S, turn = layout, scaling.S, scaling.turn
     for c in range(len(first)):
         i = first[c]
         for l in range(dim[c]):
             for j in range(dim[c]):
-                J[i + j, i + l] += scaling[i + j, l]
+                J[i + j, i + l] += S[i + j, l]
             for j in range(1, dim[c]):
-                J[i, i + l] -= turn[i + j] * scaling[i + j, l]
+                J[i, i + l] -= turn[i + j] * S[i + j, l]
 
 
 @kernel
-def apply_scaling(scaling: Reals, dz: Reals, first: Ints, dim: Ints, out: Reals) -> None:
+def apply_scaling(S: Reals, dz: Reals, layout: Layout, out: Reals) -> None:
     """out -= S dz."""
+    first, dim, _ = layout
     for c in range(len(first)):
         for j in range(dim[c]):
             for l in range(dim[c]):
-                out[first[c] + j] -= scaling[first[c] + j, l] * dz[first[c] + l]
+                out[first[c] + j] -= S[first[c] + j, l] * dz[first[c] + l]
 
 
 @kernel
-def longest(z: Reals, dz: Reals, w: Reals, dw: Reals, first: Ints, dim: Ints) -> float:
+def longest(z: Reals, dz: Reals, w: Reals, dw: Reals, layout: Layout) -> float:
     """The greatest step for which z + step dz and w + step dw are in all cones."""
-    return min(_longest(z, dz, first, dim), _longest(w, dw, first, dim))
+    return min(_longest(z, dz, layout), _longest(w, dw, layout))
 
 
 @inner_kernel
-def _longest(z: Reals, dz: Reals, first: Ints, dim: Ints) -> float:
+def _longest(z: Reals, dz: Reals, layout: Layout) -> float:
+    first, dim, _ = layout
     least = math.inf
     for c in range(len(first)):
         i = first[c]

@@ -23,19 +23,20 @@ from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
 from rungwise.contact.solvers.cones import (
     Cones,
+    Layout,
     apply_scaling,
     centre,
     cones_of,
     factorise,
     lean,
     longest,
-    nesterov_todd,
+    scaling_at,
     toward,
 )
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Reals, kernel
 
 NAME = "homotopy"
 _STEPS = 600
@@ -109,9 +110,9 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     path = Path(
         cones,
         cones.rates(here.z) - here.w,
-        float(here.z @ here.w) / len(cones.first),
+        float(here.z @ here.w) / len(cones.layout.first),
     )
-    length, again = math.sqrt(len(cones.first)), 0
+    length, again = math.sqrt(len(cones.layout.first)), 0
     before: tuple[Point, Local] | None = None
     for done in range(_STEPS):
         x = cones.unknowns(here.z)
@@ -134,7 +135,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
             continue
         if again < _AGAIN:
             length *= 2.0 if local.size < _NEAR else 1.0 if again == 0 else 0.7
-        length, again = min(length, _LONGEST * math.sqrt(len(cones.first))), 0
+        length, again = min(length, _LONGEST * math.sqrt(len(cones.layout.first))), 0
         onwards = _onwards(path, here, local, length)
         if onwards is None:
             before, length = None, 1.0
@@ -151,10 +152,9 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
 def _local(path: Path, here: Point, work: Work) -> Local | None:
     """Correction and tangent from one factorisation; None where the matrix is singular or overflows."""
     cones, size, t = path.cones, len(here.z), math.exp(here.t)
-    first, dim, dead = cones.first, cones.dim, cones.dead
-    scaling, inverse, turn, slip = np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size)
-    nesterov_todd(here.z, here.w, first, dim, 1.0 - t, scaling, inverse, turn, slip)
-    linear = factorise(cones, scaling, turn)
+    layout, scaling = cones.layout, scaling_at(cones, here.z, here.w, 1.0 - t)
+    S, slip = scaling.S, scaling.slip
+    linear = factorise(cones, scaling)
     if linear is None:
         return None
     work.spend_factors(linear.entries)
@@ -162,47 +162,47 @@ def _local(path: Path, here: Point, work: Work) -> Local | None:
     def step(aim: Array, fault: Array) -> tuple[Array, Array]:
         """dz, dw with S dz + dw = aim (which becomes dw) that take the fault away."""
         right = np.empty(size)
-        lean(aim, fault, 1.0, turn, first, dim, dead, right)
+        lean(aim, fault, 1.0, scaling, layout, right)
         dz = linear.solve(right)
-        apply_scaling(scaling, dz, first, dim, aim)
+        apply_scaling(S, dz, layout, aim)
         # Where products are small digits are lost: a second solve brings them back.
-        lean(aim, fault + cones.change(dz), 1.0, turn, first, dim, dead, right)
+        lean(aim, fault + cones.change(dz), 1.0, scaling, layout, right)
         more = linear.solve(right)
-        apply_scaling(scaling, more, first, dim, aim)
+        apply_scaling(S, more, layout, aim)
         return dz + more, aim
 
     aim = np.zeros(size)
-    toward(here.w, inverse, first, dim, t * path.product, aim)
+    toward(here.w, scaling, t * path.product, layout, aim)
     fault = cones.rates(here.z) - here.w + (1.0 - t) * slip - t * path.fault
     z, w = step(aim, fault)
-    tangent = Point(*step(t * path.product * inverse, -t * (path.fault + slip)), 1.0)
+    tangent = Point(*step(t * path.product * scaling.inverse, -t * (path.fault + slip)), 1.0)
     unit = t * path.product
-    length = math.sqrt(max(inner(scaling, tangent.z, tangent.z, first, dim), 0.0) / unit + 1.0)
+    length = math.sqrt(max(inner(S, tangent.z, tangent.z, layout), 0.0) / unit + 1.0)
     tangent = tangent.times(-linear.sign / length)
-    along = inner(scaling, z, tangent.z, first, dim) / unit
+    along = inner(S, z, tangent.z, layout) / unit
     correction = Point(z - along * tangent.z, w - along * tangent.w, -along * tangent.t)
     if not math.isfinite(float(correction.z @ correction.w)):
         return None
-    return Local(correction, tangent, scaling, math.sqrt(greatest(scaling, correction.z, first, dim) / unit))
+    return Local(correction, tangent, S, math.sqrt(greatest(S, correction.z, layout) / unit))
 
 
 def _kept(path: Path, before: Local, here: Point, local: Local) -> bool:
     """Whether the step since `before` stayed near the path and did not turn round on it."""
     if not local.size <= _FAR:
         return False
-    unit, cones = math.exp(here.t) * path.product, path.cones
-    along = inner(local.scaling, before.tangent.z, local.tangent.z, cones.first, cones.dim) / unit
+    unit, layout = math.exp(here.t) * path.product, path.cones.layout
+    along = inner(local.scaling, before.tangent.z, local.tangent.z, layout) / unit
     return along + before.tangent.t * local.tangent.t > 0.0
 
 
 def _onwards(path: Path, here: Point, local: Local, length: float) -> tuple[Point, float] | None:
     """The point, corrected and moved by at most `length` along the tangent to where the cones' products are
     alike; and the length moved."""
-    cones = path.cones
+    layout = path.cones.layout
     for _ in range(_TRIES):
         there = here + local.correction + local.tangent.times(length)
         unit = math.exp(min(there.t, 1.0)) * path.product
-        if alike(there.z, there.w, cones.first, cones.dim, _WIDTH * unit, unit / _WIDTH):
+        if alike(there.z, there.w, layout, _WIDTH * unit, unit / _WIDTH):
             return there, length
         length *= _LESS
     return None
@@ -210,37 +210,40 @@ def _onwards(path: Path, here: Point, local: Local, length: float) -> tuple[Poin
 
 def _room(cones: Cones, here: Point, step: Point) -> float:
     """How much of a step stays inside the cones."""
-    return float(longest(here.z, step.z, here.w, step.w, cones.first, cones.dim))
+    return float(longest(here.z, step.z, here.w, step.w, cones.layout))
 
 
 @kernel
-def inner(scaling: Reals, a: Reals, b: Reals, first: Ints, dim: Ints) -> float:
+def inner(S: Reals, a: Reals, b: Reals, layout: Layout) -> float:
     """a . S b."""
+    first, dim, _ = layout
     total = 0.0
     for c in range(len(first)):
         for i in range(first[c], first[c] + dim[c]):
             for l in range(dim[c]):
-                total += a[i] * scaling[i, l] * b[first[c] + l]
+                total += a[i] * S[i, l] * b[first[c] + l]
     return total
 
 
 @kernel
-def greatest(scaling: Reals, a: Reals, first: Ints, dim: Ints) -> float:
+def greatest(S: Reals, a: Reals, layout: Layout) -> float:
     """The greatest a . S a of a cone."""
+    first, dim, _ = layout
     most = 0.0
     for c in range(len(first)):
         total = 0.0
         for i in range(first[c], first[c] + dim[c]):
             for l in range(dim[c]):
-                total += a[i] * scaling[i, l] * a[first[c] + l]
+                total += a[i] * S[i, l] * a[first[c] + l]
         most = max(most, total)
     return most
 
 
 @kernel
-def alike(z: Reals, w: Reals, first: Ints, dim: Ints, least: float, most: float) -> bool:
+def alike(z: Reals, w: Reals, layout: Layout, least: float, most: float) -> bool:
     """Whether z and w are inside their cones, with all eigenvalues of their products from `least` to
     `most`."""
+    first, dim, _ = layout
     for c in range(len(first)):
         i = first[c]
         inside_z, inside_w, dot = z[i] * z[i], w[i] * w[i], z[i] * w[i]

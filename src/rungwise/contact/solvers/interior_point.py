@@ -28,7 +28,7 @@ from rungwise.contact.solvers.cones import (
     factorise,
     lean,
     longest,
-    nesterov_todd,
+    scaling_at,
     toward,
 )
 from rungwise.contact.solvers.measure import natural
@@ -121,35 +121,34 @@ def _advance(
 
     `turning` is the weight of the derivative of the slips' directions.
     """
-    first, dim, dead = cones.first, cones.dim, cones.dead
-    scaling, inverse, turn = np.zeros((len(z), 3)), np.zeros(len(z)), np.zeros(len(z))
-    fault = cones.rates(z) - w
-    nesterov_todd(z, w, first, dim, turning, scaling, inverse, turn, fault)
-    linear = factorise(cones, scaling, turn)
+    layout, count = cones.layout, max(len(cones.layout.first), 1)
+    scaling = scaling_at(cones, z, w, turning)
+    fault = cones.rates(z) - w + scaling.slip
+    linear = factorise(cones, scaling)
     if linear is None:
         return None
     work.spend_factors(linear.entries)
-    product = float(z @ w) / max(len(first), 1)
+    product = float(z @ w) / count
 
     def step(target: float, repaired: float, bend: Array | float = 0.0) -> tuple[Array, Array, float]:
         """dz, dw and the longest step towards the product `target`, where products bend by `bend`, repairing
         the part `repaired` of the fault."""
         dw, right = np.zeros(len(z)), np.empty(len(z))
-        toward(w, inverse, first, dim, target, dw)
+        toward(w, scaling, target, layout, dw)
         dw -= bend
-        lean(dw, fault, repaired, turn, first, dim, dead, right)
+        lean(dw, fault, repaired, scaling, layout, right)
         dz = linear.solve(right)
-        apply_scaling(scaling, dz, first, dim, dw)
-        return dz, dw, longest(z, dz, w, dw, first, dim)
+        apply_scaling(scaling.S, dz, layout, dw)
+        return dz, dw, longest(z, dz, w, dw, layout)
 
     dz, dw, length = step(0.0, 1.0)
     length = min(1.0, length)
-    predicted = float((z + length * dz) @ (w + length * dw)) / max(len(first), 1)
+    predicted = float((z + length * dz) @ (w + length * dw)) / count
     centring = min(1.0, max(predicted / product, 0.0)) ** 3 if product > 0.0 else 0.0
     aim = centring * product, 1.0 - _RETAINED * centring
     bend, known = np.zeros(len(z)), length > _BENT
     if known:
-        beyond(z, w, dz, dw, first, dim, np.empty((4, 3)), bend)
+        beyond(z, w, dz, dw, layout, np.empty((4, 3)), bend)
         bend *= 1.0 - centring
     dz, dw, length = step(*aim, bend)
     if known and length < _BENT:

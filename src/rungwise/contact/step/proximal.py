@@ -20,7 +20,7 @@ from rungwise.contact.step.mode_newton import flip, sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
 from rungwise.contact.step.residual import residual
-from rungwise.kernel import Ints, Reals, inner_kernel, kernel, rare_kernel
+from rungwise.kernel import Ints, Reals, copy, inner_kernel, kernel, rare_kernel
 
 FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least.
@@ -216,22 +216,18 @@ def _give(p: ContactProblem, sizes: Sizes, rho: float, give: Reals) -> None:
 
 @inner_kernel
 def collect(sizes: Sizes, unknowns: Unknowns, centre: Reals) -> None:
-    contacts, limited = sizes.contacts, sizes.limited
-    force, tau = unknowns.force, unknowns.tau
-    for r in range(2 * contacts):
-        centre[r] = force[r]
-    for r in range(limited):
-        centre[2 * contacts + r] = tau[r]
+    """Copy the forces, of contacts and then of limited rows, into `centre`."""
+    rows = 2 * sizes.contacts
+    copy(unknowns.force[:rows], centre[:rows])
+    copy(unknowns.tau[: sizes.limited], centre[rows : rows + sizes.limited])
 
 
 @inner_kernel
 def spread(sizes: Sizes, centre: Reals, unknowns: Unknowns) -> None:
-    contacts, limited = sizes.contacts, sizes.limited
-    force, tau = unknowns.force, unknowns.tau
-    for r in range(2 * contacts):
-        force[r] = centre[r]
-    for r in range(limited):
-        tau[r] = centre[2 * contacts + r]
+    """Copy `centre` back into the forces."""
+    rows = 2 * sizes.contacts
+    copy(centre[:rows], unknowns.force[:rows])
+    copy(centre[rows : rows + sizes.limited], unknowns.tau[: sizes.limited])
 
 
 @kernel

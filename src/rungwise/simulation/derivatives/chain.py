@@ -18,40 +18,26 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import KINDS
 from rungwise.simulation.derivatives.in_space import SpaceSensitivity, run_sensitivity_in_space
-from rungwise.simulation.derivatives.sensitivity import WRT, differentiated, prepared, started
+from rungwise.simulation.derivatives.sensitivity import WRT, EndSensitivity, differentiated, prepared, started
 from rungwise.simulation.options import ModelError
 
 Array: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class RunSensitivity:
-    """The state `q`, `v` (n,), `deformation` (slots, 2) after the steps, at `time`, and its derivatives.
-
-    dq, dv (n, m), ddeformation (2 slots, m) are by the kinds asked for: "q", "v" and "deformation" at the
-    start, "inputs", the same in all steps, and "parameters" in the order of `names`. `weak` are the numbers
-    of steps with a contact about to change its mode: if there are any, derivatives are one-sided, for each
-    column increased by itself. NaN where nothing determines the derivative.
-    """
+@dataclass(frozen=True, kw_only=True, repr=False)
+class RunSensitivity(EndSensitivity):
+    """The state after steps, at `time`, and its derivatives (see `EndSensitivity`); inputs are the same in
+    all steps. `weak` are the numbers of steps with a contact about to change its mode: if there are any,
+    derivatives are one-sided, for each column increased by itself."""
 
     time: float
-    q: Array
-    v: Array
-    deformation: Array
-    dq: dict[str, Array]
-    dv: dict[str, Array]
-    ddeformation: dict[str, Array]
-    names: tuple[str, ...]
     weak: tuple[int, ...]
-
-    __repr__ = brief
 
 
 @keywords
@@ -142,5 +128,6 @@ def run_sensitivity(
         for of in ("q", "v", "deformation")
     )
     return RunSensitivity(
-        start.time, start.q, start.v, start.deformation, dq, dv, strain, changes.names, tuple(weak)
-    )
+        time=start.time, q=start.q, v=start.v, deformation=start.deformation, dq=dq, dv=dv,
+        ddeformation=strain, names=changes.names, weak=tuple(weak),
+    )  # fmt: skip

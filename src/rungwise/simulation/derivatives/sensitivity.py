@@ -41,15 +41,12 @@ _SAME = 1e-11
 trial, to a decade."""
 
 
-@dataclass(frozen=True)
-class StepSensitivity:
-    """A step from (q, v) to `q`, `v` (n,), and its derivatives dq, dv (n, m) by kind of unknown.
-
-    `inputs` are the speed of a prescribed coordinate and a force on any other; `parameters` are in the order
-    of `names`. `deformation` (slots, 2) is the deformation after the step, ddeformation (2 slots, m) its
-    derivatives. `contact` is the linearised contact problem: where its `weak` is not empty the derivatives
-    are one-sided, for each column increased by itself. NaN where nothing determines the derivative.
-    """
+@dataclass(frozen=True, kw_only=True)
+class EndSensitivity:
+    """The state `q`, `v` (n,) that steps lead to, the `deformation` (slots, 2) there, and the derivatives dq,
+    dv (n, m) and ddeformation (2 slots, m) by kind of unknown: "q", "v" and "deformation" at the start,
+    "inputs", which are the speed of a prescribed coordinate and a force on any other, and "parameters" in the
+    order of `names`. NaN where nothing determines the derivative."""
 
     q: Array
     v: Array
@@ -58,9 +55,17 @@ class StepSensitivity:
     dv: dict[str, Array]
     ddeformation: dict[str, Array]
     names: tuple[str, ...]
-    contact: Sensitivity
 
     __repr__ = brief
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class StepSensitivity(EndSensitivity):
+    """A step from (q, v), and the derivatives of its end (see `EndSensitivity`). `contact` is the linearised
+    contact problem: where its `weak` is not empty the derivatives are one-sided, for each column increased by
+    itself."""
+
+    contact: Sensitivity
 
 
 @keywords
@@ -101,12 +106,12 @@ def step_sensitivity(
     }
     step = differentiated(here, changes, start, directions)
     parts = {kind: slice(a, b) for kind, a, b in zip(changes.kinds, first, first[1:], strict=False)}
+    dq, dv, strain = (
+        {kind: of[:, part] for kind, part in parts.items()} for of in (step.dq, step.dv, step.ddeformation)
+    )
     return StepSensitivity(
-        step.end.q, step.end.v, step.end.deformation,
-        {kind: step.dq[:, part] for kind, part in parts.items()},
-        {kind: step.dv[:, part] for kind, part in parts.items()},
-        {kind: step.ddeformation[:, part] for kind, part in parts.items()},
-        changes.names, step.contact,
+        q=step.end.q, v=step.end.v, deformation=step.end.deformation, dq=dq, dv=dv, ddeformation=strain,
+        names=changes.names, contact=step.contact,
     )  # fmt: skip
 
 

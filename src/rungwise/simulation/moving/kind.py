@@ -14,7 +14,7 @@ from rungwise.simulation.core.crawl import why_nowhere
 from rungwise.simulation.core.stepper import OVERLAP, Stepper
 from rungwise.simulation.moving.begin import Fault, worst
 from rungwise.simulation.moving.frames import Frame, worked
-from rungwise.simulation.moving.memory import hand_on, recall, remembered
+from rungwise.simulation.moving.memory import begin_anew, recall, remembered
 from rungwise.simulation.moving.prepared import Bodies
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.snaps import snaps
@@ -50,9 +50,14 @@ class Kind:
         recall(self.stepper, core)
 
     def hand_on(self, core: Reals) -> None:
-        """Begin with the contacts of a run on another rung or at other parameters. Raises ValueError."""
-        assert self.stepper is not None
-        hand_on(self.stepper, core)
+        """Begin with the contacts of a run on another rung or at other parameters: features keep their modes,
+        forces, and where they are compliant their deformations, and clocks begin anew. Raises ValueError."""
+        stepper = self.stepper
+        assert stepper is not None
+        clock, fall = stepper.state.clock.copy(), stepper.terms.fall.copy()
+        self.recall(core)
+        stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
+        begin_anew(stepper)
 
     def frame(self) -> Any:
         """The state of the run now, to be kept."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,10 +44,19 @@ def _arrays(stepper: Stepper) -> list[NDArray[Any]]:
     ]  # fmt: skip
 
 
+def flattened(parts: Iterable[NDArray[Any]]) -> list[Reals]:
+    """Arrays of eight bytes per entry as rows of numbers."""
+    return [np.ascontiguousarray(part).view(np.float64).ravel() for part in parts]
+
+
+def restored(values: Reals, part: NDArray[Any]) -> NDArray[Any]:
+    """A row of numbers as an array like this one."""
+    return values.view(part.dtype).reshape(part.shape)
+
+
 def remembered(stepper: Stepper) -> Reals:
     """The memory (w,) of a run of a system that keeps features in fixed slots."""
-    flat = [np.ascontiguousarray(part).view(np.float64).ravel() for part in _arrays(stepper)]
-    return np.concatenate([[stepper.leapt], *flat])
+    return np.concatenate([[stepper.leapt], *flattened(_arrays(stepper))])
 
 
 def recall(stepper: Stepper, values: Reals) -> None:
@@ -56,18 +66,8 @@ def recall(stepper: Stepper, values: Reals) -> None:
         raise ValueError("the memory is of another system")
     stepper.leapt, at = float(values[0]), 1
     for part in arrays:
-        part[...] = values[at : at + part.size].view(part.dtype).reshape(part.shape)
+        part[...] = restored(values[at : at + part.size], part)
         at += part.size
-
-
-def hand_on(stepper: Stepper, values: Reals) -> None:
-    """Begin with the contacts of a run with this memory, on another rung or at other parameters: features
-    keep their modes, forces, and where they are compliant their deformations, and clocks begin anew. Raises
-    ValueError as `recall`."""
-    clock, fall = stepper.state.clock.copy(), stepper.terms.fall.copy()
-    recall(stepper, values)
-    stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
-    begin_anew(stepper)
 
 
 def begin_anew(stepper: Stepper) -> None:

@@ -14,6 +14,7 @@ The way of one step, from the outside in:
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
@@ -67,6 +68,19 @@ CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
 PAUSE = 2.0
 """Nominal steps: an approach no faster than loads cause within them does not bounce."""
+
+
+class Setting(NamedTuple):
+    """What steps of a run are taken by: the scene's records; its inputs, the numbers that vary in time, and
+    the buffer that binding reads them from; programs of the scene's conditions; rung, and control of
+    steps."""
+
+    records: Records
+    inputs: Inputs
+    conditions: Conditions
+    buffer: Reals
+    rung: RecordArray
+    control: RecordArray
 
 
 @kernel
@@ -145,60 +159,40 @@ def _comes_apart(records: Records, workspace: Workspace) -> bool:
 
 
 @kernel
-def advance(
-    records: Records,
-    inputs: Inputs,
-    conditions: Conditions,
-    buffer: Reals,
-    rung: RecordArray,
-    control: RecordArray,
-    workspace: Workspace,
-    turns: int,
-    signals: Ints,
-) -> int:
+def advance(setting: Setting, workspace: Workspace, turns: int, signals: Ints) -> int:
     """Take at most `turns` steps, until signalled to stop; returns the outcome, RUNNING if the run has not
-    ended.
-
-    `inputs` holds the numbers that vary in time, `conditions` the programs of the scene's conditions.
-    """
+    ended."""
+    records, rung = setting.records, setting.rung
     state = workspace.state
     clock = state.clock[0]
     if clock.frames == 0:
-        clock.outcome = first_verdict(inputs, conditions, buffer, control, workspace)
+        clock.outcome = first_verdict(setting, workspace)
         record(records, rung, workspace, True)
     for _ in range(turns):
         if clock.outcome != RUNNING or signals[STOPPED] != 0:
             break
-        clock.outcome = run_step(records, inputs, conditions, buffer, rung, control, workspace)
+        clock.outcome = run_step(setting, workspace)
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
 
 
 @kernel
-def first_verdict(
-    inputs: Inputs, conditions: Conditions, buffer: Reals, control: RecordArray, workspace: Workspace
-) -> int:
+def first_verdict(setting: Setting, workspace: Workspace) -> int:
     """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
     segment has no time left for its condition."""
-    verdict = judge(conditions, workspace.state, workspace.scratch)
-    if switch_inputs(inputs, buffer, 0.0, workspace):
+    inputs, control = setting.inputs, setting.control
+    verdict = judge(setting.conditions, workspace.state, workspace.scratch)
+    if switch_inputs(inputs, setting.buffer, 0.0, workspace):
         return TIMEOUT if verdict == RUNNING else verdict
     spent_all = workspace.state.clock[0].segment >= inputs.durations.shape[0]
     return MISSED if verdict == RUNNING and control[0].ends and spent_all else verdict
 
 
 @kernel
-def run_step(
-    records: Records,
-    inputs: Inputs,
-    conditions: Conditions,
-    buffer: Reals,
-    rung: RecordArray,
-    control: RecordArray,
-    workspace: Workspace,
-) -> int:
+def run_step(setting: Setting, workspace: Workspace) -> int:
     """Take one step, halved as long as it has no solution; a step longer than a nominal step ends before a
     condition holds, so that the condition's beginning is known to a nominal step."""
+    records, inputs, conditions, buffer, rung, control = setting
     state = workspace.state
     clock = state.clock[0]
     planned = min(clock.next, control[0].longest)

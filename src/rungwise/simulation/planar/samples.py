@@ -11,7 +11,7 @@ from rungwise.scene.template.faults import BOUND
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Bounds, Numbers
 from rungwise.simulation.planar.begin import begin_by_hand
-from rungwise.simulation.planar.loop import STOPPED, begin, first_verdict, run_step
+from rungwise.simulation.planar.loop import STOPPED, Setting, begin, first_verdict, run_step
 from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs
 from rungwise.simulation.planar.state.memory import clear, go_on
 from rungwise.simulation.planar.state.verdicts import GOAL, INVALID, NOT_CONVERGED, RUNNING, margins
@@ -179,7 +179,7 @@ def _run(
     result: RecordArray,
 ) -> int:
     """Run one sample that has begun; returns its outcome, and writes the rest into result[0]."""
-    workspace, control, inputs = place.workspace, place.control, place.inputs
+    workspace, control = place.workspace, place.control
     state, kept = workspace.state, samples.kept
     clock = state.clock[0]
     began = clock.time
@@ -187,7 +187,8 @@ def _run(
     if options[0].tol > 0.0:
         span = control[0].duration if math.isnan(options[0].span) else options[0].span
         control[0].longest = span / options[0].longest
-    outcome = first_verdict(inputs, conditions, place.buffer, control, workspace)
+    setting = Setting(place.records, place.inputs, conditions, place.buffer, rung, control)
+    outcome = first_verdict(setting, workspace)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
     ended = _keep_switches(samples, i, 0, workspace)
     while outcome == RUNNING:
@@ -196,7 +197,7 @@ def _run(
         if clock.steps >= options[0].budget:
             outcome = NOT_CONVERGED
             break
-        outcome = run_step(place.records, inputs, conditions, place.buffer, rung, control, workspace)
+        outcome = run_step(setting, workspace)
         best, danger = _watch(conditions, workspace, best, danger)
         ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:

@@ -12,8 +12,6 @@ from rungwise.wording import listed
 
 SHORTENED = 2.0
 """Number of steps over the number asked for from which on a remark is made."""
-ENDED = "limits of travel, inputs or conditions ended them"
-"""Why steps are short where none was refused."""
 FINE, COARSE = 1e-9, 1e-2
 """The goal's tolerance in reaches of the smallest shape: gaps below the first count as rounding where bodies
 touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second, bodies

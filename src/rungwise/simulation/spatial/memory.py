@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.moving.memory import begin_anew
+from rungwise.simulation.moving.memory import flattened, restored
 from rungwise.system.spatial.features import FREE
 from rungwise.system.spatial.space import Space
 
@@ -50,8 +50,7 @@ def remembered(stepper: Stepper, space: Space) -> Reals:
         *(each[active] for each in arrays.state),
         *(each[known] for each in arrays.features),
     ]
-    flat = [np.ascontiguousarray(part).view(np.float64).ravel() for part in parts]
-    return np.concatenate([head, active, known, *flat])
+    return np.concatenate([head, active, known, *flattened(parts)])
 
 
 def _sizes(stepper: Stepper, space: Space) -> list[int]:
@@ -71,7 +70,7 @@ def recall(stepper: Stepper, space: Space, values: Reals) -> None:
     known = values[at + counts[0] : at + counts.sum()].astype(np.int64)
     at += int(counts.sum())
     for part in arrays.whole:
-        part[...] = values[at : at + part.size].view(part.dtype).reshape(part.shape)
+        part[...] = restored(values[at : at + part.size], part)
         at += part.size
     for part in arrays.state:
         part[...] = 0
@@ -81,14 +80,3 @@ def recall(stepper: Stepper, space: Space, values: Reals) -> None:
             size = len(rows) * part[0].size
             part[rows] = values[at : at + size].view(part.dtype).reshape(len(rows), *part.shape[1:])
             at += size
-
-
-def hand_on(stepper: Stepper, space: Space, values: Reals) -> None:
-    """Begin with the contacts of a run with this memory, on another rung or at other parameters: features
-    keep their modes, forces, and where they are compliant their deformations, and clocks begin anew. Raises
-    ValueError as `recall`."""
-    clock, margin, fall = stepper.state.clock.copy(), space.margin, stepper.terms.fall.copy()
-    recall(stepper, space, values)
-    stepper.state.clock[:], stepper.terms.fall[:] = clock, fall
-    begin_anew(stepper)
-    space.look_within(margin)

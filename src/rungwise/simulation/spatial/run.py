@@ -14,7 +14,7 @@ from rungwise.simulation.moving.begin import Fault
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.simulation.spatial.begin import faults_before, misplaced
 from rungwise.simulation.spatial.frames import Frame, frame
-from rungwise.simulation.spatial.memory import hand_on, recall, remembered
+from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.spatial.reasons import crawled, fastest, snapped
 from rungwise.simulation.spatial.result import SpaceRun
@@ -81,8 +81,9 @@ class SpaceSimulation(MovingSimulation):
         recall(self.stepper, self.space, core)
 
     def hand_on(self, core: Reals) -> None:
-        assert self.stepper is not None
-        hand_on(self.stepper, self.space, core)
+        margin = self.space.margin
+        super().hand_on(core)
+        self.space.look_within(margin)
 
     def frame(self) -> Frame:
         assert self.stepper is not None

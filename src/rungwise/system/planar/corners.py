@@ -27,6 +27,7 @@ from rungwise.system.planar.manifold import (
     POINT_X,
     POINT_Y,
     VERTICES,
+    Found,
     Manifolds,
     along,
     manifold,
@@ -126,7 +127,7 @@ def touching_face(
     in `count` points with the fresh features. By as much as contacts are compressed, and a little more,
     shapes may be below a face that they go over."""
     a, b = records.shapes[records.pairs[pair].shape_a], records.shapes[records.pairs[pair].shape_b]
-    points = manifolds.points[2 * pair : 2 * pair + 2]
+    points, ahead = manifolds.points[2 * pair : 2 * pair + 2], Found(course.points, course.features)
     compressed = sunk(a.body, b.body, records, manifolds)
     thick = a.width + b.width
     slack = FLUSH * max(a.reach, b.reach) + min(SOFT * thick, LEAN * compressed)
@@ -134,24 +135,24 @@ def touching_face(
     time = _lost(a, b, placed.pose, points, count, slack, nudge, course)
     if not time <= course.horizon[0]:
         return
-    nx, ny, found, missed = points[0, NORMAL_X], points[0, NORMAL_Y], 0, False
+    nx, ny, missed = points[0, NORMAL_X], points[0, NORMAL_Y], False
     for _ in range(LOOKS):
         _place_ahead(a, b, records, placed, time, seamed, course)
         if seamed:
-            found = joined_manifold(a, b, course.placed.outline, seams, course.points, course.features)
+            count = joined_manifold(a, b, course.placed.outline, seams, ahead)
         else:
-            found = manifold(a, b, course.placed.outline, course.points, course.features)
-        if found == 0:
+            count = manifold(a, b, course.placed.outline, ahead)
+        if count == 0:
             return
         if _is_one_face(nx, ny, course.points[0]):
             break
         nx, ny = course.points[0, NORMAL_X], course.points[0, NORMAL_Y]
-        left = _lost(a, b, course.placed.pose, course.points, found, slack, nudge, course)
+        left = _lost(a, b, course.placed.pose, course.points, count, slack, nudge, course)
         time += left
         if not time <= course.horizon[0]:
             missed = left >= 0.0
             break
-    _take_face(a, b, placed.outline, found, slack, missed, course, points, manifolds.fresh)
+    _take_face(a, b, placed.outline, count, slack, missed, course, Found(points, manifolds.fresh))
 
 
 @kernel
@@ -167,8 +168,7 @@ def crosses(
     b: Record,
     placed: Placement,
     seams: Seams,
-    points: Reals,
-    features: Ints,
+    found: Found,
     count: int,
     course: Course,
 ) -> bool:
@@ -176,28 +176,21 @@ def crosses(
     the edge below it: something else may then keep them apart."""
     if a.kind == HALFPLANE or b.kind == HALFPLANE:
         return False
+    points = found.points
     nudge, soonest, first = NUDGE * (a.width + b.width), course.horizon[0], -1
     for k in range(count):
         rate = _rate(a, b, placed.pose, points[k], course)
         if rate * course.horizon[0] < -nudge and max(points[k, GAP], 0.0) < -rate * soonest:
             soonest, first = max(points[k, GAP], 0.0) / -rate, k
-    return first >= 0 and not _is_met(
-        features[first] // VERTICES, features[first] % VERTICES, a, b, placed, seams, soonest, course
-    )
+    return first >= 0 and not _is_met(found.features[first], a, b, placed, seams, soonest, course)
 
 
 @kernel
 def _is_met(
-    edge: int,
-    vertex: int,
-    a: Record,
-    b: Record,
-    placed: Placement,
-    seams: Seams,
-    time: float,
-    course: Course,
+    feature: int, a: Record, b: Record, placed: Placement, seams: Seams, time: float, course: Course
 ) -> bool:
-    """Whether the vertex will be over the edge, and not near its ends, after a time."""
+    """Whether the feature's vertex will be over its edge, and not near its ends, after a time."""
+    edge, vertex = feature // VERTICES, feature % VERTICES
     if edge >= VERTICES:
         return False
     pose, outline = placed.pose, placed.outline
@@ -266,19 +259,12 @@ def _place_ahead(
 
 @kernel
 def _take_face(
-    a: Record,
-    b: Record,
-    outline: Reals,
-    found: int,
-    slack: float,
-    missed: bool,
-    course: Course,
-    points: Reals,
-    features: Ints,
+    a: Record, b: Record, outline: Reals, count: int, slack: float, missed: bool, course: Course, found: Found
 ) -> None:
     """Take over the face found ahead, where the other shape is on its outer side now; between two corners,
     only where they will pass and not meet."""
-    for k in range(found):
+    points, features = found
+    for k in range(count):
         edge, vertex = course.features[k] // VERTICES, course.features[k] % VERTICES
         if edge >= VERTICES and not missed:
             return
@@ -293,7 +279,7 @@ def _take_face(
     if _is_one_face(points[0, NORMAL_X], points[0, NORMAL_Y], course.points[0]):
         return
     for k in range(2):
-        features[k] = course.features[k] if k < found else ABSENT
+        features[k] = course.features[k] if k < count else ABSENT
         for i in range(points.shape[1]):
             points[k, i] = course.points[k, i]
 

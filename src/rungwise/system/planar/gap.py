@@ -16,6 +16,7 @@ from rungwise.system.planar.manifold import (
     ABSENT,
     GAP,
     VERTICES,
+    Found,
     Manifolds,
     are_parallel,
     manifold,
@@ -56,18 +57,19 @@ def find_contacts(
             _forget(slot + 1, manifolds)
         else:
             points = manifolds.points[slot : slot + 2]
-            count = manifold(a, b, outline, points, fresh)
+            found = Found(points, fresh)
+            count = manifold(a, b, outline, found)
             gap = points[0, GAP]
             if count == 2:
                 gap = min(gap, points[1, GAP])
             seamed = seams.seamed[pairs[p].shape_a] != 0 or seams.seamed[pairs[p].shape_b] != 0
             if seamed and not continue_each_other(a, b, seams):
-                count = joined_manifold(a, b, outline, seams, points, fresh)
+                count = joined_manifold(a, b, outline, seams, found)
                 for k in range(count):
                     gap = min(gap, points[k, GAP])
             if course.horizon[0] > 0.0 and gap <= margin:
                 set_course(records.bodies, placed.pose, v, course)
-                if crosses(a, b, placed, seams, points, fresh, count, course):
+                if crosses(a, b, placed, seams, found, count, course):
                     touching_face(p, seamed, count, records, placed, manifolds, seams, course)
             _follow(slot, a, b, outline, manifolds)
         gaps[contact] = min(gaps[contact], gap)

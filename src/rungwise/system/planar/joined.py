@@ -9,9 +9,8 @@ piece without seams.
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
 
-from rungwise.kernel import Ints, Reals, Record, kernel
+from rungwise.kernel import Reals, Record, kernel
 from rungwise.scene.template.records import HALFPLANE
 from rungwise.system.planar.manifold import (
     ABSENT,
@@ -20,47 +19,50 @@ from rungwise.system.planar.manifold import (
     NORMAL_Y,
     TIE,
     VERTICES,
+    Faces,
+    Found,
+    Separation,
     along,
     are_parallel,
     closest_vertices,
+    end_of,
     ends_of_overlap,
     has_area,
     height,
+    other_end,
     put,
+    put_end,
     span,
 )
 from rungwise.system.planar.seams import DEAD, FLUSH, NONE, PLAIN, REFLEX, Seams, outer_ends
 
-Faces: TypeAlias = tuple[int, int, int, int]
-"""Two faces that may lie on each other: the best edge, the edge that faces it, and the first and last vertex
-of the whole face of that one."""
-
 
 @kernel
-def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, points: Reals, features: Ints) -> int:
-    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points belong to them."""
-    features[0] = features[1] = ABSENT
+def joined_manifold(a: Record, b: Record, outline: Reals, seams: Seams, found: Found) -> int:
+    """Find the points of shapes a and b; returns how many belong to them."""
+    found.features[0] = found.features[1] = ABSENT
     apart_a, inside_a = _separation(a, b, outline, seams)
     apart_b, inside_b = _separation(b, a, outline, seams)
     inside = max(inside_a, inside_b)
-    gap_a, edge_a, vertex_b = _best_edge(a, b, inside, outline, seams)
-    gap_b, edge_b, vertex_a = _best_edge(b, a, inside, outline, seams)
-    if edge_a < 0 and edge_b < 0:
+    of_a = _best_edge(a, b, inside, outline, seams)
+    of_b = _best_edge(b, a, inside, outline, seams)
+    if of_a[1] < 0 and of_b[1] < 0:
         return 0
-    if gap_a >= gap_b:
-        count = _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, seams, points, features)
+    if of_a[0] >= of_b[0]:
+        count = _from_edge(a, b, of_a, -1.0, outline, seams, found)
     else:
-        count = _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, seams, points, features)
+        count = _from_edge(b, a, of_b, 1.0, outline, seams, found)
     slack = FLUSH * min(a.reach, b.reach)
     if max(apart_a, apart_b) > slack:
-        count = _drop_overlaps(count, -slack - a.radius - b.radius, points, features)
+        count = _drop_overlaps(count, -slack - a.radius - b.radius, found)
     return count
 
 
 @kernel
-def _drop_overlaps(count: int, least: float, points: Reals, features: Ints) -> int:
+def _drop_overlaps(count: int, least: float, found: Found) -> int:
     """Leave out points with gaps below `least`: between shapes that are apart these points belong to
     others."""
+    points, features = found
     kept = 0
     for k in range(count):
         if points[k, GAP] >= least:
@@ -116,8 +118,7 @@ def _is_admitted(i: int, deepest: int, shape: Record, other: Record, outline: Re
 def _best_edge(
     shape: Record, other: Record, inside: float, outline: Reals, seams: Seams
 ) -> tuple[float, int, int]:
-    """Best separating edge of `shape` that seams admit: least height of the other's piece, the edge, and the
-    deepest vertex of `other`; edge -1 if there is none.
+    """The `Separation` of `shape` from the piece of `other`, by an edge that seams admit.
 
     Where an edge that seams rule out separates better (its gap is `inside`), the overlapping shape has come
     through the neighbour, and an edge below which it is deeper than the middle lies on the far side.
@@ -189,41 +190,33 @@ def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
 
 @kernel
 def _from_edge(
-    shape: Record,
-    other: Record,
-    edge: int,
-    vertex: int,
-    gap: float,
-    sign: float,
-    outline: Reals,
-    seams: Seams,
-    points: Reals,
-    features: Ints,
+    shape: Record, other: Record, best: Separation, sign: float, outline: Reals, seams: Seams, found: Found
 ) -> int:
     """Points on the best edge as in `manifold`, but on the whole faces of the edge and the facing edge."""
+    (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     plane = shape.kind == HALFPLANE
     single = other.end - other.first == 1
     facing = vertex if single else _facing_edge(edge, vertex, outline, seams)
-    first_vertex, last_vertex = (vertex, vertex) if single else outer_ends(facing, seams)
-    faces = edge, facing, first_vertex, last_vertex
+    first, last = (vertex, vertex) if single else outer_ends(facing, seams)
+    start, end = outer_ends(edge, seams)
+    faces = edge, facing, first, last, start, end
     over = _ends_over(plane, single, faces, outline, seams)
-    lower = height(edge, first_vertex, outline) <= height(edge, last_vertex, outline)
-    nearest = first_vertex if lower else last_vertex
+    nearest = first if height(edge, first, outline) <= height(edge, last, outline) else last
     gap = height(edge, nearest, outline)
     deepest, least = -1, math.inf
     for k in range(4):
         if over[k]:
-            e, j = _end(k, faces, seams)
+            e, j = end_of(k, faces)
             distance = height(e, j, outline)
             if distance < least and (k < 2 or gap <= 0.0 or _is_over(e, j, outline, seams)):
                 deepest, least = k, distance
     if deepest >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, nearest, outline)):
-        count = _put_end(deepest, faces, shape, other, sign, outline, seams, points, features, 0)
-        _, nearest = _end(deepest, faces, seams)
+        count = _put_own_end(deepest, faces, shape, other, sign, outline, seams, found, 0)
+        _, nearest = end_of(deepest, faces)
         least -= shape.radius + other.radius
     elif apart:
-        count = _closest_vertices(shape, other, sign, outline, seams, points, features)
+        count = _closest_vertices(shape, other, sign, outline, seams, found)
         deepest, least = -1, points[0, GAP]
         if not are_parallel(edge, facing, outline):
             return count
@@ -232,10 +225,10 @@ def _from_edge(
             return 0
         features[0] = put(edge, nearest, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    second = _other_end(deepest, nearest, edge, over, faces, outline, seams)
+    second = other_end(deepest, nearest, over, faces, outline)
     if second < 0:
         return count
-    both = _put_end(second, faces, shape, other, sign, outline, seams, points, features, count)
+    both = _put_own_end(second, faces, shape, other, sign, outline, seams, found, count)
     if gap > 0.0 and both > count and points[count, GAP] < least - TIE * span(edge, nearest, outline):
         features[count] = ABSENT
         return count
@@ -243,51 +236,18 @@ def _from_edge(
 
 
 @kernel
-def _other_end(
-    deepest: int,
-    nearest: int,
-    edge: int,
-    over: tuple[bool, bool, bool, bool],
-    faces: Faces,
-    outline: Reals,
-    seams: Seams,
-) -> int:
-    """The candidate, but for `deepest`, that is farthest along the edge from the vertex `nearest`; -1 if
-    there is none."""
-    second, farthest = -1, 0.0
-    for k in range(4):
-        if over[k] and k != deepest:
-            _, j = _end(k, faces, seams)
-            away = abs(along(edge, j, outline) - along(edge, nearest, outline))
-            if away > farthest:
-                second, farthest = k, away
-    return second
-
-
-@kernel
 def _ends_over(
     plane: bool, single: bool, faces: Faces, outline: Reals, seams: Seams
 ) -> tuple[bool, bool, bool, bool]:
-    """Which candidates of `_end` are over the other's whole face."""
-    edge, facing, first, last = faces
+    """Which candidates of `end_of` are over the other's whole face."""
+    edge, facing, first, last, start, end = faces
     if plane:
         return True, not single, False, False
     if single or not are_parallel(edge, facing, outline):
         last_over = not single and _is_over(edge, last, outline, seams)
         return _is_over(edge, first, outline, seams), last_over, False, False
-    start, end = outer_ends(edge, seams)
     low, high = along(edge, start, outline), along(edge, end, outline)
     return ends_of_overlap(low, high, along(edge, last, outline), along(edge, first, outline))
-
-
-@kernel
-def _end(k: int, faces: Faces, seams: Seams) -> tuple[int, int]:
-    """Candidate k = 0..3: (edge, vertex). Ends of the facing face, then of the best edge's."""
-    edge, facing, first, last = faces
-    if k < 2:
-        return edge, first if k == 0 else last
-    start, end = outer_ends(edge, seams)
-    return facing, start if k == 2 else end
 
 
 @kernel
@@ -315,40 +275,29 @@ def _is_beyond_seam(edge: int, vertex: int, plane: bool, outline: Reals, seams: 
 
 
 @kernel
-def _put_end(
-    k: int,
-    faces: Faces,
-    shape: Record,
-    other: Record,
-    sign: float,
-    outline: Reals,
-    seams: Seams,
-    points: Reals,
-    features: Ints,
-    at: int,
-) -> int:
+def _put_own_end(
+    k: int, faces: Faces, shape: Record, other: Record, sign: float, outline: Reals, seams: Seams,
+    found: Found, at: int,
+) -> int:  # fmt: skip
     """Write candidate k as point number `at` if it belongs to these two shapes; returns the number after."""
-    plane = shape.kind == HALFPLANE
-    e, j = _end(k, faces, seams)
+    e, j = end_of(k, faces)
     own, against = (other, shape) if k < 2 else (shape, other)
     if not (own.first <= j < own.end and against.first <= e < against.end):
         return at
-    if not plane and not _is_own(e, j, outline, seams):
+    if _is_beyond_seam(e, j, shape.kind == HALFPLANE, outline, seams):
         return at
-    if k < 2:
-        features[at] = put(e, j, shape.radius, other.radius, sign, outline, points[at])
-    else:
-        features[at] = put(e, j, other.radius, shape.radius, -sign, outline, points[at])
+    found.features[at] = put_end(k, faces, shape, other, sign, outline, found.points[at])
     return at + 1
 
 
 @kernel
 def _closest_vertices(
-    shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, points: Reals, features: Ints
+    shape: Record, other: Record, sign: float, outline: Reals, seams: Seams, found: Found
 ) -> int:
     """The two vertices nearest to each other, where they are corners of the common pieces and face each
     other."""
-    closest_vertices(shape, other, sign, outline, points, features)
+    closest_vertices(shape, other, sign, outline, found)
+    points, features = found
     second, first = features[0] // VERTICES - VERTICES, features[0] % VERTICES
     nx, ny = points[0, NORMAL_X], points[0, NORMAL_Y]
     if _is_corner(first, nx, ny, outline, seams) and _is_corner(second, -nx, -ny, outline, seams):

@@ -10,7 +10,7 @@ are closest. Features name existing vertices, even where coordinates are not fin
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,21 @@ class Manifolds(Block):
     fresh: Ints
 
 
+class Found(NamedTuple):
+    """Contact points (2, 5) of two shapes, and what touches there, features (2,)."""
+
+    points: Reals
+    features: Ints
+
+
+Separation: TypeAlias = tuple[float, int, int]
+"""The best separating edge of a shape: least height of a vertex of the other over it, the edge (-1 if there
+is none), and that vertex."""
+Faces: TypeAlias = tuple[int, int, int, int, int, int]
+"""Two faces that may lie on each other: the best edge, and the edge that faces it; the first and last vertex
+of the facing face, and of the best edge's."""
+
+
 def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
     """Manifolds without points; fields that other blocks have, too, are given."""
     slots = 2 * len(records.pairs)
@@ -68,21 +83,20 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
 
 
 @kernel
-def manifold(a: Record, b: Record, outline: Reals, points: Reals, features: Ints) -> int:
-    """Fill `points` (2, 5) and `features` (2,) of shapes a and b; returns how many points there are."""
-    features[0] = features[1] = ABSENT
-    gap_a, edge_a, vertex_b = _best_edge(a, b, outline)
-    gap_b, edge_b, vertex_a = _best_edge(b, a, outline)
-    if edge_a < 0 and edge_b < 0:
-        return closest_vertices(b, a, 1.0, outline, points, features)
-    if gap_a >= gap_b:
-        return _from_edge(a, b, edge_a, vertex_b, gap_a, -1.0, outline, points, features)
-    return _from_edge(b, a, edge_b, vertex_a, gap_b, 1.0, outline, points, features)
+def manifold(a: Record, b: Record, outline: Reals, found: Found) -> int:
+    """Find the points of shapes a and b; returns how many there are."""
+    found.features[0] = found.features[1] = ABSENT
+    of_a, of_b = _best_edge(a, b, outline), _best_edge(b, a, outline)
+    if of_a[1] < 0 and of_b[1] < 0:
+        return closest_vertices(b, a, 1.0, outline, found)
+    if of_a[0] >= of_b[0]:
+        return _from_edge(a, b, of_a, -1.0, outline, found)
+    return _from_edge(b, a, of_b, 1.0, outline, found)
 
 
 @kernel
 def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int, int]:
-    """Best separating edge of `shape`: distance of the deepest vertex of `other`, the edge, the vertex."""
+    """The `Separation` of `shape` from `other`."""
     best, best_edge, best_vertex = -math.inf, -1, -1
     if other.kind == HALFPLANE:
         return best, best_edge, best_vertex
@@ -105,51 +119,45 @@ def _best_edge(shape: Record, other: Record, outline: Reals) -> tuple[float, int
 
 @kernel
 def _from_edge(
-    shape: Record,
-    other: Record,
-    edge: int,
-    vertex: int,
-    gap: float,
-    sign: float,
-    outline: Reals,
-    points: Reals,
-    features: Ints,
+    shape: Record, other: Record, best: Separation, sign: float, outline: Reals, found: Found
 ) -> int:
     """Points on the best edge of `shape`: ends of the stretch where it faces the nearest edge of `other`.
 
     `sign` is +1 where the normal of `shape` points from b to a.
     """
+    (gap, edge, vertex), (points, features) = best, found
     apart = gap > 0.0 or not (has_area(shape) or has_area(other))
     if other.end - other.first == 1:
         if apart and shape.kind != HALFPLANE and not _is_over(shape, edge, vertex, outline):
-            return closest_vertices(shape, other, sign, outline, points, features)
+            return closest_vertices(shape, other, sign, outline, found)
         features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
     facing = facing_edge(other, edge, vertex, outline)
-    over = _ends_over(shape, other, edge, facing, outline)
+    faces = edge, facing, facing, next_vertex(other, facing), edge, next_vertex(shape, edge)
+    over = _ends_over(shape, faces, outline)
     first, least = -1, math.inf
     for k in range(4):
         if over[k]:
-            e, j = _end(k, shape, other, edge, facing)
+            e, j = end_of(k, faces)
             distance = height(e, j, outline)
             owner = other if k >= 2 else shape
             if distance < least and (k < 2 or gap <= 0.0 or _is_over(owner, e, j, outline)):
                 first, least = k, distance
     if first >= 0 and (gap <= 0.0 or least <= gap + TIE * span(edge, vertex, outline)):
-        features[0] = _put_end(first, shape, other, edge, facing, sign, outline, points[0])
-        _, nearest = _end(first, shape, other, edge, facing)
+        features[0] = put_end(first, faces, shape, other, sign, outline, points[0])
+        _, nearest = end_of(first, faces)
     elif apart:
-        closest_vertices(shape, other, sign, outline, points, features)
+        closest_vertices(shape, other, sign, outline, found)
         if not are_parallel(edge, facing, outline):
             return 1
         first, nearest = -1, vertex
     else:
         features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    second = _other_end(first, nearest, over, shape, other, edge, facing, outline)
+    second = other_end(first, nearest, over, faces, outline)
     if second < 0:
         return 1
-    features[1] = _put_end(second, shape, other, edge, facing, sign, outline, points[1])
+    features[1] = put_end(second, faces, shape, other, sign, outline, points[1])
     if gap > 0.0 and points[1, GAP] < points[0, GAP] - TIE * span(edge, vertex, outline):
         features[1] = ABSENT
         return 1
@@ -157,22 +165,15 @@ def _from_edge(
 
 
 @kernel
-def _other_end(
-    first: int,
-    nearest: int,
-    over: tuple[bool, bool, bool, bool],
-    shape: Record,
-    other: Record,
-    edge: int,
-    facing: int,
-    outline: Reals,
+def other_end(
+    first: int, nearest: int, over: tuple[bool, bool, bool, bool], faces: Faces, outline: Reals
 ) -> int:
     """The candidate, but for `first`, that is farthest along the edge from the vertex `nearest`; -1 if there
     is none."""
-    second, farthest = -1, 0.0
+    edge, second, farthest = faces[0], -1, 0.0
     for k in range(4):
         if over[k] and k != first:
-            _, j = _end(k, shape, other, edge, facing)
+            _, j = end_of(k, faces)
             away = abs(along(edge, j, outline) - along(edge, nearest, outline))
             if away > farthest:
                 second, farthest = k, away
@@ -203,18 +204,16 @@ def span(edge: int, vertex: int, outline: Reals) -> float:
 
 
 @kernel
-def _ends_over(
-    shape: Record, other: Record, edge: int, facing: int, outline: Reals
-) -> tuple[bool, bool, bool, bool]:
-    """Which candidates of `_end` are over the other's edge."""
+def _ends_over(shape: Record, faces: Faces, outline: Reals) -> tuple[bool, bool, bool, bool]:
+    """Which candidates of `end_of` are over the other's edge."""
+    edge, facing, first, last, _, end = faces
     if shape.kind == HALFPLANE:
         return True, True, False, False
-    last = next_vertex(other, facing)
     if not are_parallel(edge, facing, outline):
-        first_over, last_over = _is_over(shape, edge, facing, outline), _is_over(shape, edge, last, outline)
+        first_over, last_over = _is_over(shape, edge, first, outline), _is_over(shape, edge, last, outline)
         return first_over, last_over, False, False
-    far, near = along(edge, facing, outline), along(edge, last, outline)
-    return ends_of_overlap(0.0, along(edge, next_vertex(shape, edge), outline), near, far)
+    far, near = along(edge, first, outline), along(edge, last, outline)
+    return ends_of_overlap(0.0, along(edge, end, outline), near, far)
 
 
 @kernel
@@ -231,12 +230,10 @@ def ends_of_overlap(start: float, end: float, near: float, far: float) -> tuple[
     return far <= end + slack, near >= start - slack, near <= start + slack, far >= end - slack
 
 
-@kernel
-def _end(k: int, shape: Record, other: Record, edge: int, facing: int) -> tuple[int, int]:
-    """Candidate k = 0..3: (edge, vertex). Ends of the facing edge, then of the best edge."""
-    if k < 2:
-        return edge, facing if k == 0 else next_vertex(other, facing)
-    return facing, edge if k == 2 else next_vertex(shape, edge)
+@inner_kernel
+def end_of(k: int, faces: Faces) -> tuple[int, int]:
+    """Candidate k = 0..3: (edge, vertex). Ends of the facing face, then of the best edge's."""
+    return (faces[0] if k < 2 else faces[1]), faces[2 + k]
 
 
 @kernel
@@ -277,10 +274,11 @@ def facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
 
 
 @kernel
-def _put_end(
-    k: int, shape: Record, other: Record, edge: int, facing: int, sign: float, outline: Reals, point: Reals
+def put_end(
+    k: int, faces: Faces, shape: Record, other: Record, sign: float, outline: Reals, point: Reals
 ) -> int:
-    e, j = _end(k, shape, other, edge, facing)
+    """Write the point of candidate k; returns its feature."""
+    e, j = end_of(k, faces)
     if k < 2:
         return put(e, j, shape.radius, other.radius, sign, outline, point)
     return put(e, j, other.radius, shape.radius, -sign, outline, point)
@@ -307,10 +305,9 @@ def put(
 
 
 @kernel
-def closest_vertices(
-    shape: Record, other: Record, sign: float, outline: Reals, points: Reals, features: Ints
-) -> int:
+def closest_vertices(shape: Record, other: Record, sign: float, outline: Reals, found: Found) -> int:
     """The two vertices nearest to each other; `sign` is +1 where `other` is body a."""
+    points, features = found
     least, first, second = math.inf, shape.first, other.first
     for i in range(shape.first, shape.end):
         for j in range(other.first, other.end):

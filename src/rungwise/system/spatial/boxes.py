@@ -8,7 +8,7 @@ rounding, wins every tenth time, and leaves one contact of two edges where there
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,23 @@ CORNERS = 16
 """Room for the corners of a face that another has cut: eight at most, and one more for each of four cuts."""
 
 
+class Box(NamedTuple):
+    """A box in the world: centre (3,), axes as columns of turn (9,), and half of its edges (3,)."""
+
+    centre: Reals
+    turn: Reals
+    half: Reals
+
+
+class Room(NamedTuple):
+    """What is found: point and gap (c, 4) of contacts, and their normal (3,); scratch: cut, spare (c, 3)."""
+
+    found: Reals
+    normal: Reals
+    cut: Reals
+    spare: Reals
+
+
 class Boxes:
     """What mends contacts of boxes in the data of a model."""
 
@@ -34,8 +51,10 @@ class Boxes:
         self.is_box = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).astype(np.int64)
         self.may_meet = bool(self.is_box.sum() > 1)
         self._alone = np.zeros(1, np.int64)
-        self._found, self._spare = np.zeros((CORNERS, 4)), np.zeros((CORNERS, 3))
-        self._cut, self._frame = np.zeros((CORNERS, 3)), np.zeros(9)
+        self._frame = np.zeros(9)
+        self._room = Room(
+            np.zeros((CORNERS, 4)), self._frame[:3], np.zeros((CORNERS, 3)), np.zeros((CORNERS, 3))
+        )
 
     def mend(self, data: mujoco.MjData) -> None:
         """Put contacts of faces in place of single ones of edges."""
@@ -50,12 +69,9 @@ class Boxes:
         import mujoco
 
         contact, sizes = data.contact[c], self.model.geom_size
-        a, b = contact.geom
-        count = face_contacts(
-            data.geom_xpos[a], data.geom_xmat[a], sizes[a], data.geom_xpos[b], data.geom_xmat[b], sizes[b],
-            float(contact.dist), self._found, self._cut, self._spare, self._frame[:3],
-        )  # fmt: skip
-        near = [row for row in self._found[:count].tolist() if row[3] <= contact.includemargin]
+        one, other = (Box(data.geom_xpos[g], data.geom_xmat[g], sizes[g]) for g in contact.geom)
+        count = face_contacts(one, other, float(contact.dist), self._room)
+        near = [row for row in self._room.found[:count].tolist() if row[3] <= contact.includemargin]
         if not near:
             return
         fill_tangents(self._frame)
@@ -103,85 +119,50 @@ def single_contacts(geom: Ints, is_box: Ints, alone: Ints) -> int:
 
 
 @kernel
-def face_contacts(
-    centre: Reals,
-    turn: Reals,
-    size: Reals,
-    other: Reals,
-    other_turn: Reals,
-    other_size: Reals,
-    apart: float,
-    found: Reals,
-    cut: Reals,
-    spare: Reals,
-    normal: Reals,
-) -> int:
-    """Contacts of two boxes face to face, if they are no farther apart than on the normal of a face.
-
-    centre, turn, size (3,), (9,), (3,): of either box; apart: how far they are by two edges. Fills `found`
-    with point and gap (c, 4) and `normal`, from the first box to the other; returns c, 0 where faces do not
-    lie over each other or edges are farther apart.
+def face_contacts(one: Box, other: Box, apart: float, room: Room) -> int:
+    """Contacts of two boxes face to face, if they are no farther apart than on the normal of a face; `apart`:
+    how far they are by two edges. The normal is from the first box to the other. Returns how many contacts
+    there are, 0 where faces do not lie over each other or edges are farther apart.
     """
     far, axis, swap = -math.inf, 0, False
     for k in range(6):
         of_other = k >= 3
-        reach = _apart(k % 3, of_other, centre, turn, size, other, other_turn, other_size)
+        reach = _apart(k % 3, (other if of_other else one).turn, one, other)
         if reach > far:
             far, axis, swap = reach, k % 3, of_other
     smaller = math.inf
     for i in range(3):
-        smaller = min(smaller, size[i], other_size[i])
+        smaller = min(smaller, one.half[i], other.half[i])
     if apart > far + FLUSH * smaller:
         return 0
-    if swap:
-        count = _lying_on(axis, other, other_turn, other_size, centre, turn, size, found, cut, spare, normal)
-        for i in range(3):
-            normal[i] = -normal[i]
-        return count
-    return _lying_on(axis, centre, turn, size, other, other_turn, other_size, found, cut, spare, normal)
+    if not swap:
+        return _lying_on(axis, one, other, room)
+    count = _lying_on(axis, other, one, room)
+    for i in range(3):
+        room.normal[i] = -room.normal[i]
+    return count
 
 
 @kernel
-def _apart(
-    i: int,
-    of_other: bool,
-    centre: Reals,
-    turn: Reals,
-    size: Reals,
-    other: Reals,
-    other_turn: Reals,
-    other_size: Reals,
-) -> float:
-    """How far the boxes are apart along axis i of one of them."""
+def _apart(i: int, axes: Reals, one: Box, other: Box) -> float:
+    """How far the boxes are apart along axis i of these, which are those of one box."""
     along, radius = 0.0, 0.0
     for k in range(3):
-        x = other_turn[3 * k + i] if of_other else turn[3 * k + i]
-        along += x * (other[k] - centre[k])
+        along += axes[3 * k + i] * (other.centre[k] - one.centre[k])
     for j in range(3):
         mine, theirs = 0.0, 0.0
         for k in range(3):
-            x = other_turn[3 * k + i] if of_other else turn[3 * k + i]
-            mine += x * turn[3 * k + j]
-            theirs += x * other_turn[3 * k + j]
-        radius += abs(mine) * size[j] + abs(theirs) * other_size[j]
+            mine += axes[3 * k + i] * one.turn[3 * k + j]
+            theirs += axes[3 * k + i] * other.turn[3 * k + j]
+        radius += abs(mine) * one.half[j] + abs(theirs) * other.half[j]
     return abs(along) - radius
 
 
 @kernel
-def _lying_on(
-    i: int,
-    centre: Reals,
-    turn: Reals,
-    size: Reals,
-    other: Reals,
-    other_turn: Reals,
-    other_size: Reals,
-    found: Reals,
-    cut: Reals,
-    spare: Reals,
-    normal: Reals,
-) -> int:
-    """Points where the other box's nearest face lies over face i of the first, and their gaps."""
+def _lying_on(i: int, one: Box, above: Box, room: Room) -> int:
+    """Points where the nearest face of the box above lies over face i of the first, and their gaps."""
+    (centre, turn, size), (other, other_turn, other_size) = one, above
+    found, normal, cut, spare = room
     along = 0.0
     for k in range(3):
         along += turn[3 * k + i] * (other[k] - centre[k])

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.solvers.space.measure import Point, Span, measure
+from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
 from rungwise.contact.solvers.space.newton import GIVE, Steps, descend
 from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.space.proximal import approach, residual_at
@@ -50,15 +50,6 @@ _STILL = 1e-6
 times the tolerance; chosen by trial, to a decade."""
 _INSIDE = 1.0 - 1e-9
 """Part of the friction limit up to which a contact sticks; the gap to 1 is chosen by trial, to a decade."""
-
-
-class Island(NamedTuple):
-    """Bodies that touch, with the quantum of their problem."""
-
-    bodies: Bodies
-    groups: Groups
-    span: Span
-    quantum: float
 
 
 class Room(NamedTuple):
@@ -132,12 +123,11 @@ def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> 
     for polishes in (False, True):
         low, first = 0, 0
         for i in range(islands):
-            span = Span(low, island[i, 0], first, island[i, 1])
-            low, first = span.high, span.last
+            touching = Island(bodies, groups, Span(low, island[i, 0], first, island[i, 1]), p.quantum[0])
+            low, first = touching.span.high, touching.span.last
             if polishes:
-                descend(bodies, groups, span, p.quantum[0], GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
+                descend(touching, GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
             else:
-                touching = Island(bodies, groups, span, p.quantum[0])
                 worst = max(worst, _solve_island(touching, demand, going, room))
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
@@ -188,41 +178,42 @@ def _solve_island(island: Island, demand: float, going: Reals, room: Room) -> in
     """Solve from the forces at the point, and rest or velocities `going` (n,); returns the stage that it
     took."""
     tol = _MARGIN * TOLERANCE
-    bodies, groups, span, quantum = island
+    span = island.span
     point, trial, best, steps = room.point, room.trial, room.best, room.steps
     # At rest, or in steady motion, velocities that are differences of forces would be rounding.
     for turn in range(2 if span.first < span.last else 0):
         for i in range(span.low, span.high):
             point.v[i] = going[i] if turn == 1 else 0.0
-        if residual_at(bodies, groups, span, quantum, point, steps) <= tol:
+        if residual_at(island, point, steps) <= tol:
             return GUESS
-    accelerate(bodies, groups, span, point)
+    accelerate(island, point)
     if span.first == span.last:
         return GUESS
-    found = residual_at(bodies, groups, span, quantum, point, steps)
+    found = residual_at(island, point, steps)
     if found <= _ENOUGH * TOLERANCE:
         return GUESS
-    _put(groups, span, point, best)
+    _put(island, point, best)
     if found <= _NEAR:
-        descend(bodies, groups, span, quantum, GIVE, 0.0, tol, _STEPS, point, trial, steps)
-        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+        descend(island, GIVE, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(island, point, steps.dv) <= tol:
             return PROXIMAL
-    respond(bodies, groups, span, room.answers)
+    respond(island, room.answers)
     for turn in range(2 if demand > 0.0 else 1):
-        _look_ahead(groups, span, demand if turn == 1 else 0.0)
-        _put(groups, span, best, point)
+        _look_ahead(island, demand if turn == 1 else 0.0)
+        _put(island, best, point)
         if _by_newton(island, room):
             return PROXIMAL
     for turn in range(1 if demand > 0.0 else 0, -1, -1):
-        _look_ahead(groups, span, demand if turn == 1 else 0.0)
+        _look_ahead(island, demand if turn == 1 else 0.0)
         if _by_path(island, room):
             break
     return PIVOTING
 
 
 @inner_kernel
-def _look_ahead(groups: Groups, span: Span, demand: float) -> None:
+def _look_ahead(island: Island, demand: float) -> None:
     """Let the map look ahead with this yield, or where it is 0 with those of the bodies."""
+    groups, span = island.groups, island.span
     for g in range(span.first, span.last):
         groups.ahead[g] = demand if demand > 0.0 else groups.scale[g]
 
@@ -231,16 +222,15 @@ def _look_ahead(groups: Groups, span: Span, demand: float) -> None:
 def _by_newton(island: Island, room: Room) -> bool:
     """Turns of sweeps and Newton steps, and the proximal point method; whether the point is a solution."""
     tol, give = _MARGIN * TOLERANCE, GIVE
-    bodies, groups, span, quantum = island
     point, trial, answers, steps = room.point, room.trial, room.answers, room.steps
-    accelerate(bodies, groups, span, point)
+    accelerate(island, point)
     for turn in range(_TURNS):
-        sweep(groups, answers, span, _SWEEPS << turn, point, steps.dx)
-        accelerate(bodies, groups, span, point)
-        give = descend(bodies, groups, span, quantum, give, 0.0, tol, _STEPS, point, trial, steps)
-        if measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+        sweep(island, answers, _SWEEPS << turn, point, steps.dx)
+        accelerate(island, point)
+        give = descend(island, give, 0.0, tol, _STEPS, point, trial, steps)
+        if measure(island, point, steps.dv) <= tol:
             return True
-    found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, point, trial, steps)
+    found = approach(island, answers, tol, _SUBPROBLEMS, point, trial, steps)
     return bool(found <= _ENOUGH * TOLERANCE)
 
 
@@ -249,37 +239,37 @@ def _by_path(island: Island, room: Room) -> bool:
     """The interior point method, with the proximal point method from it; leaves the least residual met at
     the point, and returns whether it is a solution."""
     tol, least = _MARGIN * TOLERANCE, math.inf
-    bodies, groups, span, quantum = island
     point, trial, attempt, best, answers, duals, steps = room
-    begin(bodies, groups, span, point, duals, steps)
+    begin(island, point, duals, steps)
     finish, earlier, before = _FINISH, math.inf, math.inf
     for done in range(_PATH):
-        if not advance(bodies, groups, span, point, duals, steps):
+        if not advance(island, point, duals, steps):
             break
-        found = residual_at(bodies, groups, span, quantum, point, steps)
+        found = residual_at(island, point, steps)
         if done % _WINDOW == 0:
-            product, _ = product_ahead(groups, span, point.x, duals, 0.0, steps)
+            product, _ = product_ahead(island, point.x, duals, 0.0, steps)
             if not (product <= _STALLED * earlier or found <= _STALLED * before):
                 break
             earlier, before = product, found
         if found < least:
             least = found
-            _put(groups, span, point, best)
+            _put(island, point, best)
         if found < finish:
             finish = _NEARER * found
-            _put(groups, span, point, attempt)
-            found = approach(bodies, groups, answers, span, quantum, tol, _SUBPROBLEMS, attempt, trial, steps)
+            _put(island, point, attempt)
+            found = approach(island, answers, tol, _SUBPROBLEMS, attempt, trial, steps)
             if found < least:
                 least = found
-                _put(groups, span, attempt, best)
+                _put(island, attempt, best)
         if least <= _ENOUGH * TOLERANCE:
             break
-    _put(groups, span, best, point)
+    _put(island, best, point)
     return bool(least <= _ENOUGH * TOLERANCE)
 
 
 @inner_kernel
-def _put(groups: Groups, span: Span, source: Point, target: Point) -> None:
+def _put(island: Island, source: Point, target: Point) -> None:
+    groups, span = island.groups, island.span
     for i in range(span.low, span.high):
         target.v[i] = source.v[i]
     for r in range(groups.row[span.first], groups.row[span.last]):

@@ -22,6 +22,15 @@ class Span(NamedTuple):
     last: int
 
 
+class Island(NamedTuple):
+    """Bodies that touch, among all bodies and groups of a problem, with the quantum of the problem."""
+
+    bodies: Bodies
+    groups: Groups
+    span: Span
+    quantum: float
+
+
 class Point(NamedTuple):
     """Sorted velocities v (n,) and forces x (rows,), the map F (rows,), rates u (rows,), imbalance G (n,)."""
 
@@ -33,10 +42,10 @@ class Point(NamedTuple):
 
 
 @kernel
-def measure(bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, scale: Reals) -> float:
+def measure(island: Island, point: Point, scale: Reals) -> float:
     """The residual (see `contact.step.residual`) of an island whose rates, without hold, are known; `scale`
     (n,) is scratch. It is measured against the island's own forces and velocities: no less than there."""
-    low, high, first, last = span
+    bodies, groups, (low, high, first, last), quantum = island
     v, x, u = point.v, point.x, point.u
     speed, largest, rest, floor = quantum, 0.0, 0.0, math.inf
     for r in range(groups.row[first], groups.row[last]):

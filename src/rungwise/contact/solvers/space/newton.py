@@ -17,8 +17,8 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.linear import factorise, substitute
-from rungwise.contact.solvers.space.measure import Point, Span, measure
-from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.contact.solvers.space.measure import Island, Point, measure
+from rungwise.contact.solvers.space.rows import Groups
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 GIVE = 1e-6
@@ -48,13 +48,12 @@ class Steps(NamedTuple):
 
 
 @kernel
-def evaluate(
-    bodies: Bodies, groups: Groups, span: Span, hold: float, centre: Reals, point: Point, slope: Reals
-) -> float:
+def evaluate(island: Island, hold: float, point: Point, steps: Steps) -> float:
     """Fill rates, imbalance, map and its slopes at a point; returns the size of the map, in the norm of
     yields: energy."""
+    bodies, groups, (low, high, first, last), _ = island
     v, x, F, u, G = point
-    low, high, first, last = span
+    centre, slope = steps.centre, steps.slope
     for i in range(low, high):
         total = -bodies.c[i]
         for j in range(bodies.first[i], bodies.last[i]):
@@ -183,18 +182,19 @@ def added_yield(groups: Groups, g: int, n: int, give: float, hold: float) -> flo
 
 
 @kernel
-def prepare(bodies: Bodies, groups: Groups, span: Span, give: float, hold: float, steps: Steps) -> bool:
+def prepare(island: Island, give: float, hold: float, steps: Steps) -> bool:
     """Factorise at the slopes in `steps`; False where that is singular."""
+    groups, span = island.groups, island.span
     for g in range(span.first, span.last):
         added = added_yield(groups, g, groups.row[g + 1] - groups.row[g], give, hold)
         _linearise(groups, g, added, steps.slope[g], steps.inverse[g])
-    return bool(assemble(bodies, groups, span, steps))
+    return bool(assemble(island, steps))
 
 
 @kernel
-def assemble(bodies: Bodies, groups: Groups, span: Span, steps: Steps) -> bool:
+def assemble(island: Island, steps: Steps) -> bool:
     """Factorise H + W^T E W; False where it is singular."""
-    low, high, first, last = span
+    bodies, groups, (low, high, first, last), _ = island
     n, d = high - low, groups.R.shape[1]
     K = steps.matrix[: n * n].reshape(n, n)
     for i in range(n):
@@ -221,9 +221,9 @@ def assemble(bodies: Bodies, groups: Groups, span: Span, steps: Steps) -> bool:
 
 
 @kernel
-def find_step(groups: Groups, span: Span, point: Point, steps: Steps) -> None:
+def find_step(island: Island, point: Point, steps: Steps) -> None:
     """Fill dv and dx, from the map at the point and the last factors."""
-    low, high, first, last = span
+    _, groups, (low, high, first, last), _ = island
     n, d = high - low, groups.R.shape[1]
     dv, dx, inverse, F = steps.dv, steps.dx, steps.inverse, point.F
     for i in range(low, high):
@@ -256,35 +256,25 @@ def find_step(groups: Groups, span: Span, point: Point, steps: Steps) -> None:
 
 @kernel
 def descend(
-    bodies: Bodies,
-    groups: Groups,
-    span: Span,
-    quantum: float,
-    give: float,
-    hold: float,
-    tol: float,
-    most: int,
-    point: Point,
-    trial: Point,
-    steps: Steps,
+    island: Island, give: float, hold: float, tol: float, most: int, point: Point, trial: Point, steps: Steps
 ) -> float:
     """Move the point by Newton steps while the map falls, until the residual is within `tol`, or with hold
     the map. Returns the yield of the last steps, less than `give` where whole steps were slow."""
-    size = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
+    size = evaluate(island, hold, point, steps)
     for _ in range(most):
-        if not prepare(bodies, groups, span, give, hold, steps):
+        if not prepare(island, give, hold, steps):
             return give
         for attempt in range(1 + _CHORDS):
-            find_step(groups, span, point, steps)
+            find_step(island, point, steps)
             length, newer = 1.0, math.inf
             for _ in range(_HALVINGS if attempt == 0 else 1):
-                _move(groups, span, point, length, steps, trial)
-                newer = evaluate(bodies, groups, span, hold, steps.centre, trial, steps.slope)
+                _move(island, point, length, steps, trial)
+                newer = evaluate(island, hold, trial, steps)
                 if newer <= ((1.0 - _FALL * length) if attempt == 0 else _FAST) * size:
                     break
                 length, newer = 0.5 * length, math.inf
             if not newer < math.inf:
-                evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
+                evaluate(island, hold, point, steps)
                 if attempt == 0 and give <= _LEAST:
                     return give
                 give = max(give * _FIRMER, _LEAST) if attempt == 0 else give
@@ -292,11 +282,11 @@ def descend(
             if length == 1.0 and newer > _FAST * size:
                 give = max(give * _FIRMER, _LEAST)
             size = newer
-            _take(groups, span, trial, point)
+            _take(island, trial, point)
             if hold > 0.0:
                 if size <= tol:
                     return give
-            elif measure(bodies, groups, span, quantum, point, steps.dv) <= tol:
+            elif measure(island, point, steps.dv) <= tol:
                 return give
             if length < 1.0:
                 break
@@ -304,7 +294,8 @@ def descend(
 
 
 @inner_kernel
-def _move(groups: Groups, span: Span, point: Point, length: float, steps: Steps, trial: Point) -> None:
+def _move(island: Island, point: Point, length: float, steps: Steps, trial: Point) -> None:
+    groups, span = island.groups, island.span
     for i in range(span.low, span.high):
         trial.v[i] = point.v[i] + length * steps.dv[i - span.low]
     for r in range(groups.row[span.first], groups.row[span.last]):
@@ -312,7 +303,8 @@ def _move(groups: Groups, span: Span, point: Point, length: float, steps: Steps,
 
 
 @inner_kernel
-def _take(groups: Groups, span: Span, trial: Point, point: Point) -> None:
+def _take(island: Island, trial: Point, point: Point) -> None:
+    groups, span = island.groups, island.span
     for i in range(span.low, span.high):
         point.v[i], point.G[i] = trial.v[i], trial.G[i]
     for r in range(groups.row[span.first], groups.row[span.last]):

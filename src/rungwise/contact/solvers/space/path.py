@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solvers.space.measure import Point, Span
+from rungwise.contact.solvers.space.measure import Island, Point
 from rungwise.contact.solvers.space.newton import (
     GIVE,
     Steps,
@@ -25,7 +25,7 @@ from rungwise.contact.solvers.space.newton import (
     find_step,
     reach,
 )
-from rungwise.contact.solvers.space.rows import Bodies, Groups
+from rungwise.contact.solvers.space.rows import Groups
 from rungwise.contact.solvers.space.sweeps import accelerate
 from rungwise.kernel import Reals, inner_kernel, kernel
 
@@ -47,13 +47,14 @@ class Duals(NamedTuple):
 
 
 @kernel
-def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> None:
+def begin(island: Island, point: Point, duals: Duals, steps: Steps) -> None:
     """Forces and rates on the axes of the cones, as large as the rates without forces are."""
+    groups, span = island.groups, island.span
     x, w, other = point.x, duals.w, duals.other
     for r in range(groups.row[span.first], groups.row[span.last]):
         x[r] = w[r] = other[r] = 0.0
-    accelerate(bodies, groups, span, point)
-    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+    accelerate(island, point)
+    evaluate(island, 0.0, point, steps)
     energy = 0.0
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]
@@ -68,27 +69,28 @@ def begin(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals
             w[row] = _RATE * unit / pace
         elif 0.0 < limit < math.inf:
             w[row] = other[row] = _FORCE * _RATE * unit * unit / limit
-    accelerate(bodies, groups, span, point)
+    accelerate(island, point)
 
 
 @kernel
-def advance(bodies: Bodies, groups: Groups, span: Span, point: Point, duals: Duals, steps: Steps) -> bool:
+def advance(island: Island, point: Point, duals: Duals, steps: Steps) -> bool:
     """Take one predicted and centred step along the path; False where it cannot be computed."""
-    product, cones = product_ahead(groups, span, point.x, duals, 0.0, steps)
+    groups, span = island.groups, island.span
+    product, cones = product_ahead(island, point.x, duals, 0.0, steps)
     product /= max(cones, 1)
     length, turning = 0.0, 1.0
     for _ in range(2):
-        evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
+        evaluate(island, 0.0, point, steps)
         for g in range(span.first, span.last):
             _linearise(groups, g, point.x, turning, duals, steps.slope[g], steps.inverse[g])
-        if not assemble(bodies, groups, span, steps):
+        if not assemble(island, steps):
             return False
         centring, repaired = 0.0, 1.0
         for predicts in (True, False):
-            _find(groups, span, centring * product, repaired, turning, point, duals, steps)
-            length = _longest(groups, span, point.x, duals, steps)
+            _find(island, centring * product, repaired, turning, point, duals, steps)
+            length = _longest(island, point.x, duals, steps)
             if predicts and product > 0.0:
-                ahead, _ = product_ahead(groups, span, point.x, duals, min(1.0, length), steps)
+                ahead, _ = product_ahead(island, point.x, duals, min(1.0, length), steps)
                 centring = min(1.0, max(ahead / (max(cones, 1) * product), 0.0)) ** 3
                 repaired = 1.0 - _RETAINED * centring
         if length >= _SHORT:
@@ -159,8 +161,7 @@ def _linearise(
 
 @kernel
 def _find(
-    groups: Groups,
-    span: Span,
+    island: Island,
     target: float,
     repaired: float,
     turning: float,
@@ -169,6 +170,7 @@ def _find(
     steps: Steps,
 ) -> None:
     """Fill dv and dx, and into aim and toward the changes of w and other, towards products `target`."""
+    groups, span = island.groups, island.span
     x, u, F, w, aim = point.x, point.u, point.F, duals.w, duals.aim
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]
@@ -196,7 +198,7 @@ def _find(
             aim[r] = -target * x[r] / inside - w[r]
             F[r] = repaired * (u[r] - w[r]) - aim[r]
             F[row] += (turning * w[r] / slip if slip > 0.0 else 0.0) * aim[r]
-    find_step(groups, span, point, steps)
+    find_step(island, point, steps)
     dx = steps.dx
     for g in range(span.first, span.last):
         row, end = groups.row[g], groups.row[g + 1]
@@ -213,10 +215,9 @@ def _find(
 
 
 @kernel
-def product_ahead(
-    groups: Groups, span: Span, x: Reals, duals: Duals, length: float, steps: Steps
-) -> tuple[float, int]:
+def product_ahead(island: Island, x: Reals, duals: Duals, length: float, steps: Steps) -> tuple[float, int]:
     """The sum of products after a step of this length, and the number of cones."""
+    groups, span = island.groups, island.span
     w, other, total, cones = duals.w, duals.other, 0.0, 0
     for g in range(span.first, span.last):
         row, mu, limit = groups.row[g], groups.mu[g], groups.limit[g]
@@ -237,8 +238,9 @@ def product_ahead(
 
 
 @kernel
-def _longest(groups: Groups, span: Span, x: Reals, duals: Duals, steps: Steps) -> float:
+def _longest(island: Island, x: Reals, duals: Duals, steps: Steps) -> float:
     """The greatest step that keeps forces and rates in the cones."""
+    groups, span = island.groups, island.span
     least = math.inf
     for g in range(span.first, span.last):
         row, end, mu, limit = groups.row[g], groups.row[g + 1], groups.mu[g], groups.limit[g]

@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import math
 
-from rungwise.contact.solvers.space.measure import Point, Span, measure
+from rungwise.contact.solvers.space.measure import Island, Point, measure
 from rungwise.contact.solvers.space.newton import Steps, descend, evaluate
-from rungwise.contact.solvers.space.rows import Bodies, Groups
 from rungwise.contact.solvers.space.sweeps import Answers, accelerate, sweep
 from rungwise.kernel import inner_kernel, kernel
 
@@ -36,20 +35,11 @@ Chosen by trial."""
 
 @kernel
 def approach(
-    bodies: Bodies,
-    groups: Groups,
-    answers: Answers,
-    span: Span,
-    quantum: float,
-    tol: float,
-    most: int,
-    point: Point,
-    trial: Point,
-    steps: Steps,
+    island: Island, answers: Answers, tol: float, most: int, point: Point, trial: Point, steps: Steps
 ) -> float:
     """Move the point in up to so many subproblems until its residual is within `tol`; returns the
     residual."""
-    found = residual_at(bodies, groups, span, quantum, point, steps)
+    found = residual_at(island, point, steps)
     least, earlier, proportion = found, math.inf, 1.0
     for done in range(most):
         if found <= tol or not found < math.inf:
@@ -59,26 +49,25 @@ def approach(
                 break
             earlier = least
         hold = min(max(proportion * found, _LEAST), _MOST)
+        groups, span = island.groups, island.span
         for r in range(groups.row[span.first], groups.row[span.last]):
             steps.centre[r] = point.x[r]
-        goal = _SETTLED * evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
-        descend(bodies, groups, span, quantum, 0.0, hold, goal, _STEPS, point, trial, steps)
-        left = evaluate(bodies, groups, span, hold, steps.centre, point, steps.slope)
-        found = residual_at(bodies, groups, span, quantum, point, steps)
+        goal = _SETTLED * evaluate(island, 0.0, point, steps)
+        descend(island, 0.0, hold, goal, _STEPS, point, trial, steps)
+        left = evaluate(island, hold, point, steps)
+        found = residual_at(island, point, steps)
         least = min(least, found)
         proportion *= _LIGHTER if left <= goal else _HEAVIER
         if left > goal and hold >= _MOST:
-            sweep(groups, answers, span, _SWEEPS, point, steps.dx)
-            accelerate(bodies, groups, span, point)
-            found = residual_at(bodies, groups, span, quantum, point, steps)
+            sweep(island, answers, _SWEEPS, point, steps.dx)
+            accelerate(island, point)
+            found = residual_at(island, point, steps)
             least, proportion = min(least, found), 1.0
     return found
 
 
 @inner_kernel
-def residual_at(
-    bodies: Bodies, groups: Groups, span: Span, quantum: float, point: Point, steps: Steps
-) -> float:
+def residual_at(island: Island, point: Point, steps: Steps) -> float:
     """The island's residual at the point, whose rates are computed anew."""
-    evaluate(bodies, groups, span, 0.0, steps.centre, point, steps.slope)
-    return float(measure(bodies, groups, span, quantum, point, steps.dv))
+    evaluate(island, 0.0, point, steps)
+    return float(measure(island, point, steps.dv))

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rungwise.contact.solvers.space.measure import Point, Span
+from rungwise.contact.solvers.space.measure import Island, Point
 from rungwise.contact.solvers.space.newton import reach
-from rungwise.contact.solvers.space.rows import Bodies, Groups, substitute_bodies
+from rungwise.contact.solvers.space.rows import Groups, substitute_bodies
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _TURNS = 3
@@ -34,8 +34,9 @@ class Answers(NamedTuple):
 
 
 @kernel
-def respond(bodies: Bodies, groups: Groups, span: Span, answers: Answers) -> None:
+def respond(island: Island, answers: Answers) -> None:
     """Fill the answers of an island; those of an island start where its rows' entries would in a full W."""
+    bodies, groups, span, _ = island
     n, L, first, last = len(bodies.c), bodies.factor, bodies.first, bodies.last
     answers.column[span.first], answers.entry[span.first] = n * span.first, n * groups.row[span.first]
     for g in range(span.first, span.last):
@@ -77,8 +78,9 @@ def respond(bodies: Bodies, groups: Groups, span: Span, answers: Answers) -> Non
 
 
 @kernel
-def accelerate(bodies: Bodies, groups: Groups, span: Span, point: Point) -> None:
+def accelerate(island: Island, point: Point) -> None:
     """Velocities of the forces x: v = H^-1 (c + W^T x)."""
+    bodies, groups, span, _ = island
     v, x = point.v, point.x
     for i in range(span.low, span.high):
         v[i] = bodies.c[i]
@@ -92,8 +94,9 @@ def accelerate(bodies: Bodies, groups: Groups, span: Span, point: Point) -> None
 
 
 @kernel
-def sweep(groups: Groups, answers: Answers, span: Span, sweeps: int, point: Point, dx: Reals) -> None:
+def sweep(island: Island, answers: Answers, sweeps: int, point: Point, dx: Reals) -> None:
     """Sweep so often over the island, forces and velocities in place; dx (rows,) is scratch."""
+    groups, span = island.groups, island.span
     v, x, u = point.v, point.x, point.u
     for _ in range(sweeps):
         for g in range(span.first, span.last):

@@ -14,7 +14,7 @@ import math
 from rungwise.kernel import Record, kernel
 from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.state.workspace import Workspace
-from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, manifold
+from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, Found, manifold
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 
 SLIP = 0.25
@@ -97,7 +97,7 @@ def _least_distance(
     overlap: along the axis that separates them at `begin`, at rest or carried with one of the bodies."""
     state, scratch = workspace.state, workspace.scratch
     _place_pair(records, a, b, workspace, begin)
-    manifold(a, b, state.placed.outline, scratch.probe, state.manifolds.fresh)
+    manifold(a, b, state.placed.outline, Found(scratch.probe, state.manifolds.fresh))
     nx, ny = scratch.probe[0, NORMAL_X], scratch.probe[0, NORMAL_Y]
     first = _distance(a, b, nx, ny, workspace)
     x, y = _between(a, b, workspace)
