@@ -6,12 +6,19 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import NoReturn
+from pathlib import Path
+from typing import NoReturn, Protocol
 
 from rungwise.errors import InputError
 
 BAD_INPUT = 2
 INTERRUPTED = 130
+
+
+class Answer(Protocol):
+    """What commands find: a text, and plain values."""
+
+    def summary(self) -> dict[str, object]: ...
 
 
 def refuse(message: str) -> NoReturn:
@@ -47,3 +54,27 @@ def plain_errors() -> Iterator[None]:
         yield
     except InputError as error:
         refuse(str(error))
+
+
+@contextmanager
+def writable_to(out: Path | None, more: str = "") -> Iterator[None]:
+    """What cannot be written to `out` becomes one line; `more` follows."""
+    try:
+        yield
+    except OSError as error:
+        refuse(f"out: {out} cannot be written ({error.strerror or error}){more}")
+
+
+@contextmanager
+def stoppable(kept: str) -> Iterator[None]:
+    """Ctrl-C ends the command with one line that says what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"rungwise: stopped; {kept}", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+
+
+def answer(found: Answer, as_json: bool) -> None:
+    """Print what a command found."""
+    show_json(found.summary()) if as_json else show(str(found))

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.read import load
+from rungwise.simulation.trajectory import SUMMARY, load_run
 from rungwise.viewing.plane import html as planar
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
 from rungwise.viewing.plane.parting import draw_parting
 from rungwise.viewing.space import html as spatial
 from rungwise.viewing.space.live import Live, open_live
-from rungwise.viewing.space.runs import film_of, holds_space
+from rungwise.viewing.space.runs import film_of
 from rungwise.viewing.write import ViewError
 
 
@@ -58,5 +61,9 @@ def drawer_of(scene: AnyScene) -> Drawer:
 
 
 def drawer_of_saved(folder: Path) -> Drawer:
-    """What draws the run that was saved in a folder."""
-    return SPACE if holds_space(folder) else PLANE
+    """What draws the run that was saved in a folder, by the scene that is kept there. Raises ViewError,
+    SceneError; where there is no run, planar pictures say so."""
+    if not (folder / SUMMARY).is_file():
+        return PLANE
+    data, _ = load_run(folder)
+    return drawer_of(load(json.loads(data.attrs["scene_file"])))

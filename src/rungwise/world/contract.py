@@ -172,6 +172,38 @@ class Instance(Protocol):
         """What acts on objects besides contacts."""
 
 
+class Tool(Protocol):
+    """A body that joints lead, and the objects that it may push at.
+
+    carrier: the robot; targets: numbers of the objects' bodies; changes (k,): of the joints, among those of
+    `Configurations`; moves (b,): bodies that they move. A target is told by its place in `targets`.
+    """
+
+    carrier: Carrier
+    targets: tuple[int, ...]
+    changes: Ints
+    moves: NDArray[np.bool_]
+
+    def middle(self, q: Reals) -> Reals:
+        """The middle (3,) of what of the body touches, at places (n_q,)."""
+
+    def centre(self, q: Reals, target: int) -> Reals:
+        """The centre of mass (3,) of an object."""
+
+    def reach(self, target: int) -> float:
+        """How far an object reaches from there."""
+
+    def led(self, q: Reals, aim: Reals) -> Reals:
+        """Places (n_q,) with the middle of the body at a point (3,), as near as joints bring it."""
+
+    def beside(self, q: Reals, target: int, point: Reals, away: Reals) -> Reals | None:
+        """Places with the body at its clearance from an object, on the line through a point along `away`
+        (3,), as near to that as joints bring it; None where it does not come to that distance."""
+
+    def drawn(self, q: Reals, number: int) -> Reals:
+        """Places with the joints as they are, or, for other numbers, drawn in their ranges."""
+
+
 class Configurations(Protocol):
     """Where bodies may be placed: places (n_q,) of all bodies, and changes (n_v,) of them.
 
@@ -199,6 +231,9 @@ class Configurations(Protocol):
     of_numbers: Ints
     turns: Ints
     bound: str
+
+    def tool(self, carrier: Carrier) -> Tool:
+        """What leads a robot by its joints. Raises TaskError where it touches no object, or has none."""
 
     def look(self, rows: Reals) -> tuple[Reals, Reals]:
         """Gaps (m, c) at places (m, n_q), and what `moved` needs of these (m, ...)."""

@@ -2,49 +2,38 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.arguments import (
-    JsonOption,
-    SceneArgument,
-    SeedOption,
-    SetOption,
-    ThreadsOption,
-    given_values,
-    load_scene,
-    numeric,
-    writable,
-)
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.cli.terminal import answer, plain_errors, show, show_json, stoppable, writable_to
 
 SAME = 0.05
 """A counterexample is confirmed where its runs are within this part as far apart as they were."""
 
 
 def compare(
-    scene: SceneArgument,
+    scene: arg.SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Only pairs with this rung, or all.")] = "all",
-    values: SetOption = None,
+    values: arg.SetOption = None,
     samples: Annotated[int, typer.Option("--samples", min=0, help="Inputs drawn besides the scene's.")] = 8,
-    seed: SeedOption = 0,
+    seed: arg.SeedOption = 0,
     accuracy: Annotated[
         float,
-        numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent."),
+        arg.numeric("--accuracy", "Motions this near count as alike, as a part of the scene's extent.")
     ] = 0.01,
     duration: Annotated[
         float | None,
-        numeric("--time", "End of the runs; if not given, when the last rung has come to an end."),
+        arg.numeric("--time", "End of the runs; if not given, when the last rung has come to an end.")
     ] = None,
-    threads: ThreadsOption = None,
+    threads: arg.ThreadsOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
     """How far the models are apart on a scene: the paper's Table 1, with numbers. SCENE may be a saved
     counterexample: its two runs are repeated."""
@@ -53,26 +42,20 @@ def compare(
 
     if saved(scene):
         return _replay(Path(scene), as_json)
-    try:
-        with plain_errors():
-            if out is not None:
-                writable(out)
-            loaded = load_scene(scene)
-            given = given_values(loaded, values)
-            with progress.counting("compare", quiet=as_json or not sys.stderr.isatty()) as on_progress:
-                found = measure(
-                    loaded, None if model == "all" else model, parameters=given, samples=samples, seed=seed,
-                    accuracy=accuracy, duration=duration, threads=threads, on_progress=on_progress,
-                )  # fmt: skip
-    except KeyboardInterrupt:
-        print("rungwise: stopped; nothing is kept", file=sys.stderr)
-        return INTERRUPTED
+    with stoppable("nothing is kept"), plain_errors():
+        if out is not None:
+            arg.writable(out)
+        loaded = arg.load_scene(scene)
+        given = arg.given_values(loaded, values)
+        with progress.counting("compare", as_json) as on_progress:
+            found = measure(
+                loaded, None if model == "all" else model, parameters=given, samples=samples, seed=seed,
+                accuracy=accuracy, duration=duration, threads=threads, on_progress=on_progress,
+            )  # fmt: skip
     if out is not None:
-        try:
+        with writable_to(out):
             found.save(out)
-        except OSError as error:
-            refuse(f"out: {out} cannot be written ({error.strerror or error})")
-    show_json(found.summary()) if as_json else show(str(found))
+    answer(found, as_json)
     return 0 if found.ok else 1
 
 

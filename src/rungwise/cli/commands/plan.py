@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.arguments import (
-    JsonOption,
-    SceneArgument,
-    SetOption,
-    given_values,
-    load_plan_file,
-    load_scene,
-    numeric,
-    writable_file,
-)
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.cli.terminal import INTERRUPTED, answer, plain_errors, refuse
 
 RUNGS = (
     "geometric", "kinematic", "quasistatic-rigid", "quasistatic-compliant", "dynamic-rigid",
@@ -28,7 +18,7 @@ RUNGS = (
 
 
 def plan(
-    scene: SceneArgument,
+    scene: arg.SceneArgument,
     from_: Annotated[
         str | None, typer.Option("--from", help="First rung; the plan climbs from it, rung by rung.")
     ] = None,
@@ -44,14 +34,14 @@ def plan(
     budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
     limit: Annotated[
         float | None,
-        numeric("--limit", "The search ends after this time, wherever it is.", metavar="SECONDS"),
+        arg.numeric("--limit", "The search ends after this time, wherever it is.", metavar="SECONDS"),
     ] = None,
     improve: Annotated[
         int, typer.Option("--improve", min=0, help="Simulated steps spent on plans of less cost.")
     ] = 0,
     robust: Annotated[
         float | None,
-        numeric(
+        arg.numeric(
             "--robust",
             "Rate of success: open loop, with guarded moves or re-planning; the first that suffices.",
             metavar="RATE",
@@ -62,11 +52,11 @@ def plan(
     task_seed: Annotated[
         int | None, typer.Option("--task-seed", min=0, help="Draw the instance by the task's rules.")
     ] = None,
-    values: SetOption = None,
+    values: arg.SetOption = None,
     initial: Annotated[Path | None, typer.Option("--initial", help="A saved plan to begin with.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="File for the plan (JSON).")] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="File for the time table of inputs.")] = None,
-    as_json: JsonOption = False,
+    as_json: arg.JsonOption = False,
 ) -> int:
     """Plan the task of a scene on one model after the other; says what breaks on the way.
 
@@ -77,14 +67,14 @@ def plan(
 
     for file in (out, table):
         if file is not None:
-            writable_file(file)
-    with plain_errors(), progress.line(as_json or not sys.stderr.isatty()) as told:
-        loaded = load_scene(scene)
+            arg.writable_file(file)
+    with plain_errors(), progress.line(as_json) as told:
+        loaded = arg.load_scene(scene)
         found = search(
             loaded, from_=from_, to=to, schedule=_stages(schedule), budget=budget, limit=limit,
             improve=improve, robust=robust, samples=samples, seed=seed, task_seed=task_seed,
-            parameters=given_values(loaded, values),
-            initial=None if initial is None else load_plan_file(initial),
+            parameters=arg.given_values(loaded, values),
+            initial=None if initial is None else arg.load_plan_file(initial),
             on_progress=told,
         )  # fmt: skip
     try:
@@ -96,7 +86,7 @@ def plan(
             refuse(f"csv: {PLACES_ONLY}")
     except OSError as error:
         refuse(f"out: {error.filename} cannot be written ({error.strerror or error})")
-    show_json(found.summary()) if as_json else show(str(found))
+    answer(found, as_json)
     if found.reason.startswith(STOPPED):
         return INTERRUPTED
     return 0 if found.found else 1

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 import typer
 
 from rungwise.cli.arguments import JsonOption, SetOption, load_plan_file, load_scene, numeric, parameters_of
-from rungwise.cli.terminal import plain_errors, refuse, show, show_json
+from rungwise.cli.terminal import answer, plain_errors, refuse
 
 if TYPE_CHECKING:
     from rungwise.simulation.spatial.result import SpaceRun
@@ -35,13 +35,9 @@ def replay(
     ] = None,
     values: SetOption = None,
     duration: Annotated[float | None, numeric("--time", "End of the run.")] = None,
-    tol: Annotated[
-        float | None,
-        numeric("--tol", "Error allowed per step of the run."),
-    ] = None,
+    tol: Annotated[float | None, numeric("--tol", "Error allowed per step of the run.")] = None,
     step: Annotated[
-        float | None,
-        numeric("--step", "The judge's step; the model's own if not given."),
+        float | None, numeric("--step", "The judge's step; the model's own if not given.")
     ] = None,
     as_json: JsonOption = False,
 ) -> int:
@@ -56,7 +52,7 @@ def replay(
         if run.outcome.name == "invalid":
             refuse(run.reason)
         found = judged(cast("SpaceRun", run), in_=judge, step=step)
-    show_json(found.summary()) if as_json else show(str(found))
+    answer(found, as_json)
     return 0 if found.ok else 1
 
 

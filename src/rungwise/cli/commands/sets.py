@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.arguments import (
-    ClusterOption,
-    JsonOption,
-    SceneArgument,
-    SetOption,
-    ThreadsOption,
-    intervals,
-    load_with,
-    numeric,
-    writable,
-)
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.cli.terminal import plain_errors, refuse, show, show_json, stoppable, writable_to
 from rungwise.wording import choices
 
 
 def sets(
-    scene: SceneArgument,
+    scene: arg.SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Rung of the ladder, or all.")],
     over: Annotated[
         str, typer.Option("--over", help="Parameters, NAME or NAME=LOW:HIGH, separated by commas.")
     ],
-    values: SetOption = None,
+    values: arg.SetOption = None,
     solutions: Annotated[
         str,
         typer.Option(
@@ -41,24 +30,18 @@ def sets(
         bool,
         typer.Option("--lift", help="With --model all: look for a boundary where the rung below has it."),
     ] = False,
-    tol: Annotated[
-        float,
-        numeric("--tol", "Accuracy of the boundary, as a part of the box."),
-    ] = 0.01,
-    accuracy: Annotated[
-        float | None,
-        numeric("--accuracy", "Error allowed per step of a run."),
-    ] = None,
+    tol: Annotated[float, arg.numeric("--tol", "Accuracy of the boundary, as a part of the box.")] = 0.01,
+    accuracy: Annotated[float | None, arg.numeric("--accuracy", "Error allowed per step of a run.")] = None,
     probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
     limit: Annotated[
         float | None,
-        numeric(
+        arg.numeric(
             "--limit", "Each set ends after this time, with the cells that are known.", metavar="SECONDS"
         ),
     ] = None,
-    threads: ThreadsOption = None,
-    cluster: ClusterOption = None,
+    threads: arg.ThreadsOption = None,
+    cluster: arg.ClusterOption = None,
     certify: Annotated[
         int, typer.Option("--certify", min=0, help="Fresh random points that test the result.")
     ] = 0,
@@ -76,7 +59,7 @@ def sets(
         Path | None,
         typer.Option("--mesh", help="Boundary of the feasible part, .obj or .stl; over 2 or 3 parameters."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: arg.JsonOption = False,
 ) -> int:
     """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
     from importlib.util import find_spec
@@ -95,46 +78,38 @@ def sets(
         refuse(f"solutions: unknown {solutions[:60]!r}{choices(solutions, (*SOLUTIONS, 'all'))}")
     if lift and model != "all":
         refuse("lift: needs --model all, rungs to climb")
-    names, box = intervals("over", over)
+    names, box = arg.intervals("over", over)
     rungs = [rung.name for rung in LADDER if rung.moves] if model == "all" else [model]
     wanted = [(name, each) for name in rungs for each in (SOLUTIONS if solutions == "all" else [solutions])]
     per_rung = len(wanted) // len(rungs)
     found: list[FeasibleSet] = []
     exports = {"csv": table, "mesh": mesh}
-    try:
-        with plain_errors():
-            files.check(exports, len(names))
-            loaded, parameters = load_with(scene, values)
-            if out is not None:
-                writable(out)
-            for name, each in wanted:
-                below = found[-per_rung] if lift and name != rungs[0] else None
-                folder = name if each == SLOWEST else f"{name}-{each}"
-                with progress.counting(folder, quiet=as_json or not sys.stderr.isatty()) as on_progress:
-                    found.append(
-                        feasible_set(
-                            loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
-                            near=below, accuracy=accuracy, probes=probes,
-                            budget=BUDGET if budget is None else budget,
-                            limit=limit, threads=threads, cluster=cluster,
-                            out=None if out is None else out / folder, resume=resume, on_progress=on_progress,
-                        )
-                    )  # fmt: skip
-            summary = report.summary(found, certify, box)
-            written = files.write(found, exports)
-            if html is not None:
-                written += view(found, html=html)
-            if out is not None and find_spec("matplotlib") is not None:
-                write_figure(feasible_slices(found), out / "sets.png")
-    except KeyboardInterrupt:
-        kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
-        print(f"rungwise: stopped; {kept}", file=sys.stderr)
-        return INTERRUPTED
-    except OSError as error:
-        refuse(
-            f"out: {out} cannot be written ({error.strerror or error});"
-            " finished batches are kept, and --resume goes on from them"
-        )
+    kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
+    finished = "; finished batches are kept, and --resume goes on from them"
+    with stoppable(kept), writable_to(out, finished), plain_errors():
+        files.check(exports, len(names))
+        loaded, parameters = arg.load_with(scene, values)
+        if out is not None:
+            arg.writable(out)
+        for name, each in wanted:
+            below = found[-per_rung] if lift and name != rungs[0] else None
+            folder = name if each == SLOWEST else f"{name}-{each}"
+            with progress.counting(folder, as_json) as on_progress:
+                found.append(
+                    feasible_set(
+                        loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
+                        near=below, accuracy=accuracy, probes=probes,
+                        budget=BUDGET if budget is None else budget,
+                        limit=limit, threads=threads, cluster=cluster,
+                        out=None if out is None else out / folder, resume=resume, on_progress=on_progress,
+                    )
+                )  # fmt: skip
+        summary = report.summary(found, certify, box)
+        written = files.write(found, exports)
+        if html is not None:
+            written += view(found, html=html)
+        if out is not None and find_spec("matplotlib") is not None:
+            write_figure(feasible_slices(found), out / "sets.png")
     summary["files"] = [str(file) for file in written]
     show_json(summary) if as_json else show(report.text(summary))
     return 0 if any("feasible" in each["volumes"] for each in summary["sets"]) else 1

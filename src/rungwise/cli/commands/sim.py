@@ -2,49 +2,35 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.arguments import (
-    JsonOption,
-    SceneArgument,
-    SetOption,
-    load_scene,
-    numeric,
-    parameters_of,
-    writable,
-)
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json
+from rungwise.cli.terminal import INTERRUPTED, plain_errors, refuse, show, show_json, writable_to
 from rungwise.world.any_run import AnyRun
 
 
 def sim(
-    scene: SceneArgument,
+    scene: arg.SceneArgument,
     model: Annotated[str, typer.Option("--model", help="Rung of the ladder (see `rungwise models`).")],
-    values: SetOption = None,
+    values: arg.SetOption = None,
     step: Annotated[
-        float | None,
-        numeric("--step", "Length of a step; the scene's own if not given."),
+        float | None, arg.numeric("--step", "Length of a step; the scene's own if not given.")
     ] = None,
     tol: Annotated[
-        float | None,
-        numeric("--tol", "Error allowed per step: step lengths are chosen."),
+        float | None, arg.numeric("--tol", "Error allowed per step: step lengths are chosen.")
     ] = None,
     duration: Annotated[
-        float | None,
-        numeric("--time", "End of the run; the scene's own if not given."),
+        float | None, arg.numeric("--time", "End of the run; the scene's own if not given.")
     ] = None,
     theta: Annotated[
-        float,
-        numeric("--theta", "Theta rule on the dynamic-compliant rung, 0.5 to 1."),
+        float, arg.numeric("--theta", "Theta rule on the dynamic-compliant rung, 0.5 to 1.")
     ] = 1.0,
     inertia: Annotated[
-        float | None,
-        numeric("--inertia", "The paper's epsilon, 0 to 1, in place of the rung's own."),
+        float | None, arg.numeric("--inertia", "The paper's epsilon, 0 to 1, in place of the rung's own.")
     ] = None,
     inputs: Annotated[
         Path | None,
@@ -55,7 +41,7 @@ def sim(
         Path | None,
         typer.Option("--save-hard", help="Folder for the problems of hard steps, at most 101 (FCLIB)."),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: arg.JsonOption = False,
 ) -> int:
     """Run a scene on one rung to its outcome."""
     from rungwise.models.ladder import rung
@@ -65,30 +51,28 @@ def sim(
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")
     with plain_errors():
-        loaded = load_scene(scene)
+        loaded = arg.load_scene(scene)
         try:
             chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
         except ValueError as error:
             raise ModelError(str(error)) from None
-        parameters = parameters_of(loaded, values)
+        parameters = arg.parameters_of(loaded, values)
         if out is not None:
-            writable(out)
+            arg.writable(out)
         simulation = simulation_of(
             loaded, chosen, parameters=parameters, step=step, tol=tol, duration=duration, theta=theta,
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
         )  # fmt: skip
         try:
-            interrupted = progress.watch(simulation, quiet=as_json or not sys.stderr.isatty())
+            interrupted = progress.watch(simulation, as_json)
         except OSError as error:
             refuse(f"save_hard: {save_hard} cannot be written ({error.strerror or error})")
     run = simulation.result()
     if run.outcome.name == "invalid":
         refuse(run.reason)
     if out is not None:
-        try:
+        with writable_to(out):
             run.save(out)
-        except OSError as error:
-            refuse(f"out: {out} cannot be written ({error.strerror or error})")
     show_json(run.summary()) if as_json else show(_sentence(run))
     return INTERRUPTED if interrupted else run.outcome.exit_code
 

@@ -13,10 +13,7 @@ from rungwise.cli.terminal import refuse, show, show_json
 
 def solve(
     file: Annotated[Path, typer.Argument(help="FCLIB HDF5, text of Siconos' numerics, or ContactBench npz.")],
-    tol: Annotated[
-        float,
-        numeric("--tol", "Residual to reach; it has no unit."),
-    ] = 1e-9,
+    tol: Annotated[float, numeric("--tol", "Residual to reach; it has no unit.")] = 1e-9,
     kind: Annotated[
         str | None,
         typer.Option(

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from rungwise.cli import arguments as arg
 from rungwise.cli import progress
-from rungwise.cli.arguments import (
-    ClusterOption,
-    JsonOption,
-    SeedOption,
-    ThreadsOption,
-    load_plan_file,
-    numeric,
-)
-from rungwise.cli.terminal import INTERRUPTED, plain_errors, show, show_json
+from rungwise.cli.terminal import answer, plain_errors, stoppable
 
 
 def verify(
@@ -30,14 +22,14 @@ def verify(
         str | None,
         typer.Option("--mode", help='"open loop", "guarded moves", "re-planning"; default: the plan\'s own.'),
     ] = None,
-    seed: SeedOption = 0,
+    seed: arg.SeedOption = 0,
     tol: Annotated[
         float | None,
-        numeric("--tol", "Error allowed per step."),
+        arg.numeric("--tol", "Error allowed per step.")
     ] = None,
     rate: Annotated[
         float,
-        numeric(
+        arg.numeric(
             "--rate",
             "The answer is positive (exit code 0) where the lower bound of success is at least this.",
             metavar="RATE",
@@ -45,23 +37,19 @@ def verify(
     ] = 0.9,
     limit: Annotated[
         float | None,
-        numeric("--limit", "Ends with the samples run so far.", metavar="SECONDS"),
+        arg.numeric("--limit", "Ends with the samples run so far.", metavar="SECONDS")
     ] = None,
-    threads: ThreadsOption = None,
-    cluster: ClusterOption = None,
-    as_json: JsonOption = False,
+    threads: arg.ThreadsOption = None,
+    cluster: arg.ClusterOption = None,
+    as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
     """Run a plan from starts, with parameters and inputs, that are drawn by its task."""
     from rungwise.planning.execution.verify import verify as run
 
-    try:
-        with plain_errors(), progress.bar("verify", samples, as_json or not sys.stderr.isatty()) as told:
-            found = run(
-                load_plan_file(plan), model, samples, mode=mode, limit=limit, seed=seed, tol=tol,
-                threads=threads, cluster=cluster, on_progress=told,
-            )  # fmt: skip
-    except KeyboardInterrupt:
-        print("rungwise: stopped; no sample is kept", file=sys.stderr)
-        return INTERRUPTED
-    show_json(found.summary()) if as_json else show(str(found))
+    with stoppable("no sample is kept"), plain_errors(), progress.bar("verify", samples, as_json) as told:
+        found = run(
+            arg.load_plan_file(plan), model, samples, mode=mode, limit=limit, seed=seed, tol=tol,
+            threads=threads, cluster=cluster, on_progress=told,
+        )  # fmt: skip
+    answer(found, as_json)
     return 0 if found.lower >= rate else 1

@@ -34,10 +34,7 @@ def view(
     png: Annotated[Path | None, typer.Option("--png", help="Strip of frames; slices of sets.")] = None,
     gif: Annotated[Path | None, typer.Option("--gif", help="Short animation as a picture.")] = None,
     frames: Annotated[int, typer.Option("--frames", help="Frames of the strip.")] = 6,
-    at: Annotated[
-        float | None,
-        numeric("--at", "Time of the one frame in the PNG."),
-    ] = None,
+    at: Annotated[float | None, numeric("--at", "Time of the one frame in the PNG.")] = None,
     parting: Annotated[
         Path | None,
         typer.Option(

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.kernel import Reals
-from rungwise.scene.space import is_space, load_space
+from rungwise.scene.space import load_space
 from rungwise.scene.space.model import library
-from rungwise.simulation.trajectory import SUMMARY, load_run
+from rungwise.simulation.trajectory import load_run
 from rungwise.viewing.space.film import SLIP, Film, FilmError, Touches
 from rungwise.viewing.space.mjcf import film_of_model
 
@@ -34,14 +34,6 @@ def film_of(source: Any) -> Film:
     if source.space is None or not source.frames:
         raise FilmError(f"run: did not begin: {source.reason}")
     return _film(source.scene, source.space.model, source.trajectory, source.notes)
-
-
-def holds_space(folder: str | Path) -> bool:
-    """Whether a run in space was saved in the folder."""
-    if not (Path(folder) / SUMMARY).is_file():
-        return False
-    data, _ = load_run(folder)
-    return "touch_point" in data and is_space(json.loads(data.attrs["scene_file"]))
 
 
 def _film(scene: SpaceScene, model: mujoco.MjModel, data: xarray.Dataset, notes: tuple[str, ...]) -> Film:

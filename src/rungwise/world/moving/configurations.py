@@ -9,7 +9,8 @@ import numpy as np
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.simulation.core.stepper import OVERLAP
-from rungwise.world.contract import OBJECT
+from rungwise.world.carriers import Carrier, TaskError
+from rungwise.world.contract import OBJECT, Tool
 from rungwise.world.moving.instance import MovingInstance, body_of
 from rungwise.world.moving.place import MovingPlace
 
@@ -18,6 +19,10 @@ class StraightWays:
     """The part of `Configurations` that holds where changes are differences of places."""
 
     unit: Reals
+
+    def tool(self, carrier: Carrier) -> Tool:
+        """None is known here. Raises TaskError."""
+        raise TaskError(f"task.transit.{carrier.body}: is led by no joints")
 
     def changed(self, rows: Reals, change: Reals) -> Reals:
         return np.asarray(rows + change)

@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching, touching_pairs
 from rungwise.simulation.core.stepper import OVERLAP
 from rungwise.system.spatial.reach import reaches
+from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT
 from rungwise.world.spatial.instance import BALL, FREE, SLIDE, roles_in_space
+from rungwise.world.spatial.tool import JointTool
 
 if TYPE_CHECKING:
     import mujoco
@@ -44,7 +46,8 @@ class SpatialConfigurations:
         self.thin = float(2.0 * halves[touches].min(initial=0.5 * size))
         moving = touches & (m.body_weldid[m.geom_bodyid] != 0)
         self.rounding = OVERLAP * float(m.geom_rbound[moving].min(initial=size))
-        self._describe(dict(zip(self.names, roles_in_space(bound), strict=True)))
+        self.roles = dict(zip(self.names, roles_in_space(bound), strict=True))
+        self._describe()
         self.far = FAR * float(m.stat.extent)
         self.geoms: dict[tuple[int, int], list[tuple[int, int]]] = {}
         for a, b in touching_pairs(m).tolist():
@@ -54,7 +57,7 @@ class SpatialConfigurations:
         self.pairs = np.array(list(self.geoms), np.int64).reshape(-1, 2)
         self.bound = _bound(m)
 
-    def _describe(self, roles: dict[str, str]) -> None:
+    def _describe(self) -> None:
         """Set what depends on joints alone."""
         m, far = self.model, np.inf
         turning, low, high = list[bool](), list[float](), list[float]()
@@ -83,12 +86,11 @@ class SpatialConfigurations:
         self.of_numbers = np.array(of_numbers, np.int64)
         self.turning, self.low, self.high = np.array(turning, bool), np.array(low), np.array(high)
         self.units, self.bodies, self._groups = self.unit[self.of_numbers], list(bodies.values()), groups
-        self.objects = np.array([roles[self.names[b]] == OBJECT for b in m.dof_bodyid.tolist()], bool)
+        self.objects = np.array([self.roles[self.names[b]] == OBJECT for b in m.dof_bodyid.tolist()], bool)
         self._reach = reaches(m)[:, [group[0] for group in groups]]
 
-    def reach_of(self, changes: Ints) -> Reals:
-        """How far each of these changes (c,) carries points of each body, over its length (b, c)."""
-        return np.asarray(reaches(self.model)[:, changes])
+    def tool(self, carrier: Carrier) -> JointTool:
+        return JointTool(self, carrier)
 
     def look(self, rows: Reals) -> tuple[Reals, Reals]:
         m, d, distance, far = self.model, self._data, self._mujoco.mj_geomDistance, self.far
