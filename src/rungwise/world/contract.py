@@ -23,7 +23,7 @@ from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
-    from rungwise.world.carriers import Driven
+    from rungwise.world.carriers import Carrier, Driven
     from rungwise.world.ingredients import Parting, Variant
     from rungwise.world.matching import Matched
     from rungwise.world.rolled import Rolled
