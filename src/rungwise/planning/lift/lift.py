@@ -19,6 +19,7 @@ from rungwise.planning.diagnosis.diagnose import APART, Diagnosis, diagnose
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.geometric_stage import NOTHING, in_the_way, nowhere, place, put, untouched
+from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.repair import HELD, Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
 from rungwise.planning.motion.placements import needs_forces
@@ -63,7 +64,7 @@ def plan(
     robust: float | None = None,
     samples: int = 200,
     seed: int = 0,
-    initial: Plan | None = None,
+    initial: Initial | None = None,
     threads: int | None = None,
     on_progress: Callable[[str], None] | None = None,
 ) -> Plan:
@@ -82,7 +83,9 @@ def plan(
             what the task calls uncertain: open loop, with guarded moves, or re-planning, whichever suffices
             first; `Plan.mode` says which, `Plan.checks` how each went.
         seed: of the searches; the same seed gives the same plan whatever the threads.
-        initial: a plan to begin with in place of a search on the first stage.
+        initial: a plan, or segments of a schedule, to begin with in place of a search on the first stage:
+            replayed there as it is, then repaired. Where robots are led through free space, segments that
+            miss are led on from their end, or from half of them on.
         on_progress: called with a line on what is done now, about ten times a second. Ctrl-C ends the search
             and keeps the plan of the last stage that was finished, with a reason; it is raised again where
             there is none.
@@ -112,10 +115,7 @@ def plan(
     if why:
         return replace(found, reason=why)
     if initial is not None:
-        found = replace(
-            found, moves=initial.moves, waypoints=initial.waypoints, stage=initial.stage,
-            segments=initial.segments, labels=initial.labels,
-        )  # fmt: skip
+        found = begun_with(work, found, initial, chosen)
     finished = False
     try:
         for each in _climbed(work, found, chosen, tell):
@@ -216,7 +216,7 @@ def _share(work: Work, stage: Stage, moving: Sequence[Stage], turn: int) -> floa
 
 def _announce(work: Work, stage: Stage, found: Plan, tell: Callable[[str], None]) -> None:
     """Say what is done now, and have the budget say how far it has come."""
-    line = f"{stage}: {'lifting' if len(found.moves) else 'planning'}"
+    line = f"{stage}: {'lifting' if len(found.moves) or found.segments else 'planning'}"
 
     def how_far() -> None:
         nearest = f", the nearest plan lacks {work.nearest:.3g}" if math.isfinite(work.nearest) else ""
@@ -316,7 +316,7 @@ def _improved(work: Work, plan: Plan) -> Iterator[Plan]:
     predictor = work.predictor(stage)
     try:
         first = Found(laid(work, predictor, plan.moves), plan.moves)
-        for found in better(work, predictor, first):
+        for found in better(work, predictor, first) if len(plan.moves) else ():
             trial = _put(work, plan, stage, found)
             if _is_confirmed(work, trial):
                 best, times = trial, times + 1
@@ -329,7 +329,7 @@ def _improved(work: Work, plan: Plan) -> Iterator[Plan]:
 
 
 def _to_lift(plan: Plan) -> Before | None:
-    if plan.stage is None or not len(plan.moves):
+    if plan.stage is None or not (len(plan.moves) or plan.segments):
         return None
     return Before(plan.moves, np.array(plan.waypoints), plan.stage.model, plan.segments, plan.labels)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor, Stage
 from rungwise.planning.search.layout import ENDS, WAIT, Course
 from rungwise.planning.search.problem import Found, Work, laid
-from rungwise.planning.search.search import Begun, search
+from rungwise.planning.search.search import Begun, lead_on, search
 from rungwise.planning.search.shooting import Search, shoot
 from rungwise.simulation.inputs import Segment
 
@@ -34,8 +34,8 @@ class Lifted(NamedTuple):
 
 @dataclass(frozen=True)
 class Before:
-    """The plan to lift: moves (k, d), where they ended (k, n), the rung on which it was found, and its
-    schedule, if it has one."""
+    """The plan to lift: moves (k, d), none where it is known by its schedule alone; where they ended (k, n),
+    the rung on which it was found, and its schedule, if it has one."""
 
     vectors: Reals
     waypoints: Reals
@@ -62,7 +62,7 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
         found = _held(work, predictor, before)
         if found is not None:
             return Lifted(found, HELD)
-        for repair in (_by_moves, _by_suffix, _by_continuation, _within_the_reserve):
+        for repair in (_by_moves, _by_suffix, _by_continuation, _within_the_reserve, _led_on):
             found = repair(work, predictor, before) if work.budget.left else None
             if found is not None:
                 return Lifted(found, REPAIRS[repair.__name__])
@@ -75,6 +75,7 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
 REPAIRS = {
     "_by_moves": "repaired move by move", "_by_suffix": "repaired at its end",
     "_by_continuation": "continued in inertia", "_within_the_reserve": "held within the reserve",
+    "_led_on": "led on",
 }  # fmt: skip
 
 
@@ -96,7 +97,7 @@ def _within_the_reserve(work: Work, predictor: Predictor, before: Before) -> Fou
 
 def _replayed(work: Work, predictor: Predictor, before: Before) -> Course | None:
     """The schedule as it is, run move by move; None where there is none."""
-    if not before.segments or len(before.counts) != len(before.vectors):
+    if not before.segments or len(before.vectors) not in (0, len(before.counts)):
         return None
     names, now, done = work.task.scene.template.inputs, work.start, 0
     level = dict(zip(names, work.task.before.tolist(), strict=True))
@@ -122,6 +123,22 @@ def _replayed(work: Work, predictor: Predictor, before: Before) -> Course | None
         before.segments[:done], before.labels[:done], tuple(counts), tuple(places),
         np.array(list(level.values())), drives, outcome,
     )  # fmt: skip
+
+
+def _led_on(work: Work, predictor: Predictor, before: Before) -> Found | None:
+    """A schedule without moves, or half of it and so on, with moves after it that come to the goal."""
+    if len(before.vectors):
+        return None
+    kept = len(before.segments)
+    while kept and work.budget.left:
+        own = replace(before, segments=before.segments[:kept], labels=before.labels[:kept])
+        head = _replayed(work, predictor, own)
+        if head is not None and head.outcome in GOES_ON:
+            course = lead_on(work, predictor, head)
+            if course is not None:
+                return Found(course, before.vectors)
+        kept //= 2
+    return None
 
 
 def _first(work: Work, predictor: Predictor, candidates: Reals) -> Found | None:

@@ -156,6 +156,15 @@ class Moves:
         cut = (push[0], push[1] / cuts, push[2])
         return _segments([*parts, *([cut] * cuts), back])
 
+    def held_for(self, levels: Reals, durations: Reals) -> Reals:
+        """The moves (m, d) of a task without carriers that come nearest to holding inputs (m, u) for
+        durations (m,)."""
+        low, high = self.task.duration
+        least, span = max(low, 1e-3 * high), self.task.high - self.task.low
+        inputs = (levels - self.task.low) / np.where(span > 0.0, span, 1.0)
+        lasting = np.log(np.maximum(durations, least) / least) / (math.log(high / least) or 1.0)
+        return np.clip(np.column_stack([inputs, lasting]), 0.0, 1.0)
+
     def cut(self, vectors: Reals, part: float) -> tuple[Reals, NDArray[np.bool_]]:
         """The vectors (m, d) of moves whose pushes end after a part of their way, and whether pushes may be
         so short (m,)."""

@@ -14,7 +14,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
-from rungwise.planning.search.layout import Course
+from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.problem import Found, Work, laid
 from rungwise.planning.search.shooting import UNFIT, Search, run_moves, shoot
 from rungwise.planning.search.tree import grow
@@ -53,6 +53,22 @@ def search(work: Work, predictor: Predictor) -> Found | None:
         if found is not None:
             return found
         idle = idle + 1 if work.budget.spent.total() == spent else 0
+    return None
+
+
+def lead_on(work: Work, predictor: Predictor, head: Course) -> Course | None:
+    """A course, led on by new moves to the goal; None where none were found."""
+    begun = Begun(head.places[-1], head.levels)
+    deepest = min(3, work.task.moves[1])
+    for tried, own in enumerate(_plans(work, predictor, begun, work.whole, deepest)):
+        tail = lay_out(work.moves, work.transit, predictor, begun.places, own, work.seed, begun.levels)
+        if tail.reached:
+            return Course(
+                head.segments + tail.segments, head.labels + tail.labels, head.counts + tail.counts,
+                head.places + tail.places, tail.levels, head.work + tail.work, tail.outcome,
+            )  # fmt: skip
+        if tried + 1 == LAID:
+            break
     return None
 
 

@@ -1,0 +1,85 @@
+"""Searches that are used again: plans, and schedules of segments, to begin with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.task.task import TaskError
+
+STAGE = [("quasistatic-rigid", 1e-3)]
+
+
+@pytest.fixture(scope="module")
+def push() -> rw.Plan:
+    found = rw.plan("push", task_seed=1003, schedule=STAGE)
+    assert found.found
+    return found
+
+
+def begun(plan: rw.Plan, segments: object, budget: int = 20_000) -> rw.Plan:
+    return rw.plan(
+        plan.scene, parameters=plan.parameters, schedule=STAGE, budget=budget, initial=segments  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_a_schedule_that_comes_to_the_goal_is_a_plan(push: rw.Plan) -> None:
+    found = begun(push, push.segments, budget=5_000)
+    assert found.found, found.reason
+    assert found.records[-1].how == "held"
+    assert found.segments == push.segments
+    assert found.replay().ok
+
+
+def test_a_schedule_goes_through_several_stages(push: rw.Plan) -> None:
+    found = rw.plan(
+        "push", parameters=push.parameters, initial=list(push.segments),
+        schedule=[*STAGE, ("dynamic-compliant", 1e-3)],
+    )  # fmt: skip
+    assert found.found, found.reason
+    assert found.replay("dynamic-compliant").ok
+
+
+def test_a_schedule_that_misses_is_led_on(push: rw.Plan) -> None:
+    """The last push is missing: what is left keeps its beginning."""
+    last = len(push.segments) - 1 - push.labels[::-1].index("push")
+    ways = [k for k in range(last) if push.labels[k] in ("back", "wait")]
+    head = push.segments[: ways[-1] + 1]
+    found = begun(push, head, budget=400_000)
+    assert found.found, found.reason
+    assert found.records[-1].how == "led on"
+    assert found.segments[: len(head) // 2] == head[: len(head) // 2]
+    assert found.replay().ok
+
+
+def test_inputs_alone_are_repaired_as_moves() -> None:
+    """Two fingers that close with speeds off their band: held segments are moves, and these are mended."""
+    plan = rw.plan("two_finger", task_seed=3, schedule=STAGE)
+    others = [
+        replace(each, inputs=dict(each.inputs) | {"v1": 0.1 * each.inputs["v1"]}) for each in plan.segments
+    ]
+    assert not rw.simulate(plan.scene, rw.QUASISTATIC_RIGID, parameters=plan.parameters, inputs=others).ok
+    found = rw.plan("two_finger", parameters=plan.parameters, schedule=STAGE, initial=others)
+    assert found.found, found.reason
+    assert found.records[-1].how in ("held", "repaired move by move", "repaired at its end")
+    assert found.replay().ok
+
+
+@pytest.mark.parametrize(
+    ("initial", "words"),
+    [
+        ([], "initial: must be a plan or a list of segments, not a list"),
+        ("push", "initial: must be a plan or a list of segments, not 'push'"),
+        (np.zeros((3, 3)), "initial: must be a plan or a list of segments"),
+        ([rw.Segment({"zzz": 1.0}, 1.0)], "initial.0.inputs: unknown input 'zzz'"),
+        ([rw.Segment({}, -1.0)], "initial.0.duration: must be >= 0"),
+    ],
+)
+def test_what_is_no_beginning_is_refused_in_one_line(initial: object, words: str) -> None:
+    with pytest.raises(TaskError) as caught:
+        rw.plan("push", initial=initial, budget=10)  # type: ignore[arg-type]
+    assert str(caught.value).startswith(words)
+    assert "\n" not in str(caught.value)
