@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.hierarchy.comparison import Comparison, Measured
+from rungwise.hierarchy.comparison import FAILS, Comparison, Measured
 from rungwise.hierarchy.counterexample import Counterexample, levers, side
 from rungwise.hierarchy.inputs import inputs_of
 from rungwise.hierarchy.limits import INDEPENDENT, STAYS, first, fit
@@ -29,7 +29,6 @@ PART = 1e-2
 """Error allowed per step of runs that choose and search, as a part of the accuracy asked for."""
 
 Progress = Callable[[str, int, int], None]
-HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
 
 
 @keywords

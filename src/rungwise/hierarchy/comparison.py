@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path as File
 from textwrap import wrap
@@ -21,10 +21,6 @@ from rungwise.kernel import Reals
 from rungwise.plain import cut, json_text
 from rungwise.scene.contract import AnyScene
 
-PART = 1e-2
-"""Error allowed per step of runs that choose and search, as a part of the accuracy asked for."""
-
-Progress = Callable[[str, int, int], None]
 HOLDS, FAILS, UNDECIDED = "holds", "fails", "undecided"
 
 

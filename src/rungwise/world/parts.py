@@ -34,6 +34,19 @@ class BoundInstance(ABC):
         """The scene's numbers, among them duration, step and tolerance."""
 
     @property
+    @abstractmethod
+    def _start(self) -> tuple[Reals, Reals]:
+        """Where the scene starts, q and v."""
+
+    @property
+    def q(self) -> Reals:
+        return self._start[0]
+
+    @property
+    def v(self) -> Reals:
+        return self._start[1]
+
+    @property
     def duration(self) -> float:
         return float(self.bound.duration)
 

@@ -8,20 +8,15 @@ from typing import Any
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.models.ladder import Rung
-from rungwise.scene.contract import AnyScene
+from rungwise.sets.cells.labels import LabelledSet
 from rungwise.sets.cells.tree import Tree
 from rungwise.sets.motions import SLOWEST
 
 
 @dataclass(frozen=True)
-class LabelledBox:
+class LabelledBox(LabelledSet):
     """Labels over a box of parameters: what a `FeasibleSet` is made of, which says what the fields are."""
 
-    scene: AnyScene
-    model: Rung
-    over: tuple[str, ...]
-    box: Reals
     tol: float
     tree: Tree
     crossings: dict[int, tuple[Ints, Reals]]

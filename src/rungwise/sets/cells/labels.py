@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
+from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.plain import cut
+from rungwise.scene.contract import AnyScene
 
-
-class Boxed(Protocol):
-    """What is over a box."""
-
-    @property
-    def over(self) -> tuple[str, ...]: ...
-
-    @property
-    def box(self) -> Reals: ...
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 class Label(IntEnum):
@@ -68,7 +66,56 @@ def labels(outcomes: Ints) -> Ints:
     return np.asarray(_TABLE[outcomes])
 
 
-def bounds_of(found: Boxed) -> str:
+@dataclass(frozen=True)
+class LabelledSet(ABC):
+    """Labels over a box (d, 2) of parameters or states, and what can be asked of all such sets."""
+
+    scene: AnyScene
+    model: Rung
+    over: tuple[str, ...]
+    box: Reals
+
+    @property
+    @abstractmethod
+    def unit(self) -> Reals:
+        """Lengths (d,) of the set's unit along each axis."""
+
+    @abstractmethod
+    def _labels(self, places: Reals) -> Ints:
+        """Labels of places (m, d) within the box, in units from its lower corner."""
+
+    def _repr_html_(self) -> str:
+        import rungwise
+
+        found: Any = self
+        return rungwise.to_html(found)
+
+    def plot(self) -> Figure:
+        """Slices over the first two parameters or states (see `rungwise.plot`)."""
+        import rungwise
+
+        found: Any = self
+        return rungwise.plot(found)
+
+    def classify(self, points: Reals) -> NDArray[np.str_]:
+        """Labels (m,) of points (m, d), in the order of `over`; `unknown` outside the box.
+
+        Raises ValueError for another shape.
+        """
+        return np.array([str(label) for label in Label])[self.labels(points)]
+
+    def labels(self, points: Reals) -> Ints:
+        """Labels of points as `classify`, but as values of `Label`."""
+        points = np.asarray(points, np.float64)
+        if points.ndim != 2 or points.shape[1] != len(self.over):
+            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
+        inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
+        result = np.full(len(points), int(Label.UNKNOWN))
+        result[inside] = self._labels((points[inside] - self.box[:, 0]) / self.unit)
+        return result
+
+
+def bounds_of(found: LabelledSet) -> str:
     """The box of a set, in one short line."""
     sides = [f"{name} {low:.4g}..{high:.4g}" for name, (low, high) in zip(found.over, found.box, strict=True)]
     return cut(", ".join(sides), 200)

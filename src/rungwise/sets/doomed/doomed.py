@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
@@ -31,7 +30,7 @@ from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.sets import store
-from rungwise.sets.cells.labels import Label, bounds_of
+from rungwise.sets.cells.labels import Label, LabelledSet, bounds_of
 from rungwise.sets.doomed.images import Images
 from rungwise.sets.doomed.macro_steps import Macro, Stated
 from rungwise.sets.doomed.states import box_of_states, check_states, columns_of, input_box, state_name
@@ -43,7 +42,6 @@ from rungwise.world.find import world_of
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
 ANY = "any"
 MAX_AXES = 4
@@ -56,7 +54,7 @@ POINTS = 100_000
 
 
 @dataclass(frozen=True)
-class DoomedSet:
+class DoomedSet(LabelledSet):
     """Labels (n1, ..., nd) of cells over a box of states: `DOOMED`; `INVALID` where every vertex about the
     cell is no state (bodies overlap); `UNKNOWN` otherwise.
 
@@ -64,10 +62,6 @@ class DoomedSet:
     `escapes` the part of the cells, invalid ones aside, from which the box may be left.
     """
 
-    scene: AnyScene
-    model: Rung
-    over: tuple[str, ...]
-    box: Reals
     inputs: dict[str, tuple[float, float]]
     cells: Ints
     steps: tuple[float, ...]
@@ -85,32 +79,9 @@ class DoomedSet:
         model = f"{cut(self.scene.name)} on {cut(self.model.name)}"
         return f"<DoomedSet of {model} over {bounds_of(self)}: {parts}>"
 
-    def _repr_html_(self) -> str:
-        import rungwise
-
-        return rungwise.to_html(self)
-
-    def plot(self) -> Figure:
-        """Slices over the first two states (see `rungwise.plot`)."""
-        import rungwise
-
-        return rungwise.plot(self)
-
-    def classify(self, points: Reals) -> NDArray[np.str_]:
-        """Labels (m,) of states (m, d), in the order of `over`; `unknown` outside the box."""
-        return np.array([str(label) for label in Label])[self.labels(points)]
-
-    def labels(self, points: Reals) -> Ints:
-        """Labels of states as `classify`, but as values of `Label`. Raises ValueError for another shape."""
-        points = np.asarray(points, np.float64)
-        if points.ndim != 2 or points.shape[1] != len(self.over):
-            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
-        inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
-        place = (points[inside] - self.box[:, 0]) / self.unit
-        at = np.minimum(place.astype(np.int64), np.array(self.cells.shape) - 1)
-        result = np.full(len(points), int(Label.UNKNOWN))
-        result[inside] = self.cells[tuple(at.T)]
-        return result
+    def _labels(self, places: Reals) -> Ints:
+        at = np.minimum(places.astype(np.int64), np.array(self.cells.shape) - 1)
+        return np.asarray(self.cells[tuple(at.T)])
 
     @property
     def unit(self) -> Reals:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from rungwise.kernel import Ints, Reals
@@ -40,7 +39,6 @@ from rungwise.wording import choices
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.figure import Figure
 
 CELL, DEEPER = 4.0, 2
 """Side of the cells along the boundary, in tolerances: crossings of their edges are located to within a
@@ -78,34 +76,6 @@ class FeasibleSet(LabelledBox):
     def __repr__(self) -> str:
         parts = ", ".join(f"{label} {part:.3f}" for label, part in self.volumes(10_000).items())
         return f"<FeasibleSet of {cut(self.scene.name)} on {cut(self.name)} over {bounds_of(self)}: {parts}>"
-
-    def _repr_html_(self) -> str:
-        import rungwise
-
-        return rungwise.to_html(self)
-
-    def plot(self) -> Figure:
-        """Slices over the first two parameters (see `rungwise.plot`)."""
-        import rungwise
-
-        return rungwise.plot(self)
-
-    def classify(self, points: Reals) -> NDArray[np.str_]:
-        """Labels (m,) of points (m, d), in the order of `over`; `unknown` outside the box.
-
-        Raises ValueError for another shape.
-        """
-        return np.array([str(label) for label in Label])[self.labels(points)]
-
-    def labels(self, points: Reals) -> Ints:
-        """Labels of points as `classify`, but as values of `Label`."""
-        points = np.asarray(points, np.float64)
-        if points.ndim != 2 or points.shape[1] != len(self.over):
-            raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
-        inside = ((points >= self.box[:, 0]) & (points <= self.box[:, 1])).all(axis=1)
-        result = np.full(len(points), int(Label.UNKNOWN))
-        result[inside] = self._labels((points[inside] - self.box[:, 0]) / self.unit)
-        return result
 
     @keywords
     def witness(self, point: Reals) -> dict[str, float] | None:

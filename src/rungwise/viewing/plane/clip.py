@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,17 +25,9 @@ from rungwise.simulation import trajectory as saved
 from rungwise.simulation.planar.state.workspace import allocate, in_memory
 from rungwise.simulation.result import Run
 from rungwise.simulation.state import State, digest, memory_of
+from rungwise.system.planar import manifold
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
-from rungwise.system.planar.manifold import (
-    ABSENT,
-    GAP,
-    NORMAL_X,
-    NORMAL_Y,
-    POINT_X,
-    POINT_Y,
-    allocate_manifolds,
-)
 from rungwise.system.planar.place import X, Y, allocate_placement, place
 from rungwise.system.planar.seams import allocate_seams, find_seams
 from rungwise.viewing.units import common_units
@@ -119,14 +111,10 @@ class Clip:
         t = self.touches
         kept = new[t.frame] >= 0
         touches = Touches(new[t.frame[kept]], t.contact[kept], t.place[kept], t.force[kept], t.mode[kept])
-        changed: dict[str, Any] = {
-            "time": self.time[frames],
-            "pose": self.pose[frames],
-            "gap": self.gap[frames],
-            "push": self.push[frames],
-            "touches": touches,
-        }
-        return Clip(**{**self.__dict__, **changed})
+        return replace(
+            self, time=self.time[frames], pose=self.pose[frames], gap=self.gap[frames],
+            push=self.push[frames], touches=touches,
+        )  # fmt: skip
 
 
 def clip(source: Run | str | Path) -> Clip:
@@ -259,7 +247,7 @@ def _replay(
     count, slots = len(q), 2 * len(records.pairs)
     if len(records.pairs) <= EXACT:
         records.contacts["watched"] = 1
-    placed, manifolds = allocate_placement(records), allocate_manifolds(records)
+    placed, manifolds = allocate_placement(records), manifold.allocate_manifolds(records)
     points, features = manifolds.points, manifolds.features
     seams, course = allocate_seams(records), allocate_course(records)
     reach = records.shapes["reach"]
@@ -276,11 +264,11 @@ def _replay(
         find_contacts(records, placed, q[k], margin, manifolds, seams, course)
         gap[k] = manifolds.gaps
         active = (mode[k, :slots] != OPEN) | (force[k, :slots, 0] > 0.0)
-        at = np.flatnonzero((features != ABSENT) & (active | (points[:, GAP] <= margin)))
-        nx, ny = points[at, NORMAL_X], points[at, NORMAL_Y]
+        at = np.flatnonzero((features != manifold.ABSENT) & (active | (points[:, manifold.GAP] <= margin)))
+        nx, ny = points[at, manifold.NORMAL_X], points[at, manifold.NORMAL_Y]
         along, across = force[k, at].T
         world = np.column_stack([along * nx + across * ny, along * ny - across * nx])
-        spot = points[at][:, [POINT_X, POINT_Y]]
+        spot = points[at][:, [manifold.POINT_X, manifold.POINT_Y]]
         rows.append((np.full(len(at), k), contact_of[at], spot, world, _SHOWN[mode[k, at]]))
     pose[:, :, 2] = _angles(records, q)
     return pose, Touches(*(np.concatenate(column) for column in zip(*rows, strict=True))), gap

@@ -36,14 +36,6 @@ class MovingInstance(BoundInstance):
         return np.array(q, float), np.array(v, float)
 
     @property
-    def q(self) -> Reals:
-        return self._start[0]
-
-    @property
-    def v(self) -> Reals:
-        return self._start[1]
-
-    @property
     def travel(self) -> Reals:
         return np.repeat([[-math.inf], [math.inf]], len(self.q), axis=1)
 

@@ -38,14 +38,6 @@ class PlanarInstance(BoundInstance):
         return q, v
 
     @property
-    def q(self) -> Reals:
-        return self._start[0]
-
-    @property
-    def v(self) -> Reals:
-        return self._start[1]
-
-    @property
     def travel(self) -> Reals:
         own = self.bound.records.coordinates
         return np.array([own["lower"], own["upper"]])

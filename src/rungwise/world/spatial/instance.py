@@ -39,12 +39,8 @@ class SpatialInstance(BoundInstance):
         return self.scene.bind(self.parameters)
 
     @property
-    def q(self) -> Reals:
-        return self.bound.place
-
-    @property
-    def v(self) -> Reals:
-        return self.bound.motion
+    def _start(self) -> tuple[Reals, Reals]:
+        return self.bound.place, self.bound.motion
 
     @property
     def travel(self) -> Reals:
