@@ -129,6 +129,21 @@ def test_benchmark_of_sets(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     assert found["costs"][1]["part_of_grid"] < found["costs"][0]["part_of_grid"]
 
 
+def test_benchmark_of_published_tasks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/published_tasks.py", monkeypatch)
+    benchmark.main(["--folder", str(tmp_path)])
+    assert capsys.readouterr().out == f"no scenes in {tmp_path}: nothing is planned\n"
+    (tmp_path / "push_ahead.yaml").write_text(rw.load("two_finger").yaml(), "utf-8")
+    (tmp_path / "README.md").write_text("| file | published |\n|---|---|\n| `push_*` | in 2 s |\n", "utf-8")
+    benchmark.main(["--folder", str(tmp_path), "--seeds", "1"])
+    row, told = capsys.readouterr().out.splitlines()[1:]
+    assert row.split()[:4] == ["two_finger", "1", "of", "1"]
+    assert row.split()[-1] == "1"
+    assert told == "  its authors: in 2 s"
+
+
 def test_push_is_planned_with_every_kind_of_resistance(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
