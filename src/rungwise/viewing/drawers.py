@@ -10,7 +10,7 @@ from typing import Any
 
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
-from rungwise.simulation.trajectory import SUMMARY, load_run
+from rungwise.simulation.trajectory import load_run
 from rungwise.viewing.plane import html as planar
 from rungwise.viewing.plane import strip
 from rungwise.viewing.plane.clip import clip
@@ -62,8 +62,10 @@ def drawer_of(scene: AnyScene) -> Drawer:
 
 def drawer_of_saved(folder: Path) -> Drawer:
     """What draws the run that was saved in a folder, by the scene that is kept there. Raises ViewError,
-    SceneError; where there is no run, planar pictures say so."""
-    if not (folder / SUMMARY).is_file():
+    SceneError; where there is no run that names its scene, planar pictures say so."""
+    try:
+        data, _ = load_run(folder)
+    except (OSError, ValueError):
         return PLANE
-    data, _ = load_run(folder)
-    return drawer_of(load(json.loads(data.attrs["scene_file"])))
+    stored = data.attrs.get("scene_file")
+    return PLANE if stored is None else drawer_of(load(json.loads(stored)))

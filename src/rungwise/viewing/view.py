@@ -9,6 +9,7 @@ from typing import Any
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.planning.plan import Plan, load_plan
+from rungwise.scene import SceneError
 from rungwise.scene.fields.values import shown
 from rungwise.sets.feasible.feasible import FeasibleSet, load_set
 from rungwise.sets.store import STORE
@@ -60,7 +61,10 @@ def view(
         if len(found) < len(sources) or gif is not None:
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
         return _sets(found, html, png)
-    drawer = _drawer(sources)
+    try:
+        drawer = _drawer(sources)
+    except SceneError as error:
+        raise ViewError(f"view: {error}") from None
     if (png is not None and drawer.png is None) or (gif is not None and drawer.gif is None):
         raise ViewError(f"view: {drawer.runs} go to html only")
     try:

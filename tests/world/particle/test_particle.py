@@ -199,6 +199,12 @@ def test_what_is_not_possible_ends_in_one_line(what: str, plan: rw.Plan, tmp_pat
     assert "\n" not in str(error.value) and len(str(error.value)) > 10
 
 
+def test_saved_runs_are_known_by_the_world_of_their_scene(scene: ParticleScene, tmp_path: Path) -> None:
+    rw.simulate(scene, rw.KINEMATIC, duration=0.01).save(tmp_path / "run")
+    with pytest.raises(rw.ViewError, match=r"no pictures of runs in .*, the world of puck"):
+        rw.view(tmp_path / "run", html=tmp_path / "a.html")
+
+
 def test_commands_take_its_files(tmp_path: Path) -> None:
     for command in (
         ["check", str(FILE)],
