@@ -12,7 +12,7 @@ from rungwise.scene import Scene, SceneError
 from rungwise.scene.template.records import ANGLE, SERVO, Records
 from rungwise.simulation import trajectory
 from rungwise.simulation.planar.begin import begin_by_hand, outside_travel
-from rungwise.simulation.planar.loop import CLOSED, begin, slack
+from rungwise.simulation.planar.loop import CLOSED, Setting, begin, slack
 from rungwise.simulation.planar.state.inputs import Inputs, begin_inputs, set_all
 from rungwise.simulation.planar.state.memory import go_on
 from rungwise.simulation.planar.state.workspace import Workspace, in_memory
@@ -31,17 +31,7 @@ class Before(NamedTuple):
     start: Reals
 
 
-def begin_at(
-    state: State,
-    scene: Scene,
-    records: Records,
-    rung: RecordArray,
-    control: RecordArray,
-    inputs: Inputs,
-    buffer: Reals,
-    fresh: bool,
-    workspace: Workspace,
-) -> str:
+def begin_at(state: State, scene: Scene, setting: Setting, fresh: bool, workspace: Workspace) -> str:
     """Prepare a run that goes on from a checked state; returns why it is invalid there, or an empty text. The
     schedule begins there if `fresh`, and goes on as the state's run followed it if not.
 
@@ -49,6 +39,7 @@ def begin_at(
     own run, by its errors and deformations. Raises StateError for a place outside its travel, and for a
     memory that is not the state's.
     """
+    records, inputs, _, buffer, rung, control = setting
     now = workspace.state
     memory = memory_of(state, digest(scene), now)
     if memory is not None and memory.inputs:
@@ -60,7 +51,7 @@ def begin_at(
     now.q[:], now.v[:], now.clock["time"] = state.q, state.v, state.time
     (begin_inputs if fresh else set_all)(inputs, buffer, workspace)
     if memory is None:
-        return _begin_by_hand(state, scene, records, rung, control, workspace)
+        return _begin_by_hand(state, scene, setting, workspace)
     code = Code(begin(records, rung, control, workspace))
     if before is None:
         go_on(records, workspace, memory.values.copy())
@@ -73,16 +64,10 @@ def begin_at(
     return out_of_place(scene, records, workspace, before) if code == Code.INVALID else ""
 
 
-def _begin_by_hand(
-    state: State,
-    scene: Scene,
-    records: Records,
-    rung: RecordArray,
-    control: RecordArray,
-    workspace: Workspace,
-) -> str:
+def _begin_by_hand(state: State, scene: Scene, setting: Setting, workspace: Workspace) -> str:
     """Begin at a state that no run has left, as samples of a rollout do."""
-    code = Code(begin_by_hand(records, rung, control, workspace))
+    records = setting.records
+    code = Code(begin_by_hand(records, setting.rung, setting.control, workspace))
     i = outside_travel(records, workspace)
     if i >= 0:
         raise _outside(state, records, i)

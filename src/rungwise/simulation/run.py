@@ -82,7 +82,8 @@ class Simulation(Turns):
         world = self._bound.records.world[0]
         self._control = np.zeros(1, CONTROL)
         self._control["step"] = world["step"] if given.step is None else given.step
-        self._control["duration"] = self._end_of_inputs() if given.duration is None else given.duration
+        self.end = self._end_of_inputs() if given.duration is None else given.duration
+        self._control["duration"] = self.end
         self._control["ends"] = given.duration is None and len(self.inputs) > 0
         self._control["tolerance"] = world["tolerance"]
         self._control["jam"] = JAM * world["tolerance"]
@@ -106,14 +107,15 @@ class Simulation(Turns):
             steps = self.end / float(self._control[0]["step"])
             stride = 1 if given.tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.prefer[:] = preferred
-        template = self.scene.template
-        conditions = template.conditions
-        self._inputs = compile_segments(self.scene, self.inputs)
-        self._conditions = (conditions.code, conditions.constants, conditions.table)
-        records = self._bound.records
+        conditions, records = self.scene.template.conditions, self._bound.records
+        self._setting = loop.Setting(
+            records, compile_segments(self.scene, self.inputs),
+            (conditions.code, conditions.constants, conditions.table), self._bound.buffer, self._rung,
+            self._control,
+        )  # fmt: skip
         if state is None:
             start(records, self.workspace.state.q, self.workspace.state.v)
-            begin_inputs(self._inputs, self._bound.buffer, self.workspace)
+            begin_inputs(self._setting.inputs, self._bound.buffer, self.workspace)
             code = loop.begin(records, self._rung, self._control, self.workspace)
             if code == Code.INVALID:
                 self.reason = out_of_place(self.scene, records, self.workspace)
@@ -122,10 +124,7 @@ class Simulation(Turns):
                 raise ModelError(
                     f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}"
                 )
-            self.reason = begin_at(
-                state, self.scene, records, self._rung, self._control, self._inputs, self._bound.buffer,
-                self._begins_inputs, self.workspace,
-            )  # fmt: skip
+            self.reason = begin_at(state, self.scene, self._setting, self._begins_inputs, self.workspace)
         self.workspace.state.clock["stride"] = stride
         if self.reason:
             self.outcome = Code.INVALID
@@ -144,11 +143,6 @@ class Simulation(Turns):
     def time(self) -> float:
         """Simulated time so far."""
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
-
-    @property
-    def end(self) -> float:
-        """Simulated time at which the run ends at the latest."""
-        return float(self._control[0]["duration"])
 
     def advance(self, steps: int | None = None) -> bool:
         """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on."""
@@ -197,10 +191,7 @@ class Simulation(Turns):
             self.reason += f" Here: rungwise solve {last}"
 
     def _take(self, turns: int, signals: Ints, workspace: Workspace) -> Code:
-        setting = loop.Setting(
-            self._bound.records, self._inputs, self._conditions, self._bound.buffer, self._rung, self._control
-        )
-        return Code(loop.advance(setting, workspace, turns, signals))
+        return Code(loop.advance(self._setting, workspace, turns, signals))
 
     def result(self) -> Run:
         """The run as far as it has come."""

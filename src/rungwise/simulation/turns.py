@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from typing import Any
 
@@ -38,26 +39,19 @@ class Turns:
         self.inputs: tuple[Segment, ...] = ()
         self.outcome, self.reason, self.wall_s = Code.RUNNING, "", 0.0
         self.certificate: Certificate | None = None
-
-    def __repr__(self) -> str:
-        return (
-            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
-            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
-        )
+        # Simulated time at which the run ends at the latest, once that is known.
+        self.end = math.inf
 
     @property
     @abstractmethod
     def time(self) -> float:
         """Simulated time so far."""
 
-    @property
-    @abstractmethod
-    def end(self) -> float:
-        """Simulated time at which the run ends at the latest."""
-
-    @abstractmethod
-    def result(self) -> Any:
-        """The run as far as it has come."""
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} of {cut(self.scene.name)} on {cut(self.model.name)}:"
+            f" {OUTCOMES[self.outcome]} at t = {self.time:.6g}>"
+        )
 
     @property
     def state(self) -> State:
@@ -69,6 +63,10 @@ class Turns:
     def progress(self) -> float:
         """Simulated time over duration, 0..1."""
         return 1.0 if self.outcome != Code.RUNNING else self.time / self.end
+
+    @abstractmethod
+    def result(self) -> Any:
+        """The run as far as it has come."""
 
     def _schedule(self) -> tuple[Segment, ...]:
         """The schedule given, or else the schedule that the state's run followed. Raises ScheduleError."""

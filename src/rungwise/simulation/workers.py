@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,15 @@ MOST_THREADS = 256
 """More are not started: what runs give does not depend on it."""
 BUDGET = 1_000_000
 """Greatest number of steps of one run; one that takes more has not converged."""
+
+
+class Starts(NamedTuple):
+    """Where runs begin, as of `Samples`: places, velocities and times, memories to go on from, and the row of
+    each run among these; None where there is none."""
+
+    bodies: Reals | None = None
+    memories: Reals | None = None
+    memory: Ints | None = None
 
 
 class Workers:
@@ -93,10 +102,8 @@ class Workers:
     def run(
         self,
         points: Reals,
+        starts: Starts | None = None,
         *,
-        bodies: Reals | None = None,
-        memories: Reals | None = None,
-        memory: Ints | None = None,
         durations: Reals | None = None,
         levels: Reals | None = None,
         wrong: Ints | None = None,
@@ -104,18 +111,19 @@ class Workers:
         chunk: int = CHUNK,
         on_progress: Callable[[int], None] | None = None,
     ) -> Samples:
-        """Run every point (m, k), values of `over`; the other arrays are those of `Samples`, and no row of
-        one that is not given. The bytes do not depend on threads or `chunk`. `on_progress` is called with the
-        number of runs done, about ten times a second; what it raises ends the runs within one step, as Ctrl-C
-        does."""
+        """Run every point (m, k), values of `over`, from the scene's start if no others are given; the other
+        arrays are those of `Samples`, and no row of one that is not given. The bytes do not depend on threads
+        or `chunk`. `on_progress` is called with the number of runs done, about ten times a second; what it
+        raises ends the runs within one step, as Ctrl-C does."""
         chunk = count("chunk", chunk, 1)
         m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
         inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
+        begun = starts or Starts()
         samples = Samples(
             points=points,
-            bodies=np.zeros((0, 2 * n + 1)) if bodies is None else bodies,
-            memories=np.zeros((0, size)) if memories is None else memories,
-            memory=np.full(m, -1) if memory is None else memory,
+            bodies=np.zeros((0, 2 * n + 1)) if begun.bodies is None else begun.bodies,
+            memories=np.zeros((0, size)) if begun.memories is None else begun.memories,
+            memory=np.full(m, -1) if begun.memory is None else begun.memory,
             durations=np.zeros((1, segments)) if durations is None else durations,
             levels=np.full((1, segments, inputs), math.nan) if levels is None else levels,
             wrong=np.zeros(m, np.int64) if wrong is None else wrong,

@@ -20,6 +20,7 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.solvers.newton.condensed import solver as condensed_solver
 from rungwise.contact.solvers.newton.factors import Factors, diagonal_factors, factors
+from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _DENSE = 200
@@ -135,12 +136,39 @@ def centre(cones: Cones) -> Array:
     return unit
 
 
-def scaling_at(cones: Cones, z: Array, w: Array, turning: float) -> Scaling:
-    """The scaling at a point inside the cones; `turning` is the weight of the slips' directions."""
+class Linear(NamedTuple):
+    """Linear equations for steps dz, dw at a point (z, w) inside the cones."""
+
+    layout: Layout
+    scaling: Scaling
+    factors: Factors
+
+    def toward(self, w: Array, target: float) -> Array:
+        """target z^-1 - w, the value that dw + S dz must have for products to become `target`."""
+        aim = np.zeros(len(w))
+        toward(w, self.scaling, target, self.layout, aim)
+        return aim
+
+    def step(self, aim: Array, fault: Array, repaired: float = 1.0) -> Array:
+        """dz, with S dz + dw = aim, which becomes dw, that takes this part of the fault away."""
+        right = np.empty(len(aim))
+        lean(aim, fault, repaired, self.scaling, self.layout, right)
+        dz = self.factors.solve(right)
+        apply_scaling(self.scaling.S, dz, self.layout, aim)
+        return dz
+
+
+def linearise(cones: Cones, z: Array, w: Array, turning: float, work: Work) -> Linear | None:
+    """The equations at a point, `turning` the weight of the slips' directions; None where they are
+    singular."""
     size = len(z)
-    made = Scaling(np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size))
-    nesterov_todd(z, w, turning, cones.layout, made)
-    return made
+    scaling = Scaling(np.zeros((size, 3)), np.zeros(size), np.zeros(size), np.zeros(size))
+    nesterov_todd(z, w, turning, cones.layout, scaling)
+    made = factorise(cones, scaling)
+    if made is None:
+        return None
+    work.spend_factors(made.entries)
+    return Linear(cones.layout, scaling, made)
 
 
 def factorise(cones: Cones, scaling: Scaling) -> Factors | None:
@@ -148,17 +176,17 @@ def factorise(cones: Cones, scaling: Scaling) -> Factors | None:
     A, (first, dim, dead) = cones.A, cones.layout
     if cones.condensed is not None:
         E = cones.idle.copy()
-        lean_rows(scaling, cones.layout, E)
+        add_scaling(E, scaling, cones.layout, False)
         return condensed_solver(cones.condensed, cones.rows, cones.d, E, cones.weight)
     if isinstance(A, np.ndarray):
         J = A.copy()
-        add_scaling(J, scaling, cones.layout)
+        add_scaling(J, scaling, cones.layout, True)
         J[dead] = 0.0
         J[dead, dead] = 1.0
         return factors(J)
     size = len(scaling.S)
     blocks = np.zeros((size, 3))
-    lean_rows(scaling, cones.layout, blocks)
+    add_scaling(blocks, scaling, cones.layout, False)
     width, start = np.repeat(dim, dim), np.repeat(first, dim)
     row = start + np.arange(len(start)) - np.repeat(np.cumsum(dim) - dim, dim)
     used = np.arange(3) < width[:, None]
@@ -287,29 +315,17 @@ def lean(aim: Reals, fault: Reals, repaired: float, scaling: Scaling, layout: La
 
 
 @kernel
-def lean_rows(scaling: Scaling, layout: Layout, out: Reals) -> None:
-    """out = (I - e turn^T) S, block by block."""
+def add_scaling(J: Reals, scaling: Scaling, layout: Layout, whole: bool) -> None:
+    """Add (I - e turn^T) S to J, which is whole (N, N) or has rows of blocks (N, 3)."""
     (first, dim, _), S, turn = layout, scaling.S, scaling.turn
     for c in range(len(first)):
         i = first[c]
         for l in range(dim[c]):
+            column = i + l if whole else l
             for j in range(dim[c]):
-                out[i + j, l] = S[i + j, l]
+                J[i + j, column] += S[i + j, l]
             for j in range(1, dim[c]):
-                out[i, l] -= turn[i + j] * S[i + j, l]
-
-
-@kernel
-def add_scaling(J: Reals, scaling: Scaling, layout: Layout) -> None:
-    """Add (I - e turn^T) S to J."""
-    (first, dim, _), S, turn = layout, scaling.S, scaling.turn
-    for c in range(len(first)):
-        i = first[c]
-        for l in range(dim[c]):
-            for j in range(dim[c]):
-                J[i + j, i + l] += S[i + j, l]
-            for j in range(1, dim[c]):
-                J[i, i + l] -= turn[i + j] * S[i + j, l]
+                J[i, column] -= turn[i + j] * S[i + j, l]
 
 
 @kernel

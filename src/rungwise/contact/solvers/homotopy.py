@@ -21,18 +21,7 @@ import numpy as np
 
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
-from rungwise.contact.solvers.cones import (
-    Cones,
-    Layout,
-    apply_scaling,
-    centre,
-    cones_of,
-    factorise,
-    lean,
-    longest,
-    scaling_at,
-    toward,
-)
+from rungwise.contact.solvers.cones import Cones, Layout, centre, cones_of, linearise, longest
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
@@ -151,34 +140,25 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
 
 def _local(path: Path, here: Point, work: Work) -> Local | None:
     """Correction and tangent from one factorisation; None where the matrix is singular or overflows."""
-    cones, size, t = path.cones, len(here.z), math.exp(here.t)
-    layout, scaling = cones.layout, scaling_at(cones, here.z, here.w, 1.0 - t)
-    S, slip = scaling.S, scaling.slip
-    linear = factorise(cones, scaling)
+    cones, t = path.cones, math.exp(here.t)
+    linear = linearise(cones, here.z, here.w, 1.0 - t, work)
     if linear is None:
         return None
-    work.spend_factors(linear.entries)
+    layout, (S, inverse, _, slip) = cones.layout, linear.scaling
 
     def step(aim: Array, fault: Array) -> tuple[Array, Array]:
         """dz, dw with S dz + dw = aim (which becomes dw) that take the fault away."""
-        right = np.empty(size)
-        lean(aim, fault, 1.0, scaling, layout, right)
-        dz = linear.solve(right)
-        apply_scaling(S, dz, layout, aim)
+        dz = linear.step(aim, fault)
         # Where products are small digits are lost: a second solve brings them back.
-        lean(aim, fault + cones.change(dz), 1.0, scaling, layout, right)
-        more = linear.solve(right)
-        apply_scaling(S, more, layout, aim)
-        return dz + more, aim
+        return dz + linear.step(aim, fault + cones.change(dz)), aim
 
-    aim = np.zeros(size)
-    toward(here.w, scaling, t * path.product, layout, aim)
+    aim = linear.toward(here.w, t * path.product)
     fault = cones.rates(here.z) - here.w + (1.0 - t) * slip - t * path.fault
     z, w = step(aim, fault)
-    tangent = Point(*step(t * path.product * scaling.inverse, -t * (path.fault + slip)), 1.0)
+    tangent = Point(*step(t * path.product * inverse, -t * (path.fault + slip)), 1.0)
     unit = t * path.product
     length = math.sqrt(max(inner(S, tangent.z, tangent.z, layout), 0.0) / unit + 1.0)
-    tangent = tangent.times(-linear.sign / length)
+    tangent = tangent.times(-linear.factors.sign / length)
     along = inner(S, z, tangent.z, layout) / unit
     correction = Point(z - along * tangent.z, w - along * tangent.w, -along * tangent.t)
     if not math.isfinite(float(correction.z @ correction.w)):

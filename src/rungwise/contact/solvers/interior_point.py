@@ -19,18 +19,7 @@ import numpy as np
 
 from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array
-from rungwise.contact.solvers.cones import (
-    Cones,
-    apply_scaling,
-    beyond,
-    centre,
-    cones_of,
-    factorise,
-    lean,
-    longest,
-    scaling_at,
-    toward,
-)
+from rungwise.contact.solvers.cones import Cones, beyond, centre, cones_of, linearise, longest
 from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
@@ -122,23 +111,17 @@ def _advance(
     `turning` is the weight of the derivative of the slips' directions.
     """
     layout, count = cones.layout, max(len(cones.layout.first), 1)
-    scaling = scaling_at(cones, z, w, turning)
-    fault = cones.rates(z) - w + scaling.slip
-    linear = factorise(cones, scaling)
+    linear = linearise(cones, z, w, turning, work)
     if linear is None:
         return None
-    work.spend_factors(linear.entries)
+    fault = cones.rates(z) - w + linear.scaling.slip
     product = float(z @ w) / count
 
     def step(target: float, repaired: float, bend: Array | float = 0.0) -> tuple[Array, Array, float]:
         """dz, dw and the longest step towards the product `target`, where products bend by `bend`, repairing
         the part `repaired` of the fault."""
-        dw, right = np.zeros(len(z)), np.empty(len(z))
-        toward(w, scaling, target, layout, dw)
-        dw -= bend
-        lean(dw, fault, repaired, scaling, layout, right)
-        dz = linear.solve(right)
-        apply_scaling(scaling.S, dz, layout, dw)
+        dw = linear.toward(w, target) - bend
+        dz = linear.step(dw, fault, repaired)
         return dz, dw, longest(z, dz, w, dw, layout)
 
     dz, dw, length = step(0.0, 1.0)

@@ -24,15 +24,21 @@ from rungwise.scene.read import load
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import KINDS
 from rungwise.simulation.derivatives.in_space import SpaceSensitivity, run_sensitivity_in_space
-from rungwise.simulation.derivatives.sensitivity import WRT, EndSensitivity, differentiated, prepared, started
+from rungwise.simulation.derivatives.sensitivity import (
+    WRT,
+    PlanarSensitivity,
+    differentiated,
+    prepared,
+    started,
+)
 from rungwise.simulation.options import ModelError
 
 Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class RunSensitivity(EndSensitivity):
-    """The state after steps, at `time`, and its derivatives (see `EndSensitivity`); inputs are the same in
+class RunSensitivity(PlanarSensitivity):
+    """The state after steps, at `time`, and its derivatives (see `PlanarSensitivity`); inputs are the same in
     all steps. `weak` are the numbers of steps with a contact about to change its mode: if there are any,
     derivatives are one-sided, for each column increased by itself."""
 

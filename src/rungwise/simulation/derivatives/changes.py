@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.models.ladder import Rung
+from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.template.records import FREE, HINGE
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
@@ -21,6 +23,21 @@ KINDS = ("q", "v", "deformation", "inputs", "parameters")
 _STEP = 1e-5
 """Change of an unknown, over its size or the smallest shape's reach, to both sides: near 6e-6, the cube root
 of double precision, where rounding and curvature err alike in central differences."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EndSensitivity:
+    """The state `q`, `v` (n,) that steps lead to, and the derivatives dq, dv (n, m) by kind of unknown: "q",
+    "v" and "deformation" at the start, "inputs", and "parameters" in the order of `names`. NaN where nothing
+    determines the derivative."""
+
+    q: Array
+    v: Array
+    dq: dict[str, Array]
+    dv: dict[str, Array]
+    names: tuple[str, ...]
+
+    __repr__ = brief
 
 
 class Changes:

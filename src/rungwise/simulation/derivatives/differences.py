@@ -102,7 +102,7 @@ class Assembly:
         """Set speeds of prescribed coordinates; returns the length of the step that their travel allows."""
         run = self._simulation
         h, _ = drives.set_speeds(
-            self.records, run._inputs, run._bound.buffer, self.rung, self.workspace, self.h
+            self.records, run._setting.inputs, run._bound.buffer, self.rung, self.workspace, self.h
         )
         return float(h)
 

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rungwise.models.ladder import Rung
-from rungwise.plain import brief
 from rungwise.scene.space import SpaceScene
+from rungwise.simulation.derivatives.changes import EndSensitivity
 from rungwise.simulation.options import ModelError, moving_rung
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.simulation.state import State
@@ -34,27 +34,20 @@ LENGTH = 1e-3
 Chosen by trial, to a decade."""
 
 
-@dataclass(frozen=True)
-class SpaceSensitivity:
-    """The state `q` (n_q,), `v` (n_v,) after the steps, at `time`, and its derivatives.
+@dataclass(frozen=True, kw_only=True, repr=False)
+class SpaceSensitivity(EndSensitivity):
+    """The state `q` (n_q,), `v` (n_v,) after the steps, at `time`, and its derivatives (see
+    `EndSensitivity`).
 
-    dq, dv (n_v, m) are by the kinds asked for: "q" and "v" at the start, and "parameters" in the order of
-    `names`. Changes of places are those of velocities' coordinates, so that a turn is a vector about the
-    body's own axes. dq_error, dv_error: how far they may be off. `weak` (m,), by kind: columns in which a
-    contact changes its mode within the differences.
+    Changes of places are those of velocities' coordinates, so that a turn is a vector about the body's own
+    axes. dq_error, dv_error: how far they may be off. `weak` (m,), by kind: columns in which a contact
+    changes its mode within the differences.
     """
 
     time: float
-    q: Array
-    v: Array
-    dq: dict[str, Array]
-    dv: dict[str, Array]
     dq_error: dict[str, Array]
     dv_error: dict[str, Array]
     weak: dict[str, NDArray[np.bool_]]
-    names: tuple[str, ...]
-
-    __repr__ = brief
 
 
 class _End(NamedTuple):
@@ -130,7 +123,10 @@ def run_sensitivity_in_space(
         )
     dq, dv, dq_error, dv_error = ({k: np.atleast_2d(found[k][i]).T for k in wrt} for i in range(4))
     weak = {kind: np.asarray(found[kind][4], bool) for kind in wrt}
-    return SpaceSensitivity(middle.time, middle.q, middle.v, dq, dv, dq_error, dv_error, weak, chosen)
+    return SpaceSensitivity(
+        time=middle.time, q=middle.q, v=middle.v, dq=dq, dv=dv, dq_error=dq_error, dv_error=dv_error,
+        weak=weak, names=chosen,
+    )  # fmt: skip
 
 
 def _column(

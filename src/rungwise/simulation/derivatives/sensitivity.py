@@ -21,12 +21,11 @@ from rungwise.contact.analysis import DATA, Sensitivity
 from rungwise.contact.step import Elimination, Sizes, Unknowns, solve_planar, trim
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
-from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.read import load_planar
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
-from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, along
+from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity, along
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
 from rungwise.simulation.planar.step.attempt import MAX_LINEARISATIONS, TAKEN, attempt
@@ -41,29 +40,21 @@ _SAME = 1e-11
 trial, to a decade."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EndSensitivity:
-    """The state `q`, `v` (n,) that steps lead to, the `deformation` (slots, 2) there, and the derivatives dq,
-    dv (n, m) and ddeformation (2 slots, m) by kind of unknown: "q", "v" and "deformation" at the start,
-    "inputs", which are the speed of a prescribed coordinate and a force on any other, and "parameters" in the
-    order of `names`. NaN where nothing determines the derivative."""
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PlanarSensitivity(EndSensitivity):
+    """The `deformation` (slots, 2) beside q and v, and its derivatives ddeformation (2 slots, m); inputs are
+    the speed of a prescribed coordinate and a force on any other."""
 
-    q: Array
-    v: Array
     deformation: Array
-    dq: dict[str, Array]
-    dv: dict[str, Array]
     ddeformation: dict[str, Array]
-    names: tuple[str, ...]
-
-    __repr__ = brief
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class StepSensitivity(EndSensitivity):
-    """A step from (q, v), and the derivatives of its end (see `EndSensitivity`). `contact` is the linearised
-    contact problem: where its `weak` is not empty the derivatives are one-sided, for each column increased by
-    itself."""
+class StepSensitivity(PlanarSensitivity):
+    """A step from (q, v), and the derivatives of its end (see `PlanarSensitivity`).
+
+    `contact` is the linearised contact problem: where its `weak` is not empty the derivatives are one-sided,
+    for each column increased by itself."""
 
     contact: Sensitivity
 
@@ -116,14 +107,10 @@ def step_sensitivity(
 
 
 def prepared(
-    scene: Scene | str | Path | Mapping[str, Any],
-    model: Rung | str,
-    parameters: Mapping[str, float] | None,
-    h: float,
-    theta: float,
-    wrt: Sequence[str],
+    scene: Scene | str | Path | Mapping[str, Any], model: Rung | str,
+    parameters: Mapping[str, float] | None, h: float, theta: float, wrt: Sequence[str],
     names: Sequence[str] | None,
-) -> tuple[Assembly, Changes]:
+) -> tuple[Assembly, Changes]:  # fmt: skip
     """The objects that differentiate steps of a scene. Raises ModelError."""
     scene = load_planar(scene)
     values = scene.parameters(parameters)

@@ -76,7 +76,7 @@ class MovingSimulation(Turns, Kind):
         before: list[Fault] | None = []
         if state is not None:
             before = self._go_on(state, self.stepper, given.inputs is None)
-        self._end = given.duration or (self._clock.end if self.inputs else bound.duration)
+        self.end = given.duration or (self._clock.end if self.inputs else bound.duration)
         self._longest = (given.span or self.end) / LONGEST
         if state is not None and not state.time < self.end:
             raise ModelError(f"duration: the run ends at {self.end:g}, and the state is of {state.time:g}")
@@ -101,11 +101,6 @@ class MovingSimulation(Turns, Kind):
     def time(self) -> float:
         """Simulated time so far."""
         return 0.0 if self.stepper is None else self.stepper.time
-
-    @property
-    def end(self) -> float:
-        """Simulated time at which the run ends at the latest."""
-        return self._end
 
     def advance(self) -> bool:
         """Take steps for about `TURN_S`; returns whether the run goes on."""

@@ -21,6 +21,7 @@ from rungwise.system.planar.manifold import (
     are_parallel,
     manifold,
     next_vertex,
+    vertex_before,
 )
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
@@ -176,5 +177,5 @@ def _ends_in(
     own, other = (a, b) if a.first <= edge < a.end else (b, a)
     if corner not in (edge, next_vertex(own, edge)):
         return False
-    before = vertex - 1 if vertex > other.first else other.end - 1
+    before = vertex_before(other, vertex)
     return rolls or are_parallel(edge, vertex, outline) or are_parallel(edge, before, outline)

@@ -29,6 +29,7 @@ from rungwise.system.planar.manifold import (
     ends_of_overlap,
     has_area,
     height,
+    more_opposed,
     other_end,
     put,
     put_end,
@@ -181,11 +182,7 @@ def _reaches(i: int, first: float, last: float, seams: Seams) -> bool:
 @kernel
 def _facing_edge(edge: int, vertex: int, outline: Reals, seams: Seams) -> int:
     """The edge at the vertex, or at its corner of the common piece, that is most opposed to `edge`."""
-    nx, ny = outline[edge, 2], outline[edge, 3]
-    before, after = seams.cone[vertex, 0], seams.cone[vertex, 1]
-    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[after, 2] + ny * outline[after, 3]:
-        return before
-    return after
+    return more_opposed(edge, seams.cone[vertex, 0], seams.cone[vertex, 1], outline)
 
 
 @kernel

@@ -132,7 +132,7 @@ def _from_edge(
             return closest_vertices(shape, other, sign, outline, found)
         features[0] = put(edge, vertex, shape.radius, other.radius, sign, outline, points[0])
         return 1
-    facing = facing_edge(other, edge, vertex, outline)
+    facing = more_opposed(edge, vertex_before(other, vertex), vertex, outline)
     faces = edge, facing, facing, next_vertex(other, facing), edge, next_vertex(shape, edge)
     over = _ends_over(shape, faces, outline)
     first, least = -1, math.inf
@@ -250,6 +250,12 @@ def next_vertex(shape: Record, vertex: int) -> int:
 
 
 @inner_kernel
+def vertex_before(shape: Record, vertex: int) -> int:
+    """The vertex before this one, at which the edge to it begins."""
+    return vertex - 1 if vertex > shape.first else shape.end - 1
+
+
+@inner_kernel
 def along(edge: int, vertex: int, outline: Reals) -> float:
     """Place of the vertex along the edge, from its start."""
     dx, dy = outline[vertex, 0] - outline[edge, 0], outline[vertex, 1] - outline[edge, 1]
@@ -264,13 +270,12 @@ def height(edge: int, vertex: int, outline: Reals) -> float:
 
 
 @kernel
-def facing_edge(other: Record, edge: int, vertex: int, outline: Reals) -> int:
-    """Edge of `other` at the deepest vertex whose normal is most opposed to the normal of `edge`."""
-    before = vertex - 1 if vertex > other.first else other.end - 1
+def more_opposed(edge: int, before: int, after: int, outline: Reals) -> int:
+    """The one of two edges whose normal is more opposed to that of `edge`; `after` if they are alike."""
     nx, ny = outline[edge, 2], outline[edge, 3]
-    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[vertex, 2] + ny * outline[vertex, 3]:
+    if nx * outline[before, 2] + ny * outline[before, 3] < nx * outline[after, 2] + ny * outline[after, 3]:
         return before
-    return vertex
+    return after
 
 
 @kernel

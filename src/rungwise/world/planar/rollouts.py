@@ -18,7 +18,7 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.result import pair_labels
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import State, StateError, memory_of
-from rungwise.simulation.workers import CHUNK, Workers
+from rungwise.simulation.workers import CHUNK, Starts, Workers
 from rungwise.world.arguments import Asked, Begins
 from rungwise.world.contract import Told
 from rungwise.world.planar.runs import columns
@@ -74,7 +74,7 @@ def rollout(
 
     memories = _memories(workers, begins, of_sample, faults, points)
     samples = workers.run(
-        points, bodies=None if begins is None else begins.bodies, memories=memories.rows, memory=memories.of,
+        points, Starts(None if begins is None else begins.bodies, memories.rows, memories.of),
         durations=wanted.lengths, levels=wanted.levels,
         wrong=np.isin(np.arange(len(points)), list(faults)).astype(np.int64),
         keeps=keep, chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,

@@ -18,7 +18,7 @@ from rungwise.simulation.planar.state.workspace import in_memory
 from rungwise.simulation.reasons.reasons import JAM
 from rungwise.simulation.run import Simulation
 from rungwise.simulation.state import Memory, State, StateError, digest
-from rungwise.simulation.workers import CHUNK, Workers
+from rungwise.simulation.workers import CHUNK, Starts, Workers
 from rungwise.world.contract import Places, Ran, Told
 from rungwise.world.planar.place import PlanarPlace
 
@@ -63,7 +63,7 @@ class PlanarRuns:
                 memories, memory = places.memory, np.where(places.goes_on, np.arange(m), -1)
                 before = np.where(places.goes_on, self._read("drive_work", places.memory), 0.0)
         samples = self._workers.run(
-            points, bodies=bodies, memories=memories, memory=memory, wrong=wrong, keeps=keeps,
+            points, Starts(bodies, memories, memory), wrong=wrong, keeps=keeps,
             durations=None if durations is None else np.ascontiguousarray(durations),
             levels=None if levels is None else np.ascontiguousarray(levels),
             chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
