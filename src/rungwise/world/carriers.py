@@ -1,15 +1,16 @@
-"""Robots that a task leads through free space: what places them, and the inputs that drive these places."""
+"""Robots that a task leads through free space: what places them, and the inputs that drive these places;
+what they and objects touch there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from rungwise.errors import InputError
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 
 
 class TaskError(InputError):
@@ -95,3 +96,64 @@ def pushes_of(name: str, numbers: Mapping[str, float]) -> dict[str, Any]:
     path = f"task.transit.{name}"
     own = {each: numbers[f"{path}.{each}"] for each in ("speed", "clearance", "lean")}
     return {**own, "push": pair(numbers, f"{path}.push")}
+
+
+class Touches(NamedTuple):
+    """What is nearer than asked at one place: pairs (k,) of the scene's contacts; features (k,), numbers that
+    stay while the same parts of shapes are nearest; gaps (k,); points and normals (k, d), from the second
+    body to the first; rows (k, d, n_v): rates of the gap, then of slip, per unit of each velocity; friction
+    (k,); and the least gaps (c,) of all pairs."""
+
+    pairs: Ints
+    features: Ints
+    gaps: Reals
+    points: Reals
+    normals: Reals
+    rows: Reals
+    friction: Reals
+    least: Reals
+
+
+class Surfaces(NamedTuple):
+    """Friction of supports at one place: lengths (r, n_v) whose rates it resists, and its greatest forces
+    (r,); rows of one body share a limit surface."""
+
+    rows: Reals
+    limits: Reals
+
+
+class Outline(Protocol):
+    """The outline of a body in the frame of its centre of mass, by parts 0..1 of its length."""
+
+    def __call__(self, part: Reals) -> tuple[Reals, Reals]:
+        """Points (m, d) and outward normals (m, d) at parts (m,)."""
+
+    def part_of(self, point: Reals) -> tuple[float, float]:
+        """The part next to a point (d,), and how far, 0..1, it is from where the outline has corners."""
+
+
+class Surroundings(Protocol):
+    """What touches what in a scene at one set of parameters, and the forces that act there. stiffness, limit
+    (n_v,): of the servos of coordinates, 0 and infinite where there are none; owners (n_v,): the body of each
+    coordinate."""
+
+    stiffness: Reals
+    limit: Reals
+
+    @property
+    def owners(self) -> Ints: ...
+
+    def touches(self, q: Reals, within: float) -> Touches:
+        """What is nearer than `within` at a place (n_q,)."""
+
+    def loads(self, q: Reals) -> Reals:
+        """Weight and given forces (n_v,) at a place (n_q,)."""
+
+    def supports(self, q: Reals) -> Surfaces:
+        """Friction of supports at a place (n_q,)."""
+
+    def poses(self, q: Reals) -> Reals:
+        """Poses (b, 3) of the bodies at a place (n_q,): centre of mass and angle."""
+
+    def outline(self, body: int) -> Outline:
+        """The outline of a body, by its number. Raises ValueError for one without."""

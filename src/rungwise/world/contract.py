@@ -23,7 +23,7 @@ from rungwise.simulation.state import State
 
 if TYPE_CHECKING:
     from rungwise.world.arguments import Asked
-    from rungwise.world.carriers import Carrier, Driven
+    from rungwise.world.carriers import Carrier, Driven, Surroundings
     from rungwise.world.ingredients import Parting, Variant
     from rungwise.world.matching import Matched
     from rungwise.world.rolled import Rolled
@@ -322,6 +322,9 @@ class World(Protocol):
     ) -> Configurations:
         """Where bodies may be placed, as if the body `without` were not there; size: how far the largest
         object reaches."""
+
+    def surroundings(self, parameters: Mapping[str, float]) -> Surroundings | None:
+        """What touches what at these parameters; None where that is not known of scenes of this world."""
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> Variant:
         """The scene on a rung, taken apart into ingredients."""

@@ -15,7 +15,7 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.motion.propagate import GOES_ON, Budget, Places, Predictor, Stage
 from rungwise.planning.plan import Plan
-from rungwise.planning.search.layout import Course, lay_out
+from rungwise.planning.search.layout import Course, is_by_modes, lay_out
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.search.shooting import Search, run_moves, shoot
 from rungwise.planning.search.tree import grow
@@ -46,6 +46,11 @@ class Replanner:
         self._nominal = self._work.predictor(Stage(stage.model, COARSE))
         self._steps = world_of(plan.scene).replanning_steps
 
+    @property
+    def _moves(self) -> Reals:
+        """The plan's moves (k, d), as trees and shooting know them; none of a plan by contact modes."""
+        return self._plan.moves[:0] if is_by_modes(self._plan.labels) else self._plan.moves
+
     def execute(
         self, parameters: dict[str, float], errors: dict[str, float], seed: int
     ) -> tuple[Code, tuple[Segment, ...]]:
@@ -58,7 +63,7 @@ class Replanner:
         )  # fmt: skip
         start = State.of(self._plan.scene, parameters=parameters)
         now = Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1)))
-        outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._plan.moves, self._task.before
+        outcome, executed, rest, levels = Code.MISSED, list[Segment](), self._moves, self._task.before
         for look in range(LOOKS * self._task.moves[1]):
             self._time.look()
             budget = self._nominal.budget = self._time.within(self._steps)

@@ -26,7 +26,7 @@ from rungwise.planning.motion.placements import needs_forces
 from rungwise.planning.motion.propagate import Budget, Stage, TimeOver
 from rungwise.planning.plan import Plan, Record, installed, with_record
 from rungwise.planning.search.improve import better, cost_of
-from rungwise.planning.search.layout import Course
+from rungwise.planning.search.layout import Course, is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid
 from rungwise.planning.task.fingers import fingers_of
 from rungwise.planning.task.task import fields_of, instances, task_of
@@ -210,7 +210,7 @@ def _share(work: Work, stage: Stage, moving: Sequence[Stage], turn: int) -> floa
     last = moving[-1]
     if stage.model != last.model:
         others = sum(each.model != last.model for each in moving)
-        return max(SHARE, SLOWLY / others) if work.task.is_slow else SHARE
+        return max(SHARE, SLOWLY / others) if work.task.is_slow or work.task.is_led else SHARE
     return COARSELY if stage != last or (turn < TURNS - 1 and len(moving) > 1) else 1.0
 
 
@@ -312,6 +312,8 @@ def _improved(work: Work, plan: Plan) -> Iterator[Plan]:
     """Plans of less cost, each confirmed, the last with a record of them all."""
     stage = plan.stage
     assert stage is not None
+    if is_by_modes(plan.labels):
+        return
     spent, began, times, best = work.budget.spent.total(), clock.perf_counter(), 0, plan
     predictor = work.predictor(stage)
     try:

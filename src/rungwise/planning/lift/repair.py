@@ -11,15 +11,19 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
+from rungwise.planning.modes.execute import Manner
+from rungwise.planning.modes.planner import anew_on, mode_planner
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor, Stage
-from rungwise.planning.search.layout import ENDS, WAIT, Course
+from rungwise.planning.search.layout import ENDS, WAIT, Course, is_by_modes
 from rungwise.planning.search.problem import Found, Work, laid
-from rungwise.planning.search.search import Begun, lead_on, search
+from rungwise.planning.search.search import Begun, lead_on
 from rungwise.planning.search.shooting import Search, shoot
 from rungwise.simulation.inputs import Segment
 
 HELD = "held"
+AGAIN = (Manner(0.0, 1.0), Manner(0.1, 2.0), Manner(0.2, 4.0))
+"""How legs are made again: with which part of the load fingers press at least, and how much slower."""
 CONTINUED = (0.01, 0.1, 0.4, 1.0)
 """Parts of a rung's inertia through which a plan is led to it."""
 
@@ -44,6 +48,11 @@ class Before:
     labels: tuple[str, ...] = ()
 
     @property
+    def is_by_modes(self) -> bool:
+        """Whether it is a plan by contact modes."""
+        return is_by_modes(self.labels)
+
+    @property
     def counts(self) -> tuple[int, ...]:
         """How many segments belong to each move."""
         begins = [
@@ -62,17 +71,19 @@ def on_stage(work: Work, stage: Stage, before: Before | None, anew: bool = True)
         found = _held(work, predictor, before)
         if found is not None:
             return Lifted(found, HELD)
-        for repair in (_by_moves, _by_suffix, _by_continuation, _within_the_reserve, _led_on):
+        repairs = (_by_moves, _by_suffix, _by_continuation, _within_the_reserve, _led_on)
+        for repair in (_leg_by_leg, _within_the_reserve) if before.is_by_modes else repairs:
             found = repair(work, predictor, before) if work.budget.left else None
             if found is not None:
                 return Lifted(found, REPAIRS[repair.__name__])
-    found = search(work, predictor) if anew else None
+    found = anew_on(work, predictor) if anew else None
     if found is not None:
         return Lifted(found, "planned" if before is None else "planned anew")
     return Lifted(None, "nothing found")
 
 
 REPAIRS = {
+    "_leg_by_leg": "led again leg by leg",
     "_by_moves": "repaired move by move", "_by_suffix": "repaired at its end",
     "_by_continuation": "continued in inertia", "_within_the_reserve": "held within the reserve",
     "_led_on": "led on",
@@ -82,9 +93,23 @@ REPAIRS = {
 def _held(work: Work, predictor: Predictor, before: Before) -> Found | None:
     """The same plan: its schedule as it is, or its moves laid out anew."""
     course = _replayed(work, predictor, before)
-    if course is None or not course.reached:
+    if (course is None or not course.reached) and not before.is_by_modes:
         course = laid(work, predictor, before.vectors)
-    return Found(course, before.vectors[: len(course.counts)]) if course.reached else None
+    reached = course is not None and course.reached
+    return Found(course, before.vectors[: len(course.counts)]) if course is not None and reached else None
+
+
+def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | None:
+    """The legs of a plan by contact modes, each made again from where the object is; harder and more slowly
+    where they fail."""
+    planner = mode_planner(work, predictor)
+    if planner is None:
+        return None
+    for manner in AGAIN:
+        found = planner.again(before.vectors, manner) if work.budget.left else None
+        if found is not None:
+            return found
+    return None
 
 
 def _within_the_reserve(work: Work, predictor: Predictor, before: Before) -> Found | None:
@@ -108,6 +133,7 @@ def _replayed(work: Work, predictor: Predictor, before: Before) -> Course | None
         run = predictor.run(
             now, np.array([levels]), np.array([[segment.duration for segment in own]]),
             ramps=tuple(segment.ramp for segment in own), until=tuple(segment.until for segment in own),
+            patient=before.is_by_modes,
         )  # fmt: skip
         outcome, now, done, drives = (
             Code(int(run.outcome[0])),

@@ -26,12 +26,13 @@ class ScheduleOfStagesError(InputError):
 
 def usual(task: Task, to: Rung | str) -> str:
     """The schedule that wins `benchmarks/planning.py --schedules` on tasks of this kind: where robots push
-    slowly, the quasistatic rung predicts what the last one does, in fewer steps."""
+    slowly, the quasistatic rung predicts what the last one does, in fewer steps; where fingers hold an object
+    against its weight, it says with which forces."""
     try:
         above = LADDER.index(rung(to)) > LADDER.index(QUASISTATIC_RIGID)
     except ValueError as error:
         raise ScheduleOfStagesError(str(error)) from None
-    return "quasistatic" if task.is_slow and above else "coarse-fine"
+    return "quasistatic" if (task.is_slow or task.is_led) and above else "coarse-fine"
 
 
 def stages(schedule: Schedule, from_: Rung | str | None, to: Rung | str) -> list[Stage]:

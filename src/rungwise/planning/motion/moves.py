@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.motion.boundary import Boundary, boundary
 from rungwise.planning.motion.propagate import Places
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.task.task import Task
 from rungwise.scene.template.records import Records
 from rungwise.world.carriers import Carrier, TaskError
+from rungwise.world.planar.boundary import Boundary, boundary
 from rungwise.world.questions import Question
 
 APART = 1e-9

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
@@ -20,9 +21,16 @@ _Row: TypeAlias = "tuple[Reals, float, bool]"
 """A segment: inputs (u,), its duration, and whether it ramps."""
 ENDS, WAIT = ("back", "hold"), "wait"
 """Labels of the segments with which moves end, and of the wait until objects rest that may follow."""
+TOUCH, FOLLOW = "touch", "follow"
+"""Labels of segments with which fingers come to an object and lead it, in plans by contact modes."""
 LATER = 0.05
 """Part of its last move by which a plan goes on after it came to the goal: a run ends with the goal, and at
 another accuracy or on another rung it comes there sooner or later."""
+
+
+def is_by_modes(labels: Sequence[str]) -> bool:
+    """Whether a plan with these labels is one by contact modes."""
+    return TOUCH in labels or FOLLOW in labels
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,7 +45,8 @@ class Group(NamedTuple):
 class Work:
     """What all stages of one planning share. nearest: what the best plan so far lacks; unlaid: plans that
     came to the goal where robots were placed by hand, and not when they were laid out; trees: how many were
-    grown on each stage; seen: what pushes did on each."""
+    grown on each stage; seen: what pushes did on each; failures: why proposals by contact modes came to
+    nothing; kept: what searches keep for when they go on."""
 
     task: Task
     moves: Moves
@@ -61,6 +62,8 @@ class Work:
     unlaid: int = 0
     trees: Counter[str] = field(default_factory=Counter)
     seen: dict[str, Pushes] = field(default_factory=dict)
+    failures: Counter[str] = field(default_factory=Counter)
+    kept: dict[str, Any] = field(default_factory=dict)
 
     def pushes(self, stage: Stage) -> Pushes:
         """What pushes were seen to do on a stage."""
@@ -168,7 +171,9 @@ def known(work: Work) -> str:
     nearest = f"; the nearest plan lacks {work.nearest:.3g} of the goal" if np.isfinite(work.nearest) else ""
     ended = f"{work.budget.ended}; " if work.budget.ended else ""
     unlaid = f"; {work.unlaid} came to the goal and could not be laid out" if work.unlaid else ""
-    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){nearest}{unlaid}"
+    most = ", ".join(f"{why} {count}" for why, count in work.failures.most_common(4))
+    failed = f"; by contact modes most failed by: {most}" if most else ""
+    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){nearest}{unlaid}{failed}"
 
 
 def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:

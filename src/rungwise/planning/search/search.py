@@ -42,14 +42,10 @@ class Begun(NamedTuple):
 
 def search(work: Work, predictor: Predictor) -> Found | None:
     """A new plan; with few moves first."""
-    idle, (groups, _) = 0, work.groups
+    idle = 0
     while work.budget.left and idle < IDLE:
-        number, spent = work.trees[str(predictor.stage)], work.budget.spent.total()
-        work.trees[str(predictor.stage)] += 1
-        several = len(groups) > 1 and len(groups) <= work.task.moves[1]
-        by_objects = several and number % 2 == 0
-        number = number // 2 if several else number
-        found = (_by_objects if by_objects else _at_once)(work, predictor, number % DEPTHS)
+        spent = work.budget.spent.total()
+        found = search_once(work, predictor)
         if found is not None:
             return found
         idle = idle + 1 if work.budget.spent.total() == spent else 0
@@ -70,6 +66,16 @@ def lead_on(work: Work, predictor: Predictor, head: Course) -> Course | None:
         if tried + 1 == LAID:
             break
     return None
+
+
+def search_once(work: Work, predictor: Predictor) -> Found | None:
+    """A new plan by the next tree."""
+    number, (groups, _) = work.trees[str(predictor.stage)], work.groups
+    work.trees[str(predictor.stage)] += 1
+    several = len(groups) > 1 and len(groups) <= work.task.moves[1]
+    by_objects = several and number % 2 == 0
+    number = number // 2 if several else number
+    return (_by_objects if by_objects else _at_once)(work, predictor, number % DEPTHS)
 
 
 def _at_once(work: Work, predictor: Predictor, number: int) -> Found | None:

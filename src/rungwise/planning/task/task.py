@@ -115,6 +115,11 @@ class Task:
         return np.array([k for k in range(len(self.low)) if k not in used], np.int64)
 
     @property
+    def is_led(self) -> bool:
+        """Whether robots lead objects that no support holds."""
+        return bool(self.carriers) and not self.slides and world_of(self.scene).shapes == OUTLINES
+
+    @property
     def by_place(self) -> bool:
         """Whether robots are led by the targets of servos, and so by ramps."""
         return any(carrier.by_place for carrier in self.carriers)

@@ -16,6 +16,7 @@ from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.result import MovingRun
 from rungwise.simulation.moving.run import MovingSimulation
 from rungwise.world.arguments import Asked
+from rungwise.world.carriers import Surroundings
 from rungwise.world.contract import OBJECT, OBSTACLE, OTHER_SHAPES, ROBOT, Told
 from rungwise.world.description import common, heading, stated
 from rungwise.world.ingredients import Parting, evidence_of
@@ -78,6 +79,10 @@ class MovingWorld(ABC):
         self, parameters: Mapping[str, float], size: float, without: str = ""
     ) -> MovingConfigurations:
         return MovingConfigurations(self.place(parameters), self.at(parameters), size, without)
+
+    def surroundings(self, _parameters: Mapping[str, float]) -> Surroundings | None:
+        """Not known of moving scenes."""
+        return None
 
     def variant(self, parameters: dict[str, float], model: Rung, tol: float) -> MovingVariant:
         return MovingVariant(self.scene, parameters, model, tol)

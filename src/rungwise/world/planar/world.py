@@ -21,6 +21,7 @@ from rungwise.world.planar.matching import matched
 from rungwise.world.planar.place import PlanarPlace
 from rungwise.world.planar.rollouts import rollout
 from rungwise.world.planar.runs import PlanarRuns
+from rungwise.world.planar.surroundings import PlanarSurroundings
 from rungwise.world.planar.variant import PlanarVariant
 
 LEADS = ("speed", "force", "target", "target_speed")
@@ -42,6 +43,7 @@ class PlanarWorld:
     place = of_scene(PlanarPlace)
     at = of_scene(PlanarInstance)
     configurations = of_scene(PlanarConfigurations)
+    surroundings = of_scene(PlanarSurroundings)
     variant = of_scene(PlanarVariant)
     evidence = staticmethod(evidence)
     end = staticmethod(end)

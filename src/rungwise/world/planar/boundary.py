@@ -38,6 +38,25 @@ class Boundary:
         on_arc = self.centre[k] + self.radius[k, None] * normals
         return np.where(arc[:, None], on_arc, self.at[k] + gone[:, None] * self.along[k]), normals
 
+    def part_of(self, point: Reals) -> tuple[float, float]:
+        """The part 0..1 of the whole length next to a point (2,), and how far along, 0..1, from the nearer
+        end of a straight piece to its middle the point is, 1 on an arc."""
+        lengths = np.diff(self.ends, prepend=0.0)
+        off = point - self.at
+        gone = np.clip((off * self.along).sum(axis=1), 0.0, lengths)
+        arc = self.radius > 0.0
+        out = point - self.centre
+        turned = np.mod(np.arctan2(out[:, 1], out[:, 0]) - self.angle, 2.0 * math.pi)
+        safe = np.where(arc, self.radius, 1.0)
+        on_arc = np.where(turned * safe <= lengths, turned * safe, np.where(turned > math.pi, 0.0, lengths))
+        gone = np.where(arc, on_arc, gone)
+        angle = self.angle + gone / safe
+        circle = self.centre + safe[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        near = np.where(arc[:, None], circle, self.at + gone[:, None] * self.along)
+        k = int(np.linalg.norm(point - near, axis=1).argmin())
+        inside = 1.0 if arc[k] else 2.0 * min(gone[k], lengths[k] - gone[k]) / lengths[k]
+        return float((self.ends[k] - lengths[k] + gone[k]) / self.ends[-1]), float(inside)
+
 
 def boundary(records: Records, body: int) -> Boundary:
     """The boundary of a bound body. Raises ValueError for a body without one (a point, a halfplane)."""

@@ -1,0 +1,210 @@
+"""Legs on a stage: proposed again from where the object really is, laid out, run; the end is a node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.planning.modes.balance import modes
+from rungwise.planning.modes.fingers import Finger, fingers_of
+from rungwise.planning.modes.follow import follow
+from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.legs import HOLD, Layout, Writer
+from rungwise.planning.modes.tree import Leg
+from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
+from rungwise.planning.search.layout import FOLLOW, LATER, WAIT, Course
+from rungwise.planning.search.problem import Found, Work
+from rungwise.simulation.inputs import Segment
+from rungwise.world.contract import OBJECT
+from rungwise.world.find import world_of
+
+AGAIN = 8
+"""Modes that are tried to make a leg again from another place."""
+NEARER = 0.5
+"""Part of the way of a leg that is left at most when it is made again."""
+
+
+@dataclass(frozen=True)
+class Node:
+    """Where legs have led on a stage: one place, inputs (u,) and aims (n,) of the fingers there; what was
+    laid out and run; what is lacking of the goal; and how often it was gone on from."""
+
+    places: Places
+    levels: Reals
+    aims: Reals
+    lack: float
+    segments: tuple[Segment, ...] = ()
+    labels: tuple[str, ...] = ()
+    counts: tuple[int, ...] = ()
+    waypoints: tuple[Places, ...] = ()
+    vectors: tuple[Reals, ...] = ()
+    work: float = 0.0
+    outcome: Code = Code.MISSED
+    tries: list[int] = field(default_factory=lambda: [0])
+
+    @property
+    def found(self) -> Found:
+        """The plan that ends here."""
+        course = Course(
+            self.segments, self.labels, self.counts, self.waypoints, self.levels, self.work, self.outcome
+        )
+        return Found(course, np.array(self.vectors))
+
+
+class Manner(NamedTuple):
+    """How legs are made: with which part of the load fingers press at least, and how many times slower than
+    their speed they go."""
+
+    press: float
+    pace: float
+
+
+class Scene:
+    """Objects and fingers of a task, as modes see them."""
+
+    def __init__(self, work: Work) -> None:
+        self.work, task = work, work.task
+        around = world_of(task.scene).surroundings(task.parameters)
+        assert around is not None
+        self.fingers: tuple[Finger, ...] = fingers_of(task, work.transit, around)
+        names, roles = list(task.scene.template.bodies), world_of(task.scene).roles(task.parameters)
+        self.grounds = {
+            name: Ground.of(task, around, self.fingers, names.index(name))
+            for name, role in roles.items()
+            if role == OBJECT and any(names.index(name) in finger.objects for finger in self.fingers)
+        }
+        self._numbers = {ground.body: ground for ground in self.grounds.values()}
+
+    def root(self) -> Node:
+        """Where planning starts."""
+        work = self.work
+        return Node(work.start, work.task.before, work.start.q[0].copy(), float(work.lack(work.start)[0]))
+
+    def vector(self, ground: Ground, leg: Leg, manner: Manner) -> Reals:
+        """A leg as numbers (d,): the object and where it is led, how, and where the fingers are."""
+        first, last = ground.look(leg.way.places[0]), leg.way.places[-1]
+        found = [float(ground.body), manner.press, *last[ground.columns]]
+        for f, finger in enumerate(self.fingers):
+            used = bool(leg.way.used[f])
+            part = ground.part(first, f)[0] if used and first.held[f] >= 0 else 0.0
+            found += [float(leg.changes[f]), float(used), part, *first.q[finger.columns]]
+        return np.array(found)
+
+    def leg(self, q: Reals, vector: Reals, manner: Manner) -> tuple[Ground, Seen, Leg] | None:
+        """The leg of these numbers (d,), made again from a place (n,); None where that cannot be."""
+        ground = self._numbers[int(vector[0])]
+        seen, k = ground.look(q), 2 + len(ground.columns)
+        target, begun = q.copy(), q.copy()
+        target[ground.columns] = vector[2:k]
+        changes, used = (np.zeros(len(self.fingers), np.int64) for _ in range(2))
+        for f, finger in enumerate(self.fingers):
+            width = 3 + len(finger.columns)
+            own = vector[k + width * f : k + width * (f + 1)]
+            changes[f], used[f] = int(own[0]), int(own[1])
+            if used[f] and not changes[f] and seen.held[f] < 0:
+                changes[f] = 1
+            if not changes[f]:
+                continue
+            begun[finger.columns] = own[3:]
+            if used[f]:
+                place = ground.placed(begun, f, float(own[2]))
+                if place is None:
+                    return None
+                begun = place
+        start = ground.look(begun)
+        if not ground.is_held(start, used) or not ground.is_free(start, used):
+            return None
+        want = (target - begun)[ground.columns] * ground.units
+        best, left = None, NEARER * float(np.linalg.norm(want))
+        for mode, _ in modes(ground, start, want)[:AGAIN]:
+            way = follow(ground, start, used, mode, target, manner.press)
+            away = ground.away(way.places[-1], target)
+            if len(way.places) > 1 and away < left:
+                best, left = way, away
+        return None if best is None else (ground, seen, Leg(changes, best))
+
+    def run(
+        self, predictor: Predictor, node: Node, ground: Ground, seen: Seen, leg: Leg, manner: Manner
+    ) -> Node | None:
+        """The node at the end of a leg; None where it cannot be laid out, or ends so that nothing follows."""
+        work = self.work
+        writer = Writer(ground, work.moves.question, manner.pace)
+        seed = work.seed + len(node.counts)
+        laid = writer.leg(seen, aims_at(self, node), node.levels, leg, seed, work.budget)
+        if isinstance(laid, str):
+            work.failures[laid] += 1
+            return None
+        ends = predictor.run(
+            node.places,
+            laid.levels[None],
+            laid.durations[None],
+            ramps=laid.ramps,
+            patient=predictor.stage.model.inertia > 0.0,
+        )
+        outcome, count = Code(int(ends.outcome[0])), len(laid.durations)
+        places = ends.places
+        if outcome not in (Code.GOAL, *GOES_ON):
+            work.failures[f"lost on {predictor.stage.model.name}: {outcome.name.lower()}"] += 1
+            count = int(ends.switches[0])
+            if count <= laid.labels.index(FOLLOW if FOLLOW in laid.labels else HOLD):
+                return None
+            places, outcome = ends.at(count - 1, np.zeros(1, np.int64)), Code.MISSED
+        own = _segments(self.work, laid, count)
+        labels = (*laid.labels[: count - 1], HOLD)
+        levels, aims = laid.levels[count - 1], self._aims(laid, count)
+        if outcome != Code.GOAL and work.task.moving(places.v)[0]:
+            waited = self._waited(predictor, places, levels)
+            if waited is not None:
+                own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * waited[1], None, False))
+                labels, places = (*labels, WAIT), waited[0].places
+                outcome = Code(int(waited[0].outcome[0]))
+        lack = 0.0 if outcome == Code.GOAL else max(float(work.lack(places)[0]), 1e-12)
+        return Node(
+            places=places, levels=levels, aims=aims, lack=lack, segments=node.segments + own,
+            labels=node.labels + labels, counts=(*node.counts, len(own)),
+            waypoints=(*node.waypoints, places), work=node.work + float(ends.work[0]), outcome=outcome,
+            vectors=(*node.vectors, self.vector(ground, leg, manner)),
+        )  # fmt: skip
+
+    def _waited(self, predictor: Predictor, places: Places, levels: Reals) -> tuple[Ends, float] | None:
+        """What comes of waiting until objects rest, and for how long; None where they do not."""
+        task = self.work.task
+        held = task.held(levels[None])
+        ends = predictor.run(places, held[:, None], np.full((1, 1), task.patience), until=(task.at_rest,))
+        outcome = Code(int(ends.outcome[0]))
+        if outcome not in (Code.GOAL, *GOES_ON):
+            return None
+        return ends, float(ends.places.time[0] - places.time[0])
+
+    def _aims(self, laid: Layout, count: int) -> Reals:
+        """Aims (n,) of servos after so many segments."""
+        aims = laid.aims.copy()
+        for finger in self.fingers:
+            carrier = finger.carrier
+            if carrier.by_place:
+                own = laid.levels[count - 1][list(carrier.columns)]
+                aims[finger.columns] = carrier.matrix @ own + carrier.zero
+        return aims
+
+
+def aims_at(scene: Scene, node: Node) -> Reals:
+    """Aims (n,) of the fingers at a node: where speeds drive them, where they are."""
+    aims = node.aims.copy()
+    for finger in scene.fingers:
+        if not finger.carrier.by_place:
+            aims[finger.columns] = node.places.q[0, finger.columns]
+    return aims
+
+
+def _segments(work: Work, laid: Layout, count: int) -> tuple[Segment, ...]:
+    names = work.task.scene.template.inputs
+    return tuple(
+        Segment(dict(zip(names, row.tolist(), strict=True)), float(took), None, ramp)
+        for row, took, ramp in zip(
+            laid.levels[:count], laid.durations[:count], laid.ramps[:count], strict=True
+        )
+    )

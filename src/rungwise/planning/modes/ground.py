@@ -1,0 +1,192 @@
+"""One object among its surroundings and fingers: what touches it at a place, and places next to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.fingers import Finger
+from rungwise.planning.task.task import Task
+from rungwise.world.carriers import Surroundings, Touches
+from rungwise.world.find import world_of
+
+CLOSED = 2e-3
+"""Gap, in parts of the object's size, below which a contact counts as closed."""
+APART = 0.1
+"""Part of their clearance that fingers keep from what they do not touch."""
+CORRECTIONS = 3
+"""Steps of Newton's method with which contacts that are kept are closed again."""
+EXACT = 1e-3
+"""Gap, in parts of those that count as closed, that is left after correction."""
+EDGE = 0.08
+"""How near to a corner of the outline a finger may be, in parts of half the edge."""
+
+
+class Seen(NamedTuple):
+    """What touches at a place q (n,): the contacts of the object with its surroundings, rows of `touches`
+    (e,), and with each finger, -1 where it does not touch (f,)."""
+
+    q: Reals
+    touches: Touches
+    closed: Ints
+    held: Ints
+
+
+@dataclass(frozen=True)
+class Ground:
+    """An object, by its number and its columns (k,) of coordinates with their units (k,) as lengths; its
+    fingers and its surroundings. pairs: the scene's contacts of the object with what is no finger,
+    and surrounds (c,), which these are; own (f,):
+    with each finger; avoided (a,): of fingers with all else."""
+
+    task: Task
+    around: Surroundings
+    fingers: tuple[Finger, ...]
+    body: int
+    columns: Ints
+    units: Reals
+    pairs: Ints
+    surrounds: NDArray[np.bool_]
+    own: Ints
+    avoided: Ints
+    closed: float
+    apart: float
+
+    @classmethod
+    def of(cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int) -> Ground:
+        """The object with this number."""
+        names, contacts = list(task.scene.template.bodies), task.scene.template.contacts
+        columns = np.flatnonzero(around.owners == body)
+        touching = {finger.body: k for k, finger in enumerate(fingers) if body in finger.objects}
+        pairs, avoided, own = list[int](), list[int](), [-1] * len(fingers)
+        for k, pair in enumerate(contacts):
+            a, b = (names.index(name) for name in pair)
+            of_finger = [finger.body for finger in fingers if finger.body in (a, b)]
+            if body in (a, b) and len(of_finger) == 1 and of_finger[0] in touching:
+                own[touching[of_finger[0]]] = k
+            elif of_finger:
+                avoided.append(k)
+            elif body in (a, b):
+                pairs.append(k)
+        surrounds = np.zeros(len(contacts), bool)
+        surrounds[pairs] = True
+        least = min(finger.carrier.clearance for finger in fingers)
+        return cls(
+            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds,
+            np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
+        )  # fmt: skip
+
+    def look(self, q: Reals) -> Seen:
+        """What touches at a place (n,)."""
+        touches = self.around.touches(q, 4.0 * self.closed)
+        near = touches.gaps < self.closed
+        held = np.full(len(self.fingers), -1)
+        for f, pair in enumerate(self.own):
+            rows = np.flatnonzero(near & (touches.pairs == pair))
+            if len(rows):
+                held[f] = rows[touches.gaps[rows].argmin()]
+        return Seen(q, touches, np.flatnonzero(near & self.surrounds[touches.pairs]), held)
+
+    def away(self, a: Reals, b: Reals) -> float:
+        """How far the object is from one place (n,) to another."""
+        return float(np.linalg.norm((a - b)[self.columns] * self.units))
+
+    def is_free(self, seen: Seen, used: Ints) -> bool:
+        """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
+        least = seen.touches.least
+        idle = self.own[(used == 0) & (self.own >= 0)]
+        return bool(
+            least[self.avoided].min(initial=np.inf) >= self.apart
+            and least[idle].min(initial=np.inf) >= self.apart
+            and least[self.pairs].min(initial=np.inf) >= -self.closed
+            and all(finger.reaches(seen.q) for finger in self.fingers)
+        )
+
+    def is_held(self, seen: Seen, used: Ints) -> bool:
+        """Whether the fingers that are used (f,) touch the object, away from its corners."""
+        return all(seen.held[f] >= 0 and self.part(seen, int(f))[1] >= EDGE for f in np.flatnonzero(used))
+
+    def part(self, seen: Seen, f: int) -> tuple[float, float]:
+        """Where on the outline a finger touches, 0..1, and how far from corners, 0..1."""
+        x, y, angle = self.around.poses(seen.q)[self.body]
+        c, s = np.cos(angle), np.sin(angle)
+        point = seen.touches.points[seen.held[f]] - [x, y]
+        outline = self.around.outline(self.body)
+        return outline.part_of(np.array([c * point[0] + s * point[1], c * point[1] - s * point[0]]))
+
+    def edges(self, seen: Seen, parts: Reals) -> Reals:
+        """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)
+        of its outline, with the friction of the first finger that may touch it."""
+        angle = self.around.poses(seen.q)[self.body, 2]
+        points, normals = self.around.outline(self.body)(parts)
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s], [s, c]])
+        arms, inward = points @ turn.T, -normals @ turn.T
+        along = np.stack([-inward[:, 1], inward[:, 0]], axis=-1)
+        f = int(np.flatnonzero(self.own >= 0)[0])
+        mu = (1.0 - self.fingers[f].reserve) * self.frictions[f]
+        found = list[Reals]()
+        for sign in (1.0, -1.0):
+            force = inward + sign * mu * along
+            turning = arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0]
+            found.append(np.column_stack([force, turning]) / self.units)
+        return np.stack(found, axis=1)
+
+    @cached_property
+    def frictions(self) -> Reals:
+        """Friction of each finger on the object (f,)."""
+        found = np.zeros(len(self.fingers))
+        start = world_of(self.task.scene).at(self.task.parameters).q
+        touches = self.around.touches(start, np.inf)
+        for f, pair in enumerate(self.own):
+            found[f] = touches.friction[touches.pairs == pair].max(initial=0.0)
+        return found
+
+    def placed(self, q: Reals, f: int, part: float) -> Reals | None:
+        """The place (n,) with a finger that touches the object at this part of its outline."""
+        finger, found = self.fingers[f], q.copy()
+        x, y, angle = self.around.poses(q)[self.body]
+        point, normal = (rows[0] for rows in self.around.outline(self.body)(np.array([part])))
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s], [s, c]])
+        normal = turn @ normal
+        found[finger.columns] = [x, y] + turn @ point + 2.0 * self.task.size * normal
+        for _ in range(CORRECTIONS):
+            gap = self.around.touches(found, 0.0).least[self.own[f]]
+            found[finger.columns] -= gap * normal
+        return found if self.look(found).held[f] >= 0 else None
+
+    def moved(self, seen: Seen, change: Reals, used: Ints) -> Reals:
+        """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
+        q = seen.q.copy()
+        q[self.columns] += change
+        for f in np.flatnonzero(used):
+            rows, own = seen.touches.rows[seen.held[f]], self.fingers[f].columns
+            q[own] += np.linalg.lstsq(rows[:, own], -rows[:, self.columns] @ change, rcond=None)[0]
+        return q
+
+    def corrected(self, q: Reals, kept: set[int], used: Ints) -> Seen:
+        """What touches where the kept contacts, by their features, and those of the fingers are closed."""
+        for _ in range(CORRECTIONS):
+            seen = self.look(q)
+            rows = [k for k in seen.closed if int(seen.touches.features[k]) in kept]
+            held = used * (seen.held >= 0)
+            gaps = seen.touches.gaps[[*rows, *seen.held[held > 0]]]
+            if np.abs(gaps).max(initial=0.0) < EXACT * self.closed:
+                return seen
+            if rows:
+                normals = seen.touches.rows[rows, 0][:, self.columns] / self.units
+                change = -np.linalg.pinv(normals, rcond=1e-6) @ seen.touches.gaps[rows] / self.units
+                q = self.moved(seen, change, held)
+                seen = self.look(q)
+            q = q.copy()
+            for f in np.flatnonzero(held * (seen.held >= 0)):
+                own = self.fingers[f].columns
+                normal = seen.touches.rows[seen.held[f], 0, own]
+                q[own] -= normal * seen.touches.gaps[seen.held[f]] / (normal @ normal)
+        return self.look(q)

@@ -1,0 +1,217 @@
+"""A leg as inputs over time: fingers leave, go to their places, touch, lead the object, and hold it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.balance import rests
+from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.tree import Leg
+from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.motion.transit import Transit
+from rungwise.planning.search.layout import FOLLOW, TOUCH
+from rungwise.world.questions import Question
+
+LEAVE, TRANSIT, HOLD = "leave", "transit", "hold"
+"""Labels of segments, beside those in `search.layout`."""
+STRAIGHT = 1e-3
+"""How far, in parts of the size, aims between two rows may be off the straight line between these."""
+HELD = 0.1
+"""How long objects are held at the end of a leg, in parts of the time that a finger takes for their size."""
+BACK = (1.0, 0.5)
+"""Parts of their clearance by which fingers draw back, the first that fits."""
+
+
+class Row(NamedTuple):
+    """Aims (n,) of the fingers' coordinates at the end of a segment, how long it takes, and its label."""
+
+    aims: Reals
+    duration: float
+    label: str
+
+
+class Layout(NamedTuple):
+    """Inputs (s, u), durations (s,), ramps (s,) and labels of a leg; aims (n,) at its end."""
+
+    levels: Reals
+    durations: Reals
+    ramps: tuple[bool, ...]
+    labels: tuple[str, ...]
+    aims: Reals
+
+
+class Writer:
+    """Lays out legs on one object."""
+
+    def __init__(self, ground: Ground, question: Question, pace: float) -> None:
+        self.ground, self._question, self._pace = ground, question, pace
+        self._rows: list[Row] = []
+        self._aims = np.zeros(0)
+
+    def leg(
+        self, seen: Seen, aims: Reals, levels: Reals, leg: Leg, seed: int, budget: Budget
+    ) -> Layout | str:
+        """The leg from what touches now, after these aims (n,) and inputs (u,); or why it cannot be laid
+        out."""
+        ground = self.ground
+        self._rows, self._aims = [], aims
+        held = (seen.held >= 0).astype(np.int64)
+        if leg.changes.any():
+            staying = held * (1 - leg.changes)
+            self._keep(seen, staying)
+            now = self._left(seen, leg.changes * held)
+            if now is None:
+                return "no way"
+            goal = self._before_touch(leg, now)
+            if goal is None:
+                return "no way"
+            moving = np.flatnonzero(leg.changes)
+            way = self._way(now, goal, moving, seed, budget)
+            if way is None:
+                return "no way"
+            for place in way[1:]:
+                self._to(place, moving, TRANSIT)
+        self._follow(leg)
+        last = self._rows[-1].aims if self._rows else self._aims
+        speed = max(finger.carrier.speed for finger in ground.fingers)
+        self._rows.append(Row(last, HELD * ground.task.size / speed, HOLD))
+        return self._written(aims, levels)
+
+    def offsets(self, q: Reals, pushes: Reals) -> Reals:
+        """How far ahead (n,) of their places servos aim to press so, and to carry their own weight."""
+        ground = self.ground
+        stiffness = ground.around.stiffness
+        wanted = pushes - ground.around.loads(q)
+        safe = np.where(stiffness > 0.0, stiffness, 1.0)
+        return np.where(stiffness > 0.0, wanted / safe, 0.0)
+
+    def _put(self, aims: Reals, label: str, pace: float = 1.0) -> None:
+        took = 0.0
+        for finger in self.ground.fingers:
+            way = float(np.linalg.norm((aims - self._aims)[finger.columns]))
+            took = max(took, pace * self._pace * way / finger.carrier.speed)
+        if took > 0.0:
+            self._rows.append(Row(aims, took, label))
+            self._aims = aims
+
+    def _keep(self, seen: Seen, staying: Ints) -> None:
+        """The fingers that stay press so that the object rests when the others leave."""
+        pushes = rests(self.ground, seen, staying)
+        by_place = self.ground.fingers[0].carrier.by_place
+        if pushes is None or not staying.any() or not by_place:
+            return
+        aims, own = self._aims.copy(), seen.q + self.offsets(seen.q, pushes)
+        for f in np.flatnonzero(staying):
+            columns = self.ground.fingers[f].columns
+            aims[columns] = own[columns]
+        self._put(aims, LEAVE)
+
+    def _left(self, seen: Seen, leaving: Ints) -> Reals | None:
+        """The place (n,) with fingers drawn back from where they touch."""
+        q = seen.q.copy()
+        for f in np.flatnonzero(leaving):
+            found = self._beside(q, int(f), seen)
+            if found is None:
+                return None
+            q = found
+        self._to(q, np.flatnonzero(leaving), LEAVE)
+        return q
+
+    def _beside(self, q: Reals, f: int, seen: Seen) -> Reals | None:
+        """The place (n,) with a finger away from where it touches, along the normal."""
+        finger, ground = self.ground.fingers[f], self.ground
+        normal = seen.touches.rows[seen.held[f], 0, finger.columns]
+        for part in BACK:
+            found = q.copy()
+            found[finger.columns] += part * finger.carrier.clearance * normal / float(normal @ normal)
+            if finger.reaches(found):
+                least = ground.look(found).touches.least
+                names = ground.task.scene.template.contacts
+                own = [k for k, pair in enumerate(names) if finger.carrier.body in pair]
+                if least[own].min(initial=np.inf) > 0.0:
+                    return found
+        return None
+
+    def _before_touch(self, leg: Leg, now: Reals) -> Reals | None:
+        """The place (n,) from which the fingers that change touch the object."""
+        first = self.ground.look(leg.way.places[0])
+        q = now.copy()
+        for f in np.flatnonzero(leg.changes):
+            columns = self.ground.fingers[f].columns
+            q[columns] = first.q[columns]
+        for f in np.flatnonzero(leg.changes * leg.way.used):
+            if first.held[f] < 0:
+                return None
+            found = self._beside(q, int(f), first)
+            if found is None:
+                return None
+            q = found
+        return q
+
+    def _way(self, a: Reals, b: Reals, moving: Ints, seed: int, budget: Budget) -> Reals | None:
+        carriers = tuple(self.ground.fingers[f].carrier for f in moving)
+        transit = Transit(replace(self.ground.task, carriers=carriers), self._question)
+        return transit.way(a, b, seed, budget.is_in_time)
+
+    def _to(self, place: Reals, moving: Ints, label: str) -> None:
+        """Lead fingers through free space to a place (n,)."""
+        aims = self._aims.copy()
+        free = place + self.offsets(place, np.zeros(len(place)))
+        for f in moving:
+            columns = self.ground.fingers[f].columns
+            aims[columns] = free[columns]
+        self._put(aims, label)
+
+    def _follow(self, leg: Leg) -> None:
+        """Touch and lead the object along the way."""
+        way = leg.way
+        rows = np.array([q + self.offsets(q, push) for q, push in zip(way.places, way.pushes, strict=True)])
+        free = np.ones(len(self._aims), bool)
+        for f in np.flatnonzero(way.used):
+            free[self.ground.fingers[f].columns] = False
+        rows[:, free] = self._aims[free]
+        self._put(rows[0], TOUCH)
+        for k in _turns(rows, STRAIGHT * self.ground.task.size):
+            self._put(rows[k], FOLLOW)
+
+    def _written(self, aims: Reals, levels: Reals) -> Layout | str:
+        """The rows as inputs, after aims (n,) and inputs (u,)."""
+        found, now, before = list[Reals](), levels.copy(), aims
+        by_place = self.ground.fingers[0].carrier.by_place
+        for row in self._rows:
+            now = now.copy()
+            for finger in self.ground.fingers:
+                own = finger.columns
+                speeds = (row.aims - before)[None, own] / row.duration
+                now[list(finger.carrier.columns)] = finger.carrier.levels(speeds, row.aims[None, own])[0]
+            found.append(now)
+            before = row.aims
+        every = np.array(found)
+        if not self.ground.task.allows(every).all():
+            return "out of the bounds of inputs"
+        return Layout(
+            every, np.array([row.duration for row in self._rows]), (by_place,) * len(self._rows),
+            tuple(row.label for row in self._rows), before,
+        )  # fmt: skip
+
+
+def _turns(rows: Reals, off: float) -> list[int]:
+    """Rows after the first at which straight lines from one to the next keep within `off` of all rows (k, n)
+    between."""
+    kept, at = list[int](), 0
+    while at < len(rows) - 1:
+        to = at + 1
+        while to + 1 < len(rows) and _is_straight(rows[at : to + 2], off):
+            to += 1
+        kept.append(to)
+        at = to
+    return kept
+
+
+def _is_straight(rows: Reals, off: float) -> bool:
+    parts = np.linspace(0.0, 1.0, len(rows))[:, None]
+    return bool(np.abs(rows - (rows[0] + parts * (rows[-1] - rows[0]))).max() <= off)

@@ -1,0 +1,200 @@
+"""Searches by contact modes on a stage: from the ends of runs, trees propose legs, which are run in turn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rungwise.kernel import Reals
+from rungwise.outcome import Code
+from rungwise.planning.modes.execute import Manner, Node, Scene
+from rungwise.planning.modes.ground import Ground
+from rungwise.planning.modes.tree import propose
+from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, placed_part
+from rungwise.planning.motion.propagate import GOES_ON, Predictor, TimeOver
+from rungwise.planning.search.problem import Found, Work
+from rungwise.planning.search.search import search, search_once
+from rungwise.planning.task.reserve import tightened
+from rungwise.world.contract import OUTLINES
+from rungwise.world.find import world_of
+from rungwise.world.questions import Question
+
+PRESSES, PACES = (0.05, 0.1, 0.05, 0.2), (1.0, 1.0, 2.0, 4.0)
+"""Parts of the load with which fingers press at least, and how many times slower than their speed they go, in
+turn."""
+ROUNDS = (40, 80, 160)
+"""Rounds of trees, in turn."""
+DRIFTED = 0.15
+"""How far from where it was to be, in parts of its size, an object may be before legs are proposed anew."""
+ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
+"""Proposals of one turn, and the parts of what is left that a turn may take: where supports carry all
+objects, and a turn by modes where they do not."""
+OTHERS = 0.1
+"""How often another object than one of the goal is moved."""
+IDLE = 8
+"""Turns in a row in which nothing was run after which no more follow."""
+INNER = (0.7, 0.4)
+"""Reserves of the goal with which places well within it are sought, the first with which there are some."""
+
+
+def suits(work: Work) -> bool:
+    """Whether modes can be planned: a planar scene with fingers, and a goal that places decide."""
+    task = work.task
+    return (
+        world_of(task.scene).shapes == OUTLINES
+        and bool(task.carriers)
+        and placed_part(task.scene.file.goal or "") is not None
+        and len(work.goals) > 0
+    )
+
+
+def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
+    """The search by modes on a stage, which goes on where it was; None where there is none."""
+    if not suits(work):
+        return None
+    name = str(predictor.stage)
+    if name not in work.kept:
+        work.kept[name] = ModePlanner(work)
+    found: ModePlanner = work.kept[name]
+    found.predictor = predictor
+    return found
+
+
+def anew_on(work: Work, predictor: Predictor) -> Found | None:
+    """A new plan on a stage: by contact modes and by pushes that are tried, in turns; where supports carry
+    all objects, by pushes first."""
+    planner = mode_planner(work, predictor)
+    if planner is None:
+        return search(work, predictor)
+    idle, slides = 0, work.task.slides
+    while work.budget.left and idle < IDLE:
+        spent = work.budget.spent.total()
+        for by_modes in (False, True) if slides else (True, False):
+            try:
+                with work.budget.part(EVENLY if slides else BY_MODES if by_modes else 1.0 - BY_MODES):
+                    found = planner.search(ATTEMPTS) if by_modes else search_once(work, predictor)
+            except TimeOver:
+                found = None
+            if found is not None:
+                return found
+            work.budget.look()
+        idle = idle + 1 if work.budget.spent.total() == spent else 0
+    return None
+
+
+class ModePlanner:
+    """The search by modes on one stage; it goes on where it was at each call."""
+
+    predictor: Predictor
+
+    def __init__(self, work: Work) -> None:
+        self.work = work
+        self.scene = Scene(work)
+        self.nodes = [self.scene.root()]
+        self.turn = 0
+        goal = placed_part(work.task.search.file.goal or "")
+        assert goal is not None
+        self._goal = Question(work.task.search, goal, work.task.parameters)
+        self._places = _inner(work)
+
+    def search(self, attempts: int) -> Found | None:
+        """A plan, after at most so many proposals."""
+        for _ in range(attempts):
+            found = self._attempt() if self.work.budget.left else None
+            if found is not None:
+                return found
+        return None
+
+    def again(self, vectors: Reals, manner: Manner) -> Found | None:
+        """The legs of a plan (k, d), each made again from where the object is."""
+        node = self.nodes[0]
+        for vector in vectors:
+            own = manner._replace(press=max(manner.press, float(vector[1])))
+            made = self.scene.leg(node.places.q[0], vector, own)
+            if made is None:
+                self.work.failures["no leg from where the object is"] += 1
+                return None
+            after = self._ran(node, *made, own)
+            if after is None:
+                return None
+            node = after
+            if node.outcome == Code.GOAL:
+                return node.found
+        return None
+
+    def _attempt(self) -> Found | None:
+        """A tree from one of the nodes, and its legs run in turn."""
+        work, scene = self.work, self.scene
+        manner = Manner(PRESSES[self.turn % len(PRESSES)], PACES[self.turn % len(PACES)])
+        rounds = ROUNDS[self.turn % len(ROUNDS)]
+        self.turn += 1
+        node, ground = self._chosen(), self._object()
+        q = node.places.q[0]
+        found = propose(
+            ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
+            rounds, work.failures, work.budget.look,
+        )  # fmt: skip
+        if found.legs is None:
+            return None
+        vectors = [scene.vector(ground, leg, manner) for leg in found.legs]
+        for k, leg in enumerate(found.legs):
+            planned = leg.way.places[-1]
+            made = (ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner)
+            if made is None:
+                work.failures["no leg from where the object is"] += 1
+                return None
+            after = self._ran(node, *made, manner)
+            if after is None:
+                return None
+            node, q = after, after.places.q[0]
+            if node.outcome == Code.GOAL:
+                return node.found
+            if ground.away(q, planned) > DRIFTED * work.task.size:
+                work.failures[f"led astray on {self.predictor.stage.model.name}"] += 1
+                return None
+        return None
+
+    def _ran(self, node: Node, *leg: object) -> Node | None:
+        after = self.scene.run(self.predictor, node, *leg)  # type: ignore[arg-type]
+        if after is None:
+            return None
+        self.work.nearest = min(self.work.nearest, after.lack) if after.lack > 0.0 else self.work.nearest
+        if after.outcome in GOES_ON and len(after.counts) < self.work.task.moves[1]:
+            self.nodes.append(after)
+        return after
+
+    def _chosen(self) -> Node:
+        """The node to go on from: little is lacking, and it was not often chosen."""
+        lacks = np.array([node.lack * (1.0 + node.tries[0]) for node in self.nodes])
+        node = self.nodes[int((lacks * self.work.rng.uniform(1.0, 2.0, len(lacks))).argmin())]
+        node.tries[0] += 1
+        return node
+
+    def _object(self) -> Ground:
+        """The object to move: one of which the goal speaks, at times another."""
+        names = list(self.scene.grounds)
+        wanted = [name for group in self.work.groups[0] for name in group.bodies if name in names]
+        if wanted and (self.work.rng.random() > OTHERS or len(names) == len(wanted)):
+            names = wanted
+        return self.scene.grounds[names[int(self.work.rng.integers(len(names)))]]
+
+    def _goals(self, ground: Ground, q: Reals) -> Reals:
+        """Places (g, n) at the goal, those next to q (n,) first."""
+        goals = np.repeat(q[None], len(self._places), axis=0)
+        goals[:, ground.columns] = self._places[:, ground.columns]
+        away = [ground.away(q, goal) for goal in goals]
+        return goals[np.argsort(away, kind="stable")]
+
+    def _reached(self, q: Reals) -> bool:
+        return bool(self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).holds[0])
+
+
+def _inner(work: Work) -> Reals:
+    """Places (g, n) well within the goal; at least those of the task."""
+    task, q = work.task, work.start.q[0]
+    for reserve in INNER:
+        scene = task.scene.changed(goal=tightened(task.scene.file.goal or "", reserve))
+        rng = np.random.default_rng(work.seed)
+        found = Placing(task, scene, q).goals(rng, work.budget.is_in_time, count=GOALS).places
+        if len(found):
+            return found[:NEAREST]
+    return work.goals

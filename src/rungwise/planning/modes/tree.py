@@ -1,0 +1,253 @@
+"""A tree over places of an object and its fingers, grown along contact modes; nothing is run.
+
+After Cheng, Huang, Hou and Mason (arXiv 2105.14431): nodes are extended towards a drawn place of the object
+in one of the modes of its contacts, by the fingers that hold it or by others, where forces balance. Fingers
+change places only where the object rests without them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.balance import carried, could, held_edges, is_led, modes, motion, rests
+from rungwise.planning.modes.follow import Way, follow
+from rungwise.planning.modes.ground import Ground, Seen
+
+TO_GOAL = 0.7
+"""Part of the places that are drawn at the goal."""
+AROUND, TURN = 1.5, 1.0
+"""Room about start and goals in which places are drawn, in parts of the size and in radians."""
+CHOSEN, GREEDY = 4, 0.3
+"""Modes that a node is extended in, and how often these are the best."""
+POOL, TRIES, PLACED, ENOUGH = 48, 120, 24, 6
+"""Places on the outline of which some are drawn for fingers; how often, for a mode; of these, how often
+fingers are placed, and those that fit after which no more are."""
+LEAVES, IDLE = 0.6, 0.25
+"""How often a finger changes its place, and then touches nothing."""
+REGRASPS = 0.3
+"""How often fingers change places where they need not."""
+NO_MODE, NO_BALANCE, NO_PLACE = "no mode", "no balance", "no place for fingers"
+"""Why nodes were not extended."""
+
+
+class Leg(NamedTuple):
+    """A part of a way: which fingers change their places (f,) before it, and the way."""
+
+    changes: Ints
+    way: Way
+
+
+@dataclass
+class Tree:
+    """Places (n,) of nodes, with the fingers that hold the object there (f,); their parents, the legs that
+    led there, and how often each was chosen."""
+
+    seen: list[Seen]
+    used: list[Ints]
+    parents: list[int] = field(default_factory=lambda: [-1])
+    legs: list[Leg | None] = field(default_factory=lambda: [None])
+    chosen: list[int] = field(default_factory=lambda: [0])
+
+    def way(self, node: int) -> list[Leg]:
+        """The legs that lead to a node."""
+        found = list[Leg]()
+        while self.parents[node] >= 0:
+            leg = self.legs[node]
+            assert leg is not None
+            found.append(leg)
+            node = self.parents[node]
+        return found[::-1]
+
+
+class Proposed(NamedTuple):
+    """Legs that lead to the goal, or None; the nearest place (n,) of the tree, and how far it is."""
+
+    legs: list[Leg] | None
+    nearest: Reals
+    away: float
+
+
+def propose(
+    ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
+    rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[], None],
+) -> Proposed:  # fmt: skip
+    """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
+    counts why nodes were not extended; `look` is called again and again, and may raise. `home` (n,): where
+    fingers are when idle."""
+    begun = ground.look(q)
+    tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
+    low, high = _room(ground, np.vstack([q, home, goals]))
+    if reached(q):
+        return Proposed([], q, 0.0)
+    for _ in range(rounds):
+        look()
+        if rng.random() < TO_GOAL:
+            target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
+        else:
+            target = home.copy()
+            target[ground.columns] = rng.uniform(low, high)
+        node = _chosen(ground, tree, target, rng)
+        for leg in _extended(ground, tree, node, target, home, press, rng, failed):
+            seen = ground.look(leg.way.places[-1])
+            tree.seen.append(seen)
+            tree.used.append(leg.way.used)
+            tree.parents.append(node)
+            tree.legs.append(leg)
+            tree.chosen.append(0)
+            if reached(seen.q):
+                return Proposed(tree.way(len(tree.seen) - 1), seen.q, 0.0)
+    away = [min(ground.away(seen.q, goal) for goal in goals) for seen in tree.seen]
+    nearest = int(np.argmin(away))
+    return Proposed(None, tree.seen[nearest].q, away[nearest])
+
+
+def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
+    """Least and greatest places (k,) of the object that are drawn."""
+    own = rows[:, ground.columns]
+    room = np.where(ground.units == 1.0, AROUND * ground.task.size, TURN)
+    return own.min(axis=0) - room, own.max(axis=0) + room
+
+
+def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator) -> int:
+    """The node to go on from: near to the target, and not often chosen before."""
+    places = np.array([seen.q[ground.columns] for seen in tree.seen])
+    away = np.linalg.norm((places - target[ground.columns]) * ground.units, axis=1)
+    weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
+    node = int(weighed.argmin())
+    tree.chosen[node] += 1
+    return node
+
+
+def _extended(
+    ground: Ground, tree: Tree, node: int, target: Reals, home: Reals, press: float,
+    rng: np.random.Generator, failed: Counter[str],
+) -> Iterator[Leg]:  # fmt: skip
+    """Legs from a node towards a target, in some of its modes: the best, and at times others."""
+    seen, used = tree.seen[node], tree.used[node]
+    want = (target - seen.q)[ground.columns] * ground.units
+    if not want.any():
+        return
+    every = modes(ground, seen, want)
+    if not every:
+        failed[NO_MODE] += 1
+        return
+    count = min(CHOSEN, len(every))
+    picked = range(count) if rng.random() < GREEDY else rng.permutation(len(every))[:count].tolist()
+    for k in picked:
+        mode = every[k][0]
+        grasps = list(_grasps(ground, seen, used, mode, want, home, press, rng, failed))
+        ways = list[tuple[float, int, Leg]]()
+        for begun, own, changes in grasps:
+            way = follow(ground, begun, own, mode, target, press)
+            if len(way.places) > 1:
+                ways.append((ground.away(way.places[-1], target), len(ways), Leg(changes, way)))
+        if grasps and not ways:
+            failed[NO_BALANCE] += 1
+        ways.sort(key=lambda each: each[:2])
+        for _, _, leg in ways[: 1 + int(rng.integers(3))]:
+            yield leg
+
+
+def _grasps(
+    ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, home: Reals, press: float,
+    rng: np.random.Generator, failed: Counter[str],
+) -> Iterator[tuple[Seen, Ints, Ints]]:  # fmt: skip
+    """Places of fingers with which a mode can be made: what touches there, fingers that hold (f,), and those
+    that changed (f,)."""
+    kept = False
+    if used.any() and _makes(ground, seen, used, mode, want, press):
+        kept = True
+        yield seen, used, np.zeros_like(used)
+    if kept and rng.random() > REGRASPS:
+        return
+    may = could(ground, seen, mode, want, press)
+    parts = rng.random(POOL)
+    edges = ground.edges(seen, parts) if len(ground.columns) == 3 else None
+    if may is None or (edges is not None and not may(edges.reshape(-1, 3), False)):
+        failed[NO_BALANCE] += not kept
+        return
+    found, fits, placed = 0, carried(ground, seen) is not None, 0
+    for _ in range(TRIES):
+        changes, own, picked = _drawn(ground, used, rng)
+        staying = used * (1 - changes)
+        if edges is not None:
+            holding = held_edges(ground, seen, staying) if staying.any() else np.zeros((0, 3))
+            every = np.vstack([holding, *edges[picked[own * changes > 0]]])
+            if not may(every, True):
+                continue
+        if not fits and staying.sum() < used.sum() and rests(ground, seen, staying) is None:
+            continue
+        begun = _placed(ground, seen, changes, own, parts[picked], used, home, rng)
+        placed += 1
+        if begun is not None and _makes(ground, begun, own, mode, want, press):
+            yield begun, own, changes
+            found += 1
+        if found >= ENOUGH or placed >= PLACED:
+            return
+    if not found and not kept:
+        failed[NO_PLACE if placed else NO_BALANCE] += 1
+
+
+def _makes(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, press: float) -> bool:
+    """Whether fingers can make a mode."""
+    if carried(ground, seen) is None and not is_led(ground, seen, used, mode):
+        return False
+    return motion(ground, seen, used, mode, want, press) is not None
+
+
+def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, Ints, Ints]:
+    """Which fingers change places (f,), which touch the object then (f,), and where in the pool (f,)."""
+    count, can = len(ground.fingers), np.flatnonzero(ground.own >= 0)
+    changes = np.zeros(count, np.int64)
+    changes[can] = (rng.random(len(can)) < LEAVES) | (used[can] == 0)
+    if not changes.any():
+        changes[rng.choice(can)] = 1
+    own = used * (1 - changes)
+    touching = np.flatnonzero(changes)
+    own[touching] = rng.random(len(touching)) >= (IDLE if len(can) > 1 else 0.0)
+    if not own.any():
+        own[rng.choice(touching)] = 1
+    return changes, own, rng.integers(POOL, size=count)
+
+
+def _placed(
+    ground: Ground, seen: Seen, changes: Ints, own: Ints, parts: Reals, used: Ints, home: Reals,
+    rng: np.random.Generator,
+) -> Seen | None:  # fmt: skip
+    """What touches with fingers changed so; None where they do not fit."""
+    q: Reals | None = seen.q
+    for f in np.flatnonzero(changes):
+        assert q is not None
+        if own[f]:
+            q = ground.placed(q, int(f), float(parts[f]))
+        else:
+            q = _idle(ground, seen, q, int(f), used, home, rng)
+        if q is None:
+            return None
+    assert q is not None
+    begun = ground.look(q)
+    return begun if ground.is_free(begun, own) and ground.is_held(begun, own) else None
+
+
+def _idle(
+    ground: Ground, seen: Seen, q: Reals, f: int, used: Ints, home: Reals, rng: np.random.Generator
+) -> Reals:
+    """The place (n,) with a finger that touches nothing: where it is, at home, or somewhere about the
+    object."""
+    finger, found, draw = ground.fingers[f], q.copy(), rng.random()
+    if draw < 0.3 and not used[f]:
+        return found
+    if draw < 0.6:
+        found[finger.columns] = home[finger.columns]
+        return found
+    turn, far = rng.uniform(0.0, 2.0 * math.pi), ground.task.size * rng.uniform(1.2, 3.0)
+    about = ground.around.poses(seen.q)[ground.body, :2]
+    found[finger.columns] = np.clip(about + far * np.array([math.cos(turn), math.sin(turn)]), *finger.bounds)
+    return found

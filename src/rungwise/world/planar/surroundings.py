@@ -1,0 +1,91 @@
+"""What touches what in a planar scene, and the forces that act there (see `world.carriers.Surroundings`)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import cached_property
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.scene import Scene
+from rungwise.scene.template.records import SERVO
+from rungwise.simulation.planar.state.nearby import gather, look
+from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
+from rungwise.system.planar.place import place
+from rungwise.system.planar.terms import constants, loads, turn_supports
+from rungwise.system.terms import SUPPORT
+from rungwise.world.carriers import Outline, Surfaces, Touches
+from rungwise.world.planar.boundary import boundary
+from rungwise.world.planar.place import PlanarPlace
+
+FEATURES = 4 * VERTICES * VERTICES
+"""More than there are features of one pair of shapes."""
+
+
+class PlanarSurroundings:
+    """See `Surroundings`."""
+
+    def __init__(self, scene: Scene, parameters: Mapping[str, float]) -> None:
+        here = PlanarPlace(scene, parameters)
+        self._records, self._workspace = here.bound.records, here.workspace
+        own, state = self._records.coordinates, self._workspace.state
+        servo, limited = own["drive"] == SERVO, own["limited"] != 0
+        self.stiffness = np.where(servo, own["stiffness"], 0.0)
+        self.limit = np.where(servo & limited, own["limit"], math.inf)
+        self._passive, self._contacts = np.zeros(len(state.q)), 2 * len(self._records.pairs)
+        self._outlines: dict[int, Outline] = {}
+        count = int(constants(self._records, self._workspace.terms))
+        self._rubbed = np.flatnonzero(self._workspace.terms.account[:count] == SUPPORT)
+
+    @cached_property
+    def owners(self) -> Ints:
+        return np.array(self._records.coordinates["body"], np.int64)
+
+    def touches(self, q: Reals, within: float) -> Touches:
+        records, workspace = self._records, self._workspace
+        state, clock = workspace.state, workspace.state.clock[0]
+        state.q[:], state.manifolds.features[:] = q, ABSENT
+        clock["margin"], clock["tried"], clock["next"], clock["near"] = math.inf, 0.0, 0.0, within
+        place(records, state.q, state.placed, False)
+        look(records, workspace, state.v)
+        count = int(gather(records, workspace))
+        slots = workspace.scratch.slots[:count]
+        count = int((slots < self._contacts).sum())
+        slots, pairs = slots[:count], slots[:count] // 2
+        points, terms = state.manifolds.points[slots], workspace.terms
+        return Touches(
+            pairs=records.pairs["contact"][pairs],
+            features=pairs * FEATURES + state.manifolds.features[slots],
+            gaps=points[:, GAP], points=points[:, POINT_X:], normals=points[:, NORMAL_X:POINT_X],
+            rows=terms.rows[: 2 * count].reshape(count, 2, len(q)).copy(),
+            friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(),
+        )  # fmt: skip
+
+    def loads(self, q: Reals) -> Reals:
+        records, state, terms = self._records, self._workspace.state, self._workspace.terms
+        state.q[:] = q
+        place(records, state.q, state.placed, False)
+        loads(records, state.placed.pose, state.q, state.v, state.start, 0.0, 0.0, 1.0, self._passive, terms)
+        return self._passive.copy()
+
+    def supports(self, q: Reals) -> Surfaces:
+        records, state, terms = self._records, self._workspace.state, self._workspace.terms
+        state.q[:] = q
+        place(records, state.q, state.placed, False)
+        if len(records.supports):
+            turn_supports(records, state.placed.pose, terms)
+        return Surfaces(terms.limited[self._rubbed].copy(), terms.limit[self._rubbed].copy())
+
+    def poses(self, q: Reals) -> Reals:
+        records, state = self._records, self._workspace.state
+        state.q[:] = q
+        place(records, state.q, state.placed, False)
+        x, y, c, s = state.placed.pose.T
+        return np.stack([x, y, np.arctan2(s, c)], axis=-1)
+
+    def outline(self, body: int) -> Outline:
+        if body not in self._outlines:
+            self._outlines[body] = boundary(self._records, body)
+        return self._outlines[body]

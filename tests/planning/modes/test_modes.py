@@ -1,0 +1,180 @@
+"""Plans by contact modes: what modes there are, which forces balance, and plans that are run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.planning.modes.balance import PART, SLIDE, modes, motion, rests
+from rungwise.planning.modes.execute import Scene
+from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.search.problem import Work, begin
+from rungwise.planning.task.task import task_of
+from rungwise.world.find import world_of
+
+WIDTH, HEIGHT, WALL, MASS = 0.08, 0.025, 0.035, 0.5
+
+
+def _finger(number: int, x: float, y: float, drive: dict[str, Any]) -> dict[str, Any]:
+    own = {
+        "role": "robot", "shape": {"kind": "disc", "radius": 0.004}, "pose": {"x": x, "y": y},
+        "motion": {"kind": "free"}, "mass": 0.1, "force": [0, 0.981],
+        "coordinates": {
+            axis: {"drive": {"kind": "servo", "target": f"{axis}{number}", **drive}} for axis in "xy"
+        }
+        | {"angle": {"drive": {"kind": "speed", "speed": 0}}},
+    }  # fmt: skip
+    return own
+
+
+def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7) -> rw.Scene:
+    """A block on a floor, with its right side at a low wall about whose edge one finger tips it."""
+    drive = {"stiffness": 500, "damping": 15, "limit": 20}
+    x, y = -WIDTH - 0.02, 0.03
+    return rw.load(
+        {
+            "name": "block_at_a_wall",
+            "parameters": {"x1": {"default": x}, "y1": {"default": y}},
+            "inputs": ["x1", "y1"], "gravity": [0, -9.81],
+            "bodies": {
+                "finger1": _finger(1, x, y, drive),
+                "part": {
+                    "role": "object", "mass": MASS, "pose": {"x": -WIDTH / 2, "y": HEIGHT / 2},
+                    "shape": {"kind": "box", "width": WIDTH, "height": HEIGHT}, "motion": {"kind": "free"},
+                },
+                "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+                "wall": {
+                    "role": "obstacle", "shape": {"kind": "box", "width": 0.03, "height": WALL},
+                    "pose": {"x": 0.015, "y": WALL / 2},
+                },
+            },
+            "contacts": [
+                {"between": ["finger1", "part"], "friction": friction, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["part", "floor"], "friction": 0.3, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["part", "wall"], "friction": 0.3, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["finger1", "floor"], "friction": 0, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["finger1", "wall"], "friction": 0, "stiffness": 1e6, "damping": 1e3},
+            ],
+            "goal": f"abs(part.angle + {tilt}) <= 0.15", "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "task": {
+                "inputs": {"x1": {"range": [-0.3, 0.1]}, "y1": {"range": [0.005, 0.3]}}, "moves": [1, 6],
+                "transit": {"finger1": {"speed": 0.1, "clearance": 0.004, "push": [0.01, 0.2]}},
+            },
+        }
+    )  # fmt: skip
+
+
+def _work(scene: rw.Scene) -> Work:
+    return begin(task_of(scene), Budget(None, 60.0), 0, 1)
+
+
+def _start(scene: rw.Scene) -> tuple[Ground, Seen]:
+    work = _work(scene)
+    ground = Scene(work).grounds["part"]
+    return ground, ground.look(work.start.q[0])
+
+
+def test_contacts_and_weight_of_a_block_are_seen() -> None:
+    scene = block_at_a_wall()
+    ground, seen = _start(scene)
+    points = seen.touches.points[seen.closed]
+    expected = [[-WIDTH, 0.0], [0.0, 0.0], [0.0, 0.0], [0.0, HEIGHT]]
+    assert sorted(points.round(9).tolist()) == sorted(expected)
+    assert ground.around.loads(seen.q)[ground.columns] == pytest.approx([0.0, -MASS * 9.81, 0.0])
+    around = world_of(scene).surroundings(scene.parameters({}))
+    assert around is not None
+    assert around.stiffness[:2] == pytest.approx(500.0)
+
+
+def test_a_block_may_slide_from_the_wall_rise_along_it_or_tip() -> None:
+    ground, seen = _start(block_at_a_wall())
+
+    def made(want: list[float]) -> list[list[float]]:
+        return [motion.round(6).tolist() for _, motion in modes(ground, seen, np.array(want))]
+
+    assert made([-1.0, 0.0, 0.0])[0] == [-1.0, 0.0, 0.0]
+    assert made([0.0, 1.0, 0.0])[0] == [0.0, 1.0, 0.0]
+    assert made([1.0, -1.0, 0.0]) == []
+    for mode, own in modes(ground, seen, np.array([0.0, 0.0, -1.0])):
+        assert own @ [0.0, 0.0, -1.0] > 0.0
+        rows = seen.touches.rows[seen.closed, 0][:, ground.columns] / ground.units
+        rates = rows @ own
+        assert (rates >= -1e-9).all()
+        assert np.abs(rates[np.array(mode) != PART]).max(initial=0.0) < 1e-9
+
+
+def test_forces_of_a_finger_balance_a_block_that_slides() -> None:
+    """A finger at half the height pushes a block from the right against friction on the floor."""
+    ground, seen = _start(block_at_a_wall())
+    q = seen.q.copy()
+    q[ground.columns[0]] -= 0.1
+    part = next(
+        p for p in np.linspace(0, 1, 401)
+        if np.allclose(ground.around.outline(ground.body)(np.array([p]))[1], [[-1.0, 0.0]])
+        and abs(ground.around.outline(ground.body)(np.array([p]))[0][0, 1]) < 1e-3
+    )  # fmt: skip
+    placed = ground.placed(q, 0, float(part))
+    assert placed is not None
+    begun, used = ground.look(placed), np.ones(1, np.int64)
+    found = motion(ground, begun, used, (SLIDE, SLIDE), np.array([1.0, 0.0, 0.0]), 0.0)
+    assert found is not None
+    assert found.change == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+    # The finger pushes its contact: what acts on it is friction of the floor, 0.3 m g less what it lifts.
+    push = found.pushes[ground.fingers[0].columns]
+    assert push[0] == pytest.approx(0.3 * (MASS * 9.81 - push[1]), rel=2e-2)
+
+
+def test_a_block_rests_on_a_floor_and_not_in_the_air() -> None:
+    ground, seen = _start(block_at_a_wall())
+    none = np.zeros(1, np.int64)
+    assert rests(ground, seen, none) is not None
+    lifted = seen.q.copy()
+    lifted[ground.columns[1]] += 0.1
+    assert rests(ground, ground.look(lifted), none) is None
+
+
+def test_a_finger_goes_with_the_outline_as_the_block_turns() -> None:
+    ground, seen = _start(block_at_a_wall())
+    q = seen.q.copy()
+    q[ground.columns[:2]] += [-0.1, 0.1]
+    placed = ground.placed(q, 0, 0.4)
+    assert placed is not None
+    used, now = np.ones(1, np.int64), ground.look(placed)
+    part = ground.part(now, 0)[0]
+    for _ in range(50):
+        now = ground.corrected(ground.moved(now, np.array([0.0, 0.0, 0.01]), used), set(), used)
+    assert now.held[0] >= 0
+    assert abs(now.touches.gaps[now.held[0]]) < 1e-7
+    perimeter, rolled = 2 * (WIDTH + HEIGHT), 0.5 * 0.004
+    assert abs(ground.part(now, 0)[0] - part) * perimeter == pytest.approx(rolled, rel=5e-2)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_block_is_tipped_about_a_wall(seed: int) -> None:
+    """The plan is found, holds on the dynamic rung as well, and the same seed gives the same plan."""
+    scene = block_at_a_wall()
+    found = rw.plan(scene, seed=seed, limit=60.0, budget=None)
+    assert found.found, found.reason
+    assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
+    assert found.replay("quasistatic-rigid").outcome == rw.Outcome.GOAL
+
+
+def test_what_failed_is_said_where_no_finger_can() -> None:
+    """Without friction a finger cannot tip the block, and no plan is claimed."""
+    scene = block_at_a_wall(friction=0.0, tilt=2.5)
+    found = rw.plan(scene, to="quasistatic-rigid", seed=0, limit=4.0, budget=None)
+    assert not found.found
+    assert "by contact modes most failed by" in found.reason
+
+
+def test_saved_plans_are_read_again(tmp_path: Any) -> None:
+    found = rw.plan(block_at_a_wall(), to="quasistatic-rigid", seed=0, limit=60.0, budget=None)
+    again = rw.load_plan(found.save(tmp_path / "plan.json"))
+    assert again.segments == found.segments
+    assert Counter(again.labels) == Counter(found.labels)
+    assert again.replay().outcome == rw.Outcome.GOAL
