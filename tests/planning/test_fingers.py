@@ -243,6 +243,20 @@ def test_fingers_need_drives_of_their_own() -> None:
     assert refusal(apart).startswith("task.fingers.*: finger2 touches no object")
 
 
+def test_a_finger_is_led_through_free_space_as_if_transit_named_it() -> None:
+    """A plan of `push` whose rod is a finger alone."""
+    file = json.loads(rw.load("push").stored)
+    (entry,) = file["task"].pop("transit").values()
+    file["task"]["fingers"] = {"r*": {name: entry[name] for name in ("speed", "clearance")}}
+    scene = rw.load(file)
+    (carrier,) = task_of(scene).carriers
+    assert (carrier.body, carrier.speed, carrier.clearance) == ("rod", 0.02, 0.003)
+    plan = rw.plan(scene, task_seed=1003, schedule=[("quasistatic-rigid", 1e-3)])
+    assert plan.found, plan.reason
+    assert "push" in plan.labels
+    assert plan.replay().ok
+
+
 def test_a_search_refuses_what_cannot_be_a_finger() -> None:
     with pytest.raises(TaskError, match="finger1 moves at given speeds"):
         rw.plan(lifter(servo=False, fingers={"*": FINGER | {"press": [1, 2]}}), budget=10)

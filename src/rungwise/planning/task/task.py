@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, cast
 
@@ -21,7 +22,7 @@ from rungwise.scene.read import load
 from rungwise.simulation import options
 from rungwise.simulation.state import State
 from rungwise.world.carriers import Carrier, TaskError, pair, pushes_of
-from rungwise.world.contract import OUTLINES, Instance
+from rungwise.world.contract import OUTLINES, ROBOT, Instance
 from rungwise.world.find import world_of
 from rungwise.world.questions import ask, geometry
 
@@ -31,6 +32,9 @@ COASTS = 0.01
 STILL, WAITS = 1e-2, 10.0
 """Part of the robots' speed below which objects count as at rest, and how many of the longest pushes robots
 wait for them at most."""
+PUSHES, LEAN = (0.05, 5.0), math.pi / 4.0
+"""Lengths of pushes over the objects' size, and how far they lean, of robots that a task names as fingers
+alone."""
 DRAWS = 1000
 """Most draws for each instance wanted."""
 
@@ -173,6 +177,7 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
     here = world_of(scene).at(values)
     own, stops = here.moved, here.stops
     carriers = tuple(_carrier(here, name, numbers) for name in fields.transit)
+    carriers += tuple(_of_fingers(scene, here, numbers))
     if len({carrier.by_place for carrier in carriers}) > 1:
         raise TaskError("task.transit: either all robots are led by speeds, or all by the targets of servos")
     low, high, rate = _bounds(scene, fields, numbers)
@@ -197,6 +202,23 @@ def _carrier(here: Instance, name: str, numbers: Mapping[str, float]) -> Carrier
     if own.links:
         raise TaskError(f"{path}: joints lead {name}; robots with transit have two inputs for their x and y")
     return Carrier(**vars(own), **pushes_of(name, numbers))
+
+
+def _of_fingers(scene: AnyScene, here: Instance, numbers: Mapping[str, float]) -> Iterator[Carrier]:
+    """Robots that a task names as fingers alone, as those that it leads through free space; arms in the plane
+    are not led so. Raises TaskError for one that inputs do not lead."""
+    fields, world = fields_of(scene), world_of(scene)
+    for name, role in world.roles().items():
+        pattern = next((each for each in fields.fingers if fnmatchcase(name, each)), None)
+        is_free = world.shapes != OUTLINES or {f"{name}.x", f"{name}.y"} <= set(scene.template.coordinates)
+        if role != ROBOT or pattern is None or name in fields.transit or not is_free:
+            continue
+        path = f"task.fingers.{pattern}"
+        own = here.driven(name, path)
+        if not own.links:
+            push = (PUSHES[0] * here.moved.size, PUSHES[1] * here.moved.size)
+            speed, clearance = numbers[f"{path}.speed"], numbers[f"{path}.clearance"]
+            yield Carrier(**vars(own), speed=speed, clearance=clearance, push=push, lean=LEAN)
 
 
 def _is_slow(stops: Reals, carriers: tuple[Carrier, ...], size: float) -> bool:
