@@ -32,7 +32,11 @@ def _finger(number: int, x: float, y: float, drive: dict[str, Any]) -> dict[str,
     return own
 
 
-def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7) -> rw.Scene:
+TRANSIT = {"transit": {"finger1": {"speed": 0.1, "clearance": 0.004, "push": [0.01, 0.2]}}}
+"""How the finger of the block is led."""
+
+
+def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7, led: dict[str, Any] = TRANSIT) -> rw.Scene:
     """A block on a floor, with its right side at a low wall about whose edge one finger tips it."""
     drive = {"stiffness": 500, "damping": 15, "limit": 20}
     x, y = -WIDTH - 0.02, 0.03
@@ -63,7 +67,7 @@ def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7) -> rw.Scene:
             "goal": f"abs(part.angle + {tilt}) <= 0.15", "tolerance": 1e-6, "duration": 60, "step": 0.01,
             "task": {
                 "inputs": {"x1": {"range": [-0.3, 0.1]}, "y1": {"range": [0.005, 0.3]}}, "moves": [1, 6],
-                "transit": {"finger1": {"speed": 0.1, "clearance": 0.004, "push": [0.01, 0.2]}},
+                **led,
             },
         }
     )  # fmt: skip
@@ -162,6 +166,16 @@ def test_a_block_is_tipped_about_a_wall(seed: int) -> None:
     assert found.found, found.reason
     assert found.replay(tol=0.1 * found.tol).outcome == rw.Outcome.GOAL
     assert found.replay("quasistatic-rigid").outcome == rw.Outcome.GOAL
+
+
+def test_fingers_of_a_task_are_led_as_those_of_transit() -> None:
+    """The same block, with `task.fingers` in place of `transit`."""
+    scene = block_at_a_wall(
+        led={"fingers": {"finger*": {"speed": 0.1, "clearance": 0.004, "press": [0.3, 15]}}}
+    )
+    found = rw.plan(scene, to="quasistatic-rigid", seed=1, limit=60.0, budget=None)
+    assert found.found, found.reason
+    assert found.replay().outcome == rw.Outcome.GOAL
 
 
 def test_what_failed_is_said_where_no_finger_can() -> None:

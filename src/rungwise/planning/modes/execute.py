@@ -70,7 +70,7 @@ class Scene:
         self.work, task = work, work.task
         around = world_of(task.scene).surroundings(task.parameters)
         assert around is not None
-        self.fingers: tuple[Finger, ...] = fingers_of(task, work.transit, around)
+        self.fingers: tuple[Finger, ...] = fingers_of(task)
         names, roles = list(task.scene.template.bodies), world_of(task.scene).roles(task.parameters)
         self.grounds = {
             name: Ground.of(task, around, self.fingers, names.index(name))

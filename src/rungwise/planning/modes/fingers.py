@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.motion.transit import Transit
+from rungwise.planning.task.fingers import fingers_of as stated
 from rungwise.planning.task.task import Task
-from rungwise.world.carriers import Carrier, Surroundings
+from rungwise.world.carriers import Carrier
 
-RESERVE = 0.1
-"""Part of its friction that a finger keeps in hand."""
 STRONGEST = 0.9
-"""Part of the limit of its drives with which a finger presses at most."""
+"""Part of the greatest force of a finger with which it presses at most."""
 
 
 @dataclass(frozen=True)
@@ -39,20 +37,21 @@ class Finger:
         return bool((own >= self.bounds[0]).all() and (own <= self.bounds[1]).all())
 
 
-def fingers_of(task: Task, transit: Transit, around: Surroundings) -> tuple[Finger, ...]:
-    """The fingers of a task: the robots that it leads through free space."""
-    names, contacts = list(task.scene.template.bodies), task.scene.template.contacts
+def fingers_of(task: Task) -> tuple[Finger, ...]:
+    """The fingers of a task that are led by their x and y, in the order of its carriers."""
+    names, said = list(task.scene.template.bodies), {each.name: each for each in stated(task)}
     found = []
     for carrier in task.carriers:
-        columns = np.array(carrier.places, np.int64)
-        others = {name for pair in contacts if carrier.body in pair for name in pair} - {carrier.body}
-        strongest = float(around.limit[columns].min()) if carrier.by_place else math.inf
+        own = said.get(carrier.body)
+        if own is None:
+            continue
+        press = (0.0, math.inf) if own.press is None else (own.press[0], STRONGEST * own.press[1])
         found.append(
             Finger(
-                carrier=carrier, body=names.index(carrier.body), columns=columns,
-                objects=frozenset(names.index(name) for name in others),
-                press=(0.0, STRONGEST * strongest), reserve=RESERVE,
-                bounds=np.array(transit.bounds(carrier)),
+                carrier=carrier, body=names.index(carrier.body),
+                columns=np.array(carrier.places, np.int64),
+                objects=frozenset(names.index(name) for name in own.objects),
+                press=press, reserve=own.reserve, bounds=own.within,
             )
         )  # fmt: skip
     return tuple(found)

@@ -7,6 +7,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Manner, Node, Scene
+from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.tree import propose
 from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, placed_part
@@ -42,6 +43,7 @@ def suits(work: Work) -> bool:
     return (
         world_of(task.scene).shapes == OUTLINES
         and bool(task.carriers)
+        and bool(fingers_of(task))
         and placed_part(task.scene.file.goal or "") is not None
         and len(work.goals) > 0
     )
