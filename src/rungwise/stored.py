@@ -1,7 +1,12 @@
-"""Datasets as zarr stores in folders."""
+"""Files and folders that appear whole or not at all, and datasets as zarr stores in folders."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,3 +29,25 @@ def store_dataset(data: xarray.Dataset, folder: Path) -> None:
         path = folder / key
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.to_bytes())
+
+
+@contextmanager
+def whole(target: Path) -> Iterator[Path]:
+    """A draft beside a file or a folder, to be written, that then takes its place: what is there under the
+    name is whole. Raises OSError."""
+    draft = target.with_name(f".{uuid.uuid4().hex[:8]}{target.suffix}")
+    old = target.with_name(f".{uuid.uuid4().hex[:8]}.old")
+    try:
+        yield draft
+        if draft.is_dir() and target.is_dir():
+            os.replace(target, old)
+        os.replace(draft, target)
+    finally:
+        for path in (draft, old):
+            remove(path)
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder, if it is there and may be removed."""
+    with suppress(OSError):
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)

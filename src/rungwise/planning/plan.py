@@ -6,7 +6,6 @@ import csv
 import json
 import math
 import os
-import uuid
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -30,6 +29,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.state import State, digest
+from rungwise.stored import whole
 from rungwise.world.any_run import AnyRun
 from rungwise.world.find import world_of
 from rungwise.world.questions import geometry
@@ -282,12 +282,8 @@ class Plan:
     def save(self, file: str | Path) -> Path:
         """Write the plan with its scene into a file (JSON), whole or not at all. Raises OSError."""
         target = Path(file)
-        unfinished = target.with_name(f".{uuid.uuid4().hex[:8]}.json")
-        try:
-            unfinished.write_text(self.text(), "utf-8")
-            os.replace(unfinished, target)
-        finally:
-            unfinished.unlink(missing_ok=True)
+        with whole(target) as draft:
+            draft.write_text(self.text(), "utf-8")
         return target
 
 

@@ -9,10 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
-import shutil
-import uuid
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +19,7 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
-from rungwise.stored import store_dataset
+from rungwise.stored import remove, store_dataset, whole
 
 if TYPE_CHECKING:
     import xarray
@@ -72,52 +69,36 @@ class Log:
 
     def write(self, number: int, points: Reals, outcome: Ints, margin: Reals) -> None:
         """Keep a batch."""
-        mark = self.folder / f".{uuid.uuid4().hex[:8]}.npz"
-        try:
-            np.savez(mark, points=points, outcome=outcome, margin=margin)
-            os.replace(mark, self._file(number))
-        finally:
-            mark.unlink(missing_ok=True)
+        with whole(self._file(number)) as draft:
+            np.savez(draft, points=points, outcome=outcome, margin=margin)
 
     def _file(self, number: int) -> Path:
         return self.folder / f"{number:06d}.npz"
 
 
-_DRAFT = re.compile(r"\.[0-9a-f]{8}(\.npz|\.zarr|\.old)?")
+_DRAFT = re.compile(r"\.[0-9a-f]{8}(\.\w+)?")
 
 
 def _sweep(folder: Path) -> None:
     """Remove files that a killed process left half written."""
     for path in folder.iterdir():
         if _DRAFT.fullmatch(path.name):
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+            remove(path)
 
 
 def write(target: Path, content: bytes) -> Path:
     """Write a file, whole or not at all. Raises OSError."""
     target.parent.mkdir(parents=True, exist_ok=True)
-    mark = target.with_name(f".{uuid.uuid4().hex[:8]}")
-    try:
-        mark.write_bytes(content)
-        os.replace(mark, target)
-    finally:
-        mark.unlink(missing_ok=True)
+    with whole(target) as draft:
+        draft.write_bytes(content)
     return target
 
 
 def save(folder: Path, data: xarray.Dataset) -> Path:
     """Write the finished set beside its batches, whole or not at all. Raises OSError."""
     folder.mkdir(parents=True, exist_ok=True)
-    mark = folder / f".{uuid.uuid4().hex[:8]}.zarr"
-    old = folder / f".{uuid.uuid4().hex[:8]}.old"
-    try:
-        store_dataset(data, mark)
-        if (folder / STORE).exists():
-            os.replace(folder / STORE, old)
-        os.replace(mark, folder / STORE)
-    finally:
-        shutil.rmtree(mark, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
+    with whole(folder / STORE) as draft:
+        store_dataset(data, draft)
     return folder / STORE
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import uuid
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from io import BytesIO
@@ -26,6 +25,7 @@ from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.planar.state import workspace as planar
 from rungwise.simulation.planar.state.workspace import in_memory
+from rungwise.stored import whole
 from rungwise.wording import choices
 
 
@@ -142,12 +142,8 @@ class State:
                 "inertia": np.float64(m.model.inertia), "theta": np.float64(m.theta),
                 "inputs": np.array(json.dumps([asdict(segment) for segment in m.inputs])),
             }  # fmt: skip
-        unfinished = target.with_name(f".{uuid.uuid4().hex[:8]}.npz")
-        try:
-            np.savez(unfinished, **arrays)
-            os.replace(unfinished, target)
-        finally:
-            unfinished.unlink(missing_ok=True)
+        with whole(target) as draft, draft.open("wb") as stream:
+            np.savez(stream, **arrays)
         return target
 
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import uuid
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +13,7 @@ from rungwise.contact.step import NAMES
 from rungwise.keywords import keywords
 from rungwise.plain import json_text
 from rungwise.simulation.planar.state.workspace import SCALARS, recorded
-from rungwise.stored import store_dataset
+from rungwise.stored import store_dataset, whole
 
 if TYPE_CHECKING:
     import xarray
@@ -97,20 +94,9 @@ def save(folder: str | Path, trajectory: xarray.Dataset, summary: dict[str, obje
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    mark = f".{uuid.uuid4().hex[:8]}"
-    store, text = target / (STORE + mark), target / (SUMMARY + mark)
-    try:
+    with whole(target / SUMMARY) as text, whole(target / STORE) as store:
         store_dataset(trajectory, store)
         text.write_text(json_text(summary, indent=1), "utf-8")
-        old = target / (STORE + mark + ".old")
-        if (target / STORE).exists():
-            os.replace(target / STORE, old)
-        os.replace(store, target / STORE)
-        os.replace(text, target / SUMMARY)
-        shutil.rmtree(old, ignore_errors=True)
-    finally:
-        shutil.rmtree(store, ignore_errors=True)
-        text.unlink(missing_ok=True)
     return target
 
 

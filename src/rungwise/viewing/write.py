@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 from rungwise.errors import InputError
+from rungwise.stored import whole
 
 
 class ViewError(InputError):
@@ -18,16 +16,12 @@ class ViewError(InputError):
 def write(field: str, target: str | Path, make: Callable[[Path], object]) -> Path:
     """Make the file beside its place and rename it there: it is whole or not there."""
     file = Path(target)
-    draft = file.with_name(f".{file.name}.{uuid.uuid4().hex[:8]}")
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        make(draft)
-        os.replace(draft, file)
+        with whole(file) as draft:
+            make(draft)
     except OSError as error:
         raise ViewError(f"{field}: {file} cannot be written ({error.strerror or error})") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink(missing_ok=True)
     return file
 
 

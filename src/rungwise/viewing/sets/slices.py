@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import uuid
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +13,7 @@ from rungwise.sets.cells.labels import Label
 from rungwise.sets.cells.surface import boundary
 from rungwise.sets.doomed.doomed import DoomedSet
 from rungwise.sets.feasible.feasible import FeasibleSet
+from rungwise.stored import whole
 from rungwise.viewing.sets.differences import differences, draw_differences, shade
 
 if TYPE_CHECKING:
@@ -136,12 +135,8 @@ def _fixed(found: FeasibleSet, part: float) -> str:
 def write_figure(drawing: Figure, file: Path) -> Path:
     """Save a drawing, whole or not at all. Raises OSError."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    mark = file.with_name(f".{uuid.uuid4().hex[:8]}{file.suffix}")
-    try:
-        drawing.savefig(mark, dpi=120)
-        os.replace(mark, file)
-    finally:
-        mark.unlink(missing_ok=True)
+    with whole(file) as draft:
+        drawing.savefig(draft, dpi=120)
     return file
 
 
