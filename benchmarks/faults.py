@@ -108,8 +108,8 @@ FAULTS = (
         ("tests/simulation/test_conditions.py",), "an impulse counts as a force",
     ),
     Fault(
-        "sunk-in-core", "src/rungwise/simulation/core/stepper.py",
-        "SINKING, SUNK = 0.1, 0.2", "SINKING, SUNK = 1.0, 2.0", _CORE,
+        "sunk-in-core", "src/rungwise/simulation/core/tolerances.py",
+        "SINKING = 0.1", "SINKING = 1.0", _CORE,
         "contacts yield ten times as far before the compliant model fails", True,
     ),
     Fault(

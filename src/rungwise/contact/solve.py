@@ -29,7 +29,7 @@ from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.polish.exact import exact
 from rungwise.contact.solvers.polish.refine import SMALL, rate_error, refined, sharpened
 from rungwise.contact.solvers.polish.settled import calmed, clip
-from rungwise.contact.solvers.small import try_at_once
+from rungwise.contact.solvers.small import MARGIN, try_at_once
 from rungwise.contact.solvers.work import Work, allowed
 from rungwise.contact.step.problem import ContactProblem
 from rungwise.keywords import keywords
@@ -39,10 +39,9 @@ SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homot
 TOLERANCE = 1e-9
 """The default `tol` of `Residuals.worst`, without unit: some seven decades above the rounding of double
 precision, as room for ill-conditioned problems."""
-_MARGIN, _ROUNDS, _STEPS, _FINEST = 0.3, 5, 5, 1e-16
-"""Residual asked of solvers over the tolerance, since the judge measures x in its given rows; rounds that
-find the modes of an exact answer; Newton steps of settled forces; the residual, about one rounding of double
-precision, asked of last steps. The first three are chosen by trial."""
+_ROUNDS, _STEPS, _FINEST = 5, 5, 1e-16
+"""Rounds that find the modes of an exact answer; Newton steps of settled forces; the residual, about one
+rounding of double precision, asked of last steps. The first two are chosen by trial."""
 _FAINT = 2.0**-40, 2.0**-32, 2.0**-24
 """Shares of the largest unknown, in magnitudes, below which an unknown may be rounding that the condition of
 the rows has made larger; tried in turn, where rows miss their own terms. Chosen by trial, to a decade."""
@@ -322,13 +321,13 @@ def _in_all_unknowns(
 
 
 def _patiently(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
-    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    own, done = proximal_point.solve_patiently(system, x[system.kept] / system.force, MARGIN * tol, work)
     attempt = Attempt(proximal_point.NAME, done, natural(system, own))
     return _judged(problem, system, system.recover(own * system.force), tol), attempt
 
 
 def _branched(problem: Problem, system: System, x: Array, tol: float, work: Work) -> tuple[_Answer, Attempt]:
-    found = branching.search(system, x[system.kept] / system.force, _MARGIN * tol, work)
+    found = branching.search(system, x[system.kept] / system.force, MARGIN * tol, work)
     answer = _judged_scaled(problem, system, found.x, tol, work)
     if found.proof is not None and proves(problem, system, found.proof):
         answer = answer._replace(proof=found.proof)
@@ -369,7 +368,7 @@ def _run(
         if solver.accepts(system):
             own = work.part()
             allowed = own.left
-            trial, iterations = _apart(solver, system, x, _MARGIN * tol, own)
+            trial, iterations = _apart(solver, system, x, MARGIN * tol, own)
             work.spend(allowed - own.left)
             found = natural(system, trial)
             if found < least:

@@ -11,7 +11,9 @@ from rungwise.models.ladder import Rung
 from rungwise.world.matching import DAMPING, STIFFNESS, Matched
 
 CONTACT = tuple(10.0 ** np.linspace(0.0, 4.0, 5))
+"""Factors on stiffness along the paths to rigid contact."""
 INERTIA = tuple(10.0 ** np.linspace(-1.0, -5.0, 5))
+"""Factors on inertia along the path to none."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ def _inverse(at: float) -> float:
 
 
 _SMALL = tuple(1.0 / factor for factor in CONTACT)
+"""What the distance to rigid contact is expected to fall with."""
 RATIO = Path(
     "stiffness times 1 to 1e4 at a fixed damping ratio", "1/K", _SMALL, _one, _inverse,
     lambda at: at**-0.5,

@@ -12,6 +12,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.motion.propagate import Stage
 
 TOLS = (1e-2, 1e-3, 1e-4)
+"""Errors allowed per step of the stages that are tried, over the size of what moves."""
 MOMENTS = 10
 """Moments at which a stage is judged; a run has at least so many steps."""
 

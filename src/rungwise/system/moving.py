@@ -12,6 +12,12 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.system.terms import Terms
 
+SLIP = 0.25
+"""Relative motion of a pair, or overlap on the way, as a part of its thickness (the sum of both widths), that
+needs no further look: a shape half through the other is seen, from the side on which it entered."""
+LOOKS = 64
+"""Parts in which the way of a pair is looked at; a way that needs more is taken in shorter steps."""
+
 
 class Moment(NamedTuple):
     """Where a step of length h begins: coordinates q (n_q,), velocities v (n_v,), and eps, the part of

@@ -21,10 +21,7 @@ from numpy.typing import NDArray
 
 from rungwise.contact.problem import Array
 from rungwise.contact.step.problem import ContactProblem
-
-_FLOOR, _ROUNDING, _REST = 1e-6, 1e-14, 1e-3
-"""As in `residual`: the least force that counts beside a rate, and the rates that are rounding beside a
-force; chosen there."""
+from rungwise.contact.step.residual import FLOOR, REST, ROUNDING
 
 
 class Part(NamedTuple):
@@ -105,9 +102,9 @@ def scales(p: ContactProblem, v: Array, force: Array, tau: Array) -> tuple[Array
     unit = float(max(np.abs(force).max(initial=0.0), np.abs(tau).max(initial=0.0)))
     push = yields * unit
     rigid = np.concatenate([np.repeat(p.R[:, 0, 0] == 0.0, d), p.R_s == 0.0])
-    scale = np.where(rigid & (scale < _ROUNDING * push), _REST * push, scale)
+    scale = np.where(rigid & (scale < ROUNDING * push), REST * push, scale)
     light = yields > 0.0
-    unit = max(unit, float((_FLOOR * scale[light] / yields[light]).max(initial=0.0)))
+    unit = max(unit, float((FLOOR * scale[light] / yields[light]).max(initial=0.0)))
     return rows @ v + yielded + offset, scale, unit
 
 

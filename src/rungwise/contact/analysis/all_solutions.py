@@ -40,6 +40,7 @@ from rungwise.contact.step.problem import ContactProblem
 from rungwise.keywords import keywords
 
 NODES = 5000
+"""Partial modes that are looked at before solutions are left undecided."""
 _STRICT = 1e-6
 """Slack of an inequality, of at most 1 in scaled units, from which on it counts as strict. Chosen by trial,
 to a decade, far above the tolerance 1e-10 of the linear programs."""

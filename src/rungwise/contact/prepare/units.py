@@ -17,6 +17,7 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 _ROUNDS = 10
+"""Rounds in which units follow each other."""
 _GREATEST, _LEAST = 1e140, 1e-290
 """Greatest unit or scaled offset, and least unit of forces and rates, as plain numbers: the square of the
 first stays below the greatest double 1.8e308, the second above the least normal double 2.2e-308."""

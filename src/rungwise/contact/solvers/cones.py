@@ -19,12 +19,9 @@ from rungwise.contact.prepare.system import System
 from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import all_rates
 from rungwise.contact.solvers.newton.condensed import solver as condensed_solver
-from rungwise.contact.solvers.newton.factors import Factors, diagonal_factors, factors
+from rungwise.contact.solvers.newton.factors import SMALL, Factors, diagonal_factors, factors
 from rungwise.contact.solvers.work import Work
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
-
-_DENSE = 200
-"""Unknowns up to which A is dense; chosen by trial, for speed."""
 
 
 class Layout(NamedTuple):
@@ -113,7 +110,7 @@ def cones_of(system: System) -> Cones:
 def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
     """A and b in the cones' coordinates; for each upper limit a row upper - x >= 0, whose force resists x."""
     capped = np.flatnonzero(np.isfinite(system.upper))
-    if len(capped) == 0 and system.size <= _DENSE:
+    if len(capped) == 0 and system.size <= SMALL:
         return system.dense() / D[:, None] / D, system.b / D
     A, b = system.matrix(), system.b
     if len(capped):
@@ -125,7 +122,7 @@ def _with_limits(system: System, D: Array) -> tuple[Matrix, Array]:
         b = np.concatenate([b, system.upper[capped]])
     scale = sp.diags_array(1.0 / D)
     A = sp.csr_array(scale @ A @ scale)
-    return (A.toarray() if len(b) <= _DENSE else A), b / D
+    return (A.toarray() if len(b) <= SMALL else A), b / D
 
 
 def centre(cones: Cones) -> Array:

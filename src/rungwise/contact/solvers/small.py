@@ -32,7 +32,7 @@ LARGEST, MOST_LEFT = 120, 60
 """Most unknowns, and most unknowns with limits; chosen by trial, for speed."""
 SWEPT, PIVOTED, REFUSED = 0, 1, 2
 _NAMES = gauss_seidel.NAME, pivoting.NAME
-_MARGIN = 0.3
+MARGIN = 0.3
 """Residual asked of sweeps, and its square of pivoting, over the tolerance: the judge measures x in its given
 rows. Chosen by trial."""
 _START, _SOLVE, _REFINE = 0, 1, 2
@@ -152,10 +152,10 @@ def solve_dense(
             )
         elif distance(entries, offset, 0.0, best, scaled, scratch.vectors) > tol:
             if solver == SWEPT:
-                own, goal = best.copy(), _MARGIN * tol
+                own, goal = best.copy(), MARGIN * tol
                 done = alternate(form, matrix, offset, scaled, own, best, goal, dampings, scratch)
             else:
-                done = _pivot(matrix, offset, scaled, _MARGIN**2 * tol, best)
+                done = _pivot(matrix, offset, scaled, MARGIN**2 * tol, best)
         if attempt != _START:
             settle(best, rows, scaled.lower, scaled.upper, _NOTHING)
             for i in range(k):

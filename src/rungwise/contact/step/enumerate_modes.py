@@ -17,6 +17,7 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Ints, kernel
 
 MAX_MODES = 5000
+"""Modes that are tried, one after another, at most."""
 
 
 @kernel

@@ -18,6 +18,7 @@ from rungwise.contact.step.residual import residual
 from rungwise.kernel import Reals, kernel
 
 MAX_FLIPS = 12
+"""Solves in which contacts may change their mode, at most."""
 _TOLERANCE = 1e-12
 """Rates over the greatest velocity term, and forces over the greatest force or the limit, that contradict no
 mode: about ten thousand roundings of double precision. Chosen by trial, to a decade."""

@@ -26,6 +26,7 @@ FIRST, MOST, LEAST = 1e-4, 1.0, 1e-12
 """Yield rho of a force, relative to the yield of the bodies and the contact: at first, at most, at least.
 Chosen by trial, to a decade."""
 MAX_ROUNDS = 40
+"""Proximal problems, at most."""
 MAX_FLIPS = 12
 """Solves in which all contacts may change their mode, and then as many in which one contact may."""
 TARGET = 1e-11

@@ -20,6 +20,7 @@ _NOTICED = 1e-3
 """Rates of holding rows, over the problem's quantum, from which on they are corrected: they add up over
 steps. Chosen by trial, to a decade."""
 _ROUNDS = 2
+"""Corrections, at most."""
 _BETTER = 0.1
 """Part of the greatest rate before the correction that may remain after it, at most. Chosen by trial."""
 

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BUDGET = 200_000
+"""Most runs, if not given."""
 DESIGNS, DRAWS = 40, 50
 """Designs of a round of the search, and samples with which each is tried if not given."""
 NEAR = 0.1

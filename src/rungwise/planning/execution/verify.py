@@ -33,6 +33,7 @@ from rungwise.world.find import world_of
 from rungwise.world.run import simulate
 
 CONFIDENCE = 0.95
+"""Confidence of the bounds of a rate (Clopper and Pearson)."""
 MODES = (OPEN_LOOP, GUARDED, RE_PLANNING)
 WORST = 10
 """Samples that failed that are kept."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Reals
-from rungwise.planning.motion.free_paths import always, cut_short, grown
+from rungwise.planning.motion.free_paths import CHECKS, always, cut_short, grown
 from rungwise.planning.task.task import Task
 from rungwise.scene.contract import AnyScene
 from rungwise.world.find import world_of
@@ -39,8 +39,6 @@ YIELDED = 0.2
 """Overlap, in parts of the thinnest shape, that two contacts may yield before compliant rungs do not hold."""
 GOALS, NEAREST = 32, 8
 """Places at the goal that are sought, and those to which ways are, the nearest first."""
-CHECKS = 5_000
-"""Most straight ways that are asked for before a way counts as not found."""
 CLEARED = (-2.5, 0.5)
 """Logarithms of how far from a contact trees begin, in parts of the size."""
 RESOLUTION = 1e-3

@@ -27,6 +27,7 @@ from rungwise.world.find import world_of
 from rungwise.world.questions import ask, geometry
 
 ROUNDING = 1e-9
+"""Part of the ends of a range by which values may lie outside it."""
 COASTS = 0.01
 """Part of their size by which objects may coast in a task that counts as slow."""
 STILL, WAITS = 1e-2, 10.0

@@ -14,6 +14,7 @@ from rungwise.sets.cells.tree import BudgetSpent, Oracle, Tree
 WIDTH = 0.25
 """Brackets of crossings end up no wider than this part of a cell."""
 MAX_ROUNDS = 40
+"""Trials on an edge, at most."""
 
 
 def edges_of(axes: int) -> tuple[Ints, Ints]:

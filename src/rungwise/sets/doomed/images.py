@@ -21,6 +21,7 @@ from rungwise.sets.store import SetError
 PILOT = 1e-4
 """Length of the runs that tell how fast things move, over the scene's duration."""
 MOST_INPUTS = 9
+"""Values of each input, evenly apart, at most."""
 LOST = (Code.NOT_CONVERGED, Code.UNSUPPORTED, Code.MODEL_INVALID)
 """Outcomes that decide nothing: a state with one of these outcomes counts as reaching the goal."""
 Report = Callable[[str, int, int], None]

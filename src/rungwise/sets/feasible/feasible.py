@@ -46,7 +46,9 @@ tolerance. A cell in which the boundary is no plane is split at most `DEEPER` ti
 tolerance."""
 MAX_AXES = 6
 PROBE_ROUNDS = 4
+"""Rounds of random probes, at most, as long as one contradicts its leaf."""
 BUDGET = 50_000_000
+"""Most runs, if not given."""
 
 
 @dataclass(frozen=True)

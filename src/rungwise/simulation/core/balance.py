@@ -15,10 +15,6 @@ from rungwise.system.terms import Terms
 
 NEAR = 1e-4
 """Gaps below this part of the system's length count as closed."""
-SHORTER = 1.0 / 16.0
-"""Part of a step in which what vanishes with the step moves less than half as far."""
-DRIVEN = 2.0
-"""Displacement over the farthest of what is driven, from which on it may be a leap."""
 
 
 @kernel

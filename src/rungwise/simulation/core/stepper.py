@@ -21,37 +21,41 @@ from rungwise.kernel import Reals, kernel, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, forget
-from rungwise.simulation.core.balance import DRIVEN, NEAR, SHORTER, keep_near
+from rungwise.simulation.core.balance import NEAR, keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
 from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
+from rungwise.simulation.core.tolerances import (
+    DRIVEN,
+    EXACT,
+    LINEARISATIONS,
+    OVERLAP,
+    PAUSE,
+    ROUNDING,
+    SHORTER,
+    SINKING,
+)
 from rungwise.system.moving import Crowded, Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
-LINEARISATIONS = 12
-"""Solutions of one attempt, each linear about the end of the solution before."""
 ROUNDED = 4
 """Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
 trial."""
-EXACT, OVERLAP, UNSEEN = 1e-9, 1e-4, 1e-3
-"""Overlap over the system's length up to which a step is not linearised again (kinematic rung), or halved;
-the last on compliant rungs, beyond the overlap that the step's linear contacts foresee."""
+UNSEEN = 1e-3
+"""Overlap over the system's length that a compliant step may have beyond what its linear contacts foresee;
+it is halved else."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over the farthest motion in the step."""
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
-PAUSE = 2.0
-"""Nominal steps: an approach that loads cause within them is rest, not impact."""
-SINKING, SUNK = 0.1, 0.2
-"""Deformation over the system's length beyond which the compliant model fails, and beyond which a long step
-is halved, so that what the run shows last is how it fails."""
+SUNK = 0.2
+"""Deformation over the system's length beyond which a long step is halved, so that what the run shows last
+is how the compliant model fails."""
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
-ROUNDING = 1e-12
-"""Rounding of positions over the system's length."""
 
 
 class Leap(NamedTuple):

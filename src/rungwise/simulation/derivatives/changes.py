@@ -13,8 +13,8 @@ from rungwise.models.ladder import Rung
 from rungwise.plain import brief
 from rungwise.scene import Scene
 from rungwise.scene.template.records import FREE, HINGE
+from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
-from rungwise.simulation.planar.state.workspace import ROUNDING
 
 Array: TypeAlias = NDArray[np.float64]
 Data: TypeAlias = dict[str, Array]

@@ -25,10 +25,11 @@ from rungwise.scene import Scene
 from rungwise.scene.read import load_planar
 from rungwise.simulation.core.state import Trial
 from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.core.tolerances import LINEARISATIONS
 from rungwise.simulation.derivatives.changes import KINDS, Changes, Data, EndSensitivity, along
 from rungwise.simulation.derivatives.differences import Assembly, Held, Start
 from rungwise.simulation.options import ModelError
-from rungwise.simulation.planar.step.attempt import MAX_LINEARISATIONS, TAKEN, attempt
+from rungwise.simulation.planar.step.attempt import TAKEN, attempt
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.seams import is_continued
 from rungwise.wording import choices
@@ -162,7 +163,7 @@ def differentiated(
     n, count = len(start.q), next(iter(directions.values())).shape[1]
     quantum = float(here.workspace.terms.rounding[0]) / here.h
     trial, turn = None, np.zeros((n, count))
-    for _ in range(MAX_LINEARISATIONS):
+    for _ in range(LINEARISATIONS):
         held, contact, speed = _solved(here, start, trial)
         by = directions if trial is None else {**directions, "trial": turn}
         data, sizes = along(changes.of(held, start, trial), by)
@@ -210,7 +211,7 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
     work, h = here.workspace, here.h
     here.place(start, trial)
     state, scratch, clock = work.state, work.scratch, work.state.clock[0]
-    for _ in range(MAX_LINEARISATIONS):
+    for _ in range(LINEARISATIONS):
         count = here.gather(trial)
         if solve_step(Trial(here.rung, h, work.terms, count, state, scratch, work.problem)) != SUPPORTED:
             raise ModelError("step: it has no solution")

@@ -11,7 +11,8 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.core.crawl import why_nowhere
-from rungwise.simulation.core.stepper import OVERLAP, Stepper
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.begin import Fault, worst
 from rungwise.simulation.moving.frames import Frame, worked
 from rungwise.simulation.moving.memory import begin_anew, recall, remembered

@@ -17,7 +17,8 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import ROUNDING, Stepper
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.inputs import condition
 from rungwise.simulation.moving.back import Begun, sooner
 from rungwise.simulation.moving.begin import Fault, begin_at

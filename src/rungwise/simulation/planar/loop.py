@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from rungwise.kernel import Ints, Reals, RecordArray, copy, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import ANGLE, SERVO, SPEED, Records
+from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
 from rungwise.simulation.planar.state.drives import set_speeds
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import (
@@ -47,7 +48,7 @@ from rungwise.simulation.planar.state.verdicts import (
     spent,
     withholds,
 )
-from rungwise.simulation.planar.state.workspace import ROUNDING, Conditions, State, Workspace
+from rungwise.simulation.planar.state.workspace import Conditions, State, Workspace
 from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, TAKEN, UNDEFINED
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.controlled import LEAPT, controlled_step, until_contact
@@ -61,13 +62,12 @@ from rungwise.system.terms import APART, METRIC
 STOPPED = 0
 """Place, among the signals, of the signal to stop."""
 MAX_HALVINGS = 60
+"""Halvings of one step, at most: to rounding of its time."""
 STALLS, NOWHERE = 10, 0.2
 """After this many steps, each by no more than this part of the goal's tolerance and in place of a longer one
 without solution, a step without solution by no more than that is a jam: what closes in between is closed."""
 CLOSED = 1e-9
 """Overlap, or opening of a joint, over the longest lever, that counts as rounding at the start."""
-PAUSE = 2.0
-"""Nominal steps: an approach no faster than loads cause within them does not bounce."""
 
 
 class Setting(NamedTuple):

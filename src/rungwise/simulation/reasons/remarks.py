@@ -14,8 +14,8 @@ SHORTENED = 2.0
 """Number of steps over the number asked for from which on a remark is made."""
 FINE, COARSE = 1e-9, 1e-2
 """The goal's tolerance in reaches of the smallest shape: gaps below the first count as rounding where bodies
-touch at the start (`loop.CLOSED`, `attempt.EXACT`), so that no gap is known so well; above the second, bodies
-would count as touching that are apart to the eye."""
+touch at the start (`loop.CLOSED`, `tolerances.EXACT`), so that no gap is known so well; above the second,
+bodies would count as touching that are apart to the eye."""
 ROUGH = 2e-3
 """Error allowed in a step, in reaches of the smallest body that forces move, from which on the course after
 impacts is not sure. Chosen by trial."""

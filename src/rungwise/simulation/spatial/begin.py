@@ -6,7 +6,7 @@ from rungwise.kernel import Reals
 from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.elements import equality
-from rungwise.simulation.core.stepper import OVERLAP
+from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.begin import Fault, worst
 from rungwise.simulation.spatial.prepared import Prepared
 from rungwise.simulation.state import StateError

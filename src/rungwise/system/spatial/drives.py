@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from rungwise.scene.space import SpaceBound
 
-SLIDE = 2
-"""Number of MuJoCo's joints that move along an axis; those of free bodies and balls are less."""
+FREE, BALL, SLIDE, HINGE = range(4)
+"""MuJoCo's numbers of joints: free bodies, balls, along an axis, about one."""
 
 
 @dataclass(frozen=True, eq=False)

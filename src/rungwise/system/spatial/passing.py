@@ -18,16 +18,12 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, kernel
 from rungwise.scene.space.laws import touching
+from rungwise.system.moving import SLIP
 from rungwise.system.spatial.features import Seen
 
 if TYPE_CHECKING:
     import mujoco
 
-SLIP = 0.25
-"""Relative motion of two geoms, or their overlap on the way, as a part of the sum of their widths, that needs
-no further look: a geom half through another is seen, from the side on which it entered."""
-LOOKS = 64
-"""Parts in which a way is looked at; a way that needs more is taken in shorter steps."""
 PLANE, FIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 """MuJoCo's numbers of types of geoms."""
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals, steady
 from rungwise.scene.space.laws import touching
-from rungwise.system.moving import Crowded, Moment, Size
+from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import (
@@ -30,7 +30,7 @@ from rungwise.system.spatial.limited import Limited
 from rungwise.system.spatial.loads import Loads
 from rungwise.system.spatial.nearest import Nearest
 from rungwise.system.spatial.noise import Noise
-from rungwise.system.spatial.passing import LOOKS, SLIP, Passing, frames
+from rungwise.system.spatial.passing import Passing, frames
 from rungwise.system.spatial.reach import fastest_point, reaches
 from rungwise.system.spatial.rims import Rims
 from rungwise.system.terms import Terms

@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
-from rungwise.simulation.core.stepper import OVERLAP
+from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.contract import OBJECT, Tool
 from rungwise.world.moving.instance import MovingInstance, body_of

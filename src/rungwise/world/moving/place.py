@@ -14,7 +14,8 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.language.expression import STACK, Programs
 from rungwise.scene.language.terms import LENGTH, TIME, Dimension, Term
 from rungwise.scene.stated import StatedScene
-from rungwise.simulation.core.stepper import OVERLAP, Stepper
+from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.core.tolerances import OVERLAP
 from rungwise.simulation.moving.kind import numbered
 from rungwise.simulation.moving.memory import memory_parts, recall
 from rungwise.simulation.moving.prepared import Numbers

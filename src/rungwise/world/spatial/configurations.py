@@ -16,11 +16,12 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceScene
 from rungwise.scene.space.laws import touching, touching_pairs
-from rungwise.simulation.core.stepper import OVERLAP
+from rungwise.simulation.core.tolerances import OVERLAP
+from rungwise.system.spatial.drives import BALL, FREE, SLIDE
 from rungwise.system.spatial.reach import reaches
 from rungwise.world.carriers import Carrier
 from rungwise.world.contract import OBJECT
-from rungwise.world.spatial.instance import BALL, FREE, SLIDE, roles_in_space
+from rungwise.world.spatial.instance import roles_in_space
 from rungwise.world.spatial.tool import JointTool
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space import SpaceBound, SpaceScene
-from rungwise.system.spatial.drives import moments
+from rungwise.system.spatial.drives import BALL, FREE, SLIDE, moments
 from rungwise.world.carriers import Driven
 from rungwise.world.contract import OBJECT, OBSTACLE, ROBOT, Load, Moved
 from rungwise.world.parts import BoundInstance
@@ -21,8 +21,6 @@ from rungwise.world.spatial.carriers import driven
 if TYPE_CHECKING:
     import mujoco
 
-FREE, BALL, SLIDE = 0, 1, 2
-"""Numbers of MuJoCo's joints, as far as they are told apart here."""
 TURNED = 2.0
 """Angle of a turn over the distance of its quaternion from the one before, for small angles."""
 

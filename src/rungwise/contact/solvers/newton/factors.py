@@ -16,6 +16,8 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.work import DENSE
 from rungwise.kernel import Ints, kernel
 
+SMALL = 200
+"""Unknowns up to which A is dense; chosen by trial, for speed."""
 FULL = 0.1
 """Share of entries that are not zero from which on a matrix is taken as dense; chosen by trial, for speed."""
 

@@ -32,11 +32,9 @@ from rungwise.contact.solvers.newton.dense import (
     descend_dense,
     scratch_for,
 )
-from rungwise.contact.solvers.newton.factors import factors
+from rungwise.contact.solvers.newton.factors import SMALL, factors
 from rungwise.contact.solvers.work import Work
 
-_DENSE = 200
-"""Unknowns up to which A is dense; chosen by trial, for speed."""
 _YIELD = 1e-7
 """Least damping of steps in the velocities, in scaled units, where the diagonal of A is about one: blocks
 that are nearly singular lose digits (see `condensed`). Chosen by trial, to a decade."""
@@ -73,7 +71,7 @@ def form(system: System) -> Matrix | None:
     """A in the form for the steps: dense when small; None where the system has a product."""
     if system.product is not None:
         return None
-    return system.dense() if system.size <= _DENSE else system.matrix()
+    return system.dense() if system.size <= SMALL else system.matrix()
 
 
 def descend(

@@ -23,7 +23,7 @@ from rungwise.contact.solvers.polish.settled import calmed
 from rungwise.kernel import Reals, kernel
 
 LARGEST = 400
-"""Unknowns up to which a dense inverse takes little time; chosen by trial."""
+"""Unknowns up to which dense steps, or a dense inverse, take little time; chosen by trial."""
 _ROUNDS, _LEAST = 6, 0.1
 """Most corrections; and the least factor by which each must be smaller than the last. By trial."""
 _ZERO = 2.0**-30

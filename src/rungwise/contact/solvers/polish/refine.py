@@ -28,10 +28,9 @@ from rungwise.contact.prepare.system import System, uneliminated
 from rungwise.contact.problem import Array, Laws, Problem
 from rungwise.contact.solvers.measure import rates
 from rungwise.contact.solvers.newton.dense import alart_curnier
+from rungwise.contact.solvers.polish.exact import LARGEST
 from rungwise.kernel import Reals, kernel
 
-LARGEST = 400
-"""Unknowns up to which dense steps take little time; chosen by trial."""
 SMALL = 1e-6
 """Rates below this share of the rates without forces mean that inertia does not matter; chosen by trial, to
 a decade."""

@@ -27,8 +27,7 @@ much, and forces by rounding over it. Chosen by trial, to a decade."""
 _FIRMER, _LEAST = 1e-3, 1e-14
 """Factor on the yield where whole steps are slow, as where a light body carries a heavy one, and the least
 yield. Chosen by trial, to a decade."""
-_HALVINGS = 7
-_FALL = 1e-2
+_HALVINGS, _FALL = 7, 1e-2
 """Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
 _CHORDS, _FAST = 3, 0.2
 """Most steps with old factors, and the factor by which each must bring the map down. Chosen by trial."""

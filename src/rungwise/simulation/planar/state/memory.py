@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from rungwise.kernel import Reals, RecordArray, copy, inner_kernel, kernel
 from rungwise.scene.template.records import Records
+from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.verdicts import RUNNING
-from rungwise.simulation.planar.state.workspace import ROUNDING, Snapshot, State, Workspace
+from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
 from rungwise.system.planar.manifold import ABSENT
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART

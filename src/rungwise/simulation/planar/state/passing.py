@@ -14,14 +14,9 @@ import math
 from rungwise.kernel import Record, kernel
 from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.system.moving import LOOKS, SLIP
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, Found, manifold
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
-
-SLIP = 0.25
-"""Relative motion of a pair, or overlap on the way, as a part of its thickness (the sum of both widths), that
-needs no further look: a shape half through the other is seen, from the side on which it entered."""
-LOOKS = 64
-"""Parts in which the way of a pair is looked at; a way that needs more is taken in shorter steps."""
 
 
 @kernel

@@ -8,6 +8,7 @@ from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
 from rungwise.scene.language.expression import evaluate, holds
 from rungwise.scene.template.records import FORCE, SERVO, Records
+from rungwise.simulation.core.tolerances import SINKING
 from rungwise.simulation.planar.state.inputs import Inputs, until_margin
 from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.passing import thickness
@@ -27,9 +28,6 @@ SIGHTS = 10
 LASTING = 0.5
 """Part of the force found in a step: while conditions read less than this, steps are nominal until it is
 known whether the force lasts."""
-SINKING = 0.1
-"""Deformation beyond which the compliant model fails, as a fraction of the smallest shape's reach, or of half
-the thickness of the pair where that is less."""
 
 
 @inner_kernel

@@ -26,9 +26,6 @@ Conditions: TypeAlias = tuple[Ints, Reals, Ints]
 Fields: TypeAlias = dict[str, tuple[tuple[int, ...], np.dtype[Any] | type]]
 """Shapes and types of fields, by name."""
 
-ROUNDING = 1e-12
-"""Rounding of positions, relative to the extent of the scene."""
-
 CLOCK = record_type(
     core.COUNTS
     + " attempts outcome contacts frames since stride bounces drives chooses leaper jumps segment varies"

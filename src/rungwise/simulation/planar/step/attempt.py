@@ -10,9 +10,10 @@ from rungwise.models.assemble import approach
 from rungwise.scene.template.records import HINGE, SERVO, Records
 from rungwise.simulation.core.accept import accept_forces, account, end_velocity
 from rungwise.simulation.core.step import UNSOLVED, UNSUPPORTED
+from rungwise.simulation.core.tolerances import EXACT, LINEARISATIONS, OVERLAP
 from rungwise.simulation.planar.state.memory import bring_back, remember
 from rungwise.simulation.planar.state.nearby import begin_step, fastest_pair, gather, look, widen
-from rungwise.simulation.planar.state.passing import SLIP, passes
+from rungwise.simulation.planar.state.passing import passes
 from rungwise.simulation.planar.state.verdicts import sense
 from rungwise.simulation.planar.state.workspace import Scratch, State, Workspace, trial_in
 from rungwise.simulation.planar.step.blame import blame
@@ -32,6 +33,7 @@ from rungwise.simulation.planar.step.midpoint_rows import (
 from rungwise.simulation.planar.step.opened_contacts import note_opened
 from rungwise.simulation.planar.step.preferred_motion import SUDDEN, choose_motion
 from rungwise.simulation.planar.step.snaps import is_coarse
+from rungwise.system.moving import SLIP
 from rungwise.system.planar import joints
 from rungwise.system.planar.manifold import ABSENT, GAP
 from rungwise.system.planar.place import place
@@ -40,10 +42,6 @@ from rungwise.system.terms import Terms
 TAKEN, REFUSED, LEFT_UNSUPPORTED, TOO_COARSE, UNDEFINED = 0, 1, 2, 3, 4
 ABSORBED, PASSED, COARSE = 3, 4, 6
 """Statuses beside the statuses of `solve_step`."""
-MAX_LINEARISATIONS = 12
-EXACT = 1e-9
-"""Overlap, over the smallest shape's reach, and opening of joints, over their levers, up to which a kinematic
-step is not linearised again."""
 ASKED, GREATEST = 0.1, 1e-2
 """Overlap, over the error allowed in a step, up to which one that is centred is not linearised again; under
 error control none is beyond this overlap over the smallest shape's reach."""
@@ -59,8 +57,6 @@ SWIFT = 4.0
 and not linearised again: near a singular position the step would lead through whatever holds the body."""
 UNSEEN = 1e-3
 """Overlap without deformation where compliant bodies with momentum meet, over the error allowed in a step."""
-OVERLAP = 1e-4
-"""Overlap, over the smallest shape's reach, beyond which a rigid step that adds to it is halved."""
 
 
 @kernel
@@ -81,7 +77,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
     contacts = gather(records, workspace)
     status, least, jumped, first, closed = UNSOLVED, -math.inf, False, True, True
     clock.tried, clock.bend, clock.lost = h, 0.0, 0
-    for _ in range(MAX_LINEARISATIONS):
+    for _ in range(LINEARISATIONS):
         clock.contacts = contacts
         status = choose_motion(records, rung, h, contacts, shortest, workspace)
         if status in (UNSOLVED, SUDDEN):

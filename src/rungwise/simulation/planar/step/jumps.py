@@ -14,6 +14,7 @@ from rungwise.kernel import RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import approach
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
+from rungwise.simulation.core.tolerances import SHORTER
 from rungwise.simulation.planar.state.nearby import gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 
@@ -21,8 +22,6 @@ GROWN = 2.0
 """A jump is looked for only where acceleration has grown by this factor since the last step."""
 ROUNDED = 1e-9
 """Change of velocity, over the velocity and the change by loads, that is rounding and no jump."""
-SHORTER = 1.0 / 16.0
-"""Part of the step in which a jump is as large, and any other change is less than half."""
 
 
 @kernel

@@ -1,21 +1,7 @@
 """Leaps: how far a step without momentum moves bodies, and from where on it is looked at.
 
-Thresholds, each chosen by trial to a decade. `size` is the reach of the smallest shape; a pause is two
-nominal steps. Last comes the test that fails where one is far lower (-) or higher (+), if any does:
-
-    name      in units of           a lower one                    a higher one                held by
-    LEAST     size                  looks at slow motion           leaves leaps untold         + test_leaps
-    STRIDE    size                  shortens what settles          leaves single leaps untold  - test_fingers
-    SMALL     size                  takes rounding for leaps       leaves short leaps untold    + test_leaps
-    GROWN     last step's pace      takes what slows down for one  leaves slow snaps untold
-    YIELDED   deepest deformation   takes what sinks in for leaps  leaves leaps of soft parts
-    DRIVEN    farthest driven way   looks at what levers speed up  lets drives hide leaps
-    TINY      pause                 finds late what moves on       takes loads for jumps       + test_leaps
-    LEFT      load and resistance   takes rounding for inertia     lets inertia hide a fall
-    HEAVIER   inertia of the limit  takes rounding for a bound     takes resistance for none   - test_leaps
-    SHORTER   step                  ignores loads that change      takes slow motion as thrown + test_snap
-    SUDDEN    tiny step             sees rounding alone            takes load jumps for thrown + test_faint
-    SETTLING  pause                 takes what settles for a snap  leaves later snaps untold
+Thresholds are chosen by trial, to a decade; docs/constants.md says what far lower and far
+higher ones do, and which tests hold them.
 """
 
 from __future__ import annotations
@@ -26,6 +12,7 @@ from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.models.limit import LIMIT
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import solve_step
+from rungwise.simulation.core.tolerances import DRIVEN
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.system.terms import Terms
 
@@ -38,17 +25,15 @@ SMALL = 1e-3
 GROWN, YIELDED = 2.0, 2.0
 """Displacement over what the pace of the last step explains, and over the deepest deformation, from which on
 it grows. Where balance is stable the rest of a step that took faces as flat is shorter than this step."""
-DRIVEN = 2.0
-"""Displacement over the farthest of a driven coordinate, from which on it may be a leap."""
 TINY = 1e-6
 """Step, over twice the nominal one, in which loads and drives move nothing unless they jump."""
 LEFT = 10.0 * LIMIT
 """Part of the load and of the resistance that inertia may make up where it does not bound the motion."""
 HEAVIER = 10.0
 """Factor on the inertia of a limit that changes a motion if nothing else bounds it."""
-SHORTER, SUDDEN = 1.0 / 16.0, 2.0**-12
-"""Parts of a step, and of a tiny one, in which what vanishes with the step moves less than half as far: a
-load that jumps somewhere in a tiny step hardly does so in this part."""
+SUDDEN = 2.0**-12
+"""Part of a tiny step in which what vanishes with the step moves less than half as far: a load that jumps
+somewhere in a tiny step hardly does so in this part."""
 SETTLING = 2.0
 """Time after a change of inputs, over twice the nominal step, in which what moves may still settle."""
 

@@ -16,7 +16,8 @@ import math
 from rungwise.kernel import Record, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import NO_DRIVE, Records
 from rungwise.simulation.core.step import SUPPORTED, solve_step
-from rungwise.simulation.planar.state.workspace import ROUNDING, State, Workspace, trial_in
+from rungwise.simulation.core.tolerances import ROUNDING
+from rungwise.simulation.planar.state.workspace import State, Workspace, trial_in
 from rungwise.system.planar.place import coordinate_count, turns
 
 SUDDEN = 5

@@ -1,0 +1,52 @@
+"""Named numbers of the rooms are in the table of their room, with value, kind, and tests that exist."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from types import ModuleType
+
+import pytest
+
+from tests.pages import ROOT
+from tests.test_examples import script
+
+
+@pytest.fixture
+def table(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    return script("docs/constants.py", monkeypatch)
+
+
+def test_every_number_is_listed_once_and_nothing_else(table: ModuleType) -> None:
+    named = {(constant.file, constant.name) for constant in table.constants()}
+    listed = Counter((entry.file, name) for entry in table.entries() for name in entry.names)
+    assert len(named) > 600
+    assert sorted(named - set(listed)) == [], "to be listed in docs/constants.txt"
+    assert sorted(set(listed) - named) == [], "listed, but no number of the source"
+    assert [name for name, count in listed.items() if count > 1] == []
+
+
+def test_the_page_has_the_values_of_the_source(table: ModuleType) -> None:
+    assert (ROOT / "docs/constants.md").read_text("utf-8") == table.page(), "run python docs/constants.py"
+
+
+def test_what_decides_says_what_it_means_and_trades_and_its_tests_exist(table: ModuleType) -> None:
+    meanings = {(constant.file, constant.name): constant.meaning for constant in table.constants()}
+    for entry in table.entries():
+        assert entry.kind in table.PLAIN or all(meanings[entry.file, name] for name in entry.names), entry
+        assert entry.kind in (*table.DECIDING, *table.PLAIN), entry
+        assert (entry.kind in table.PLAIN) != bool(entry.smaller and entry.greater), entry
+        assert bool(entry.tests) == bool(set("-+") & set(entry.held.split())), entry
+        for test in entry.tests:
+            file, _, name = test.partition("::")
+            text = (ROOT / "tests" / file).read_text("utf-8")
+            assert not name or re.search(rf"^def {re.escape(name)}\(", text, re.MULTILINE), test
+
+
+def test_every_number_is_used(table: ModuleType) -> None:
+    words = Counter(
+        word
+        for file in table.SOURCE.rglob("*.py")
+        for word in re.findall(r"\b_?[A-Z][A-Z_0-9]*\b", file.read_text())
+    )
+    assert [constant for constant in table.constants() if words[constant.name] < 2] == []
