@@ -67,8 +67,12 @@ def turned(points: Any, angle: float) -> NDArray[np.float64]:
                 2.0 * (4.0 + 1.0) / 12.0 + math.pi / 4.0 * (0.125 + 1.0 + 2.0 * 4.0 * 0.5 / (3.0 * math.pi)),
             ),
         ),
+        (
+            {"kind": "regular", "corners": 6, "reach": 2.0, "at": [1.0, 0.5], "angle": 0.3},
+            (6.0 * math.sqrt(3.0), 1.0, 0.5, 6.0 * math.sqrt(3.0) * 4.0 / 6.0 * 2.5),
+        ),
     ],
-    ids=["disc", "box", "triangle", "capsule"],
+    ids=["disc", "box", "triangle", "capsule", "hexagon"],
 )
 def test_closed_forms(shape: dict[str, Any], expected: tuple[float, ...]) -> None:
     assert mass_centre_inertia(bound({"shape": shape})) == pytest.approx(expected, rel=1e-12, abs=1e-12)
@@ -85,6 +89,18 @@ def test_rounded_polygon_is_shapelys_buffer(radius: float, at: list[float], angl
     shape = polygon(TRAPEZE, radius=radius, at=at, angle=angle)
     drawn = shapely.Polygon(turned(TRAPEZE, angle) + at).buffer(radius, quad_segs=2000)
     assert mass_centre_inertia(bound({"shape": shape})) == pytest.approx(moments(drawn), rel=1e-6)
+
+
+def test_a_regular_polygon_is_the_polygon_of_its_corners_at_any_parameters() -> None:
+    corners = [[0.9 * math.cos(t), 0.9 * math.sin(t)] for t in 2.0 * math.pi * np.arange(5) / 5.0]
+    whole = {"kind": "regular", "corners": 5, "reach": "3 * r", "radius": 0.1, "angle": 0.2}
+    sized = {"parameters": {"r": {"default": 0.1, "range": [0.0, 1.0]}}}
+    there = mass_centre_inertia(bound({"shape": whole}, {"r": 0.3}, **sized))
+    assert there == pytest.approx(
+        mass_centre_inertia(bound({"shape": polygon(corners, radius=0.1, angle=0.2)}))
+    )
+    with pytest.raises(InvalidScene, match=r"shape\.reach"):
+        bound({"shape": whole}, {"r": 0.0}, **sized)
 
 
 def test_capsule_is_shapelys_buffer() -> None:

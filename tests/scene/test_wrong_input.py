@@ -135,6 +135,14 @@ WHOLE: dict[str, Any] = {
                 {"kind": "capsule", "length": 1.0, "radius": 0.1, "at": [-20.0, 0.0], "angle": 0.0},
                 {"kind": "point", "at": [-20.0, 1.0]},
                 {
+                    "kind": "regular",
+                    "corners": 6,
+                    "reach": 0.5,
+                    "radius": 0.0,
+                    "at": [-25.0, 0.0],
+                    "angle": 0.0,
+                },
+                {
                     "kind": "outline",
                     "vertices": [[0.0, 0.0], [2.0, 0.0], [1.0, 0.5], [0.0, 2.0]],
                     "holes": [[[0.2, 0.2], [0.4, 0.2], [0.2, 0.4]]],
@@ -211,9 +219,10 @@ WHOLE: dict[str, Any] = {
 }
 
 Path = tuple[str | int, ...]
-FLAG, NUMBER, FINITE, UNIT, NAME, TEXT, CONDITION, CHOICE, MODEL, MANY, TABLE = (
+FLAG, NUMBER, COUNT, FINITE, UNIT, NAME, TEXT, CONDITION, CHOICE, MODEL, MANY, TABLE = (
     "flag",
     "number",
+    "count",
     "finite",
     "unit",
     "name",
@@ -269,6 +278,8 @@ def parts(annotation: Any, path: Path) -> Iterator[tuple[Path, str, Any]]:
         yield path, TABLE, None
         for key in value:
             yield from parts(arguments[1], (*path, key))
+    elif annotation is int:
+        yield path, COUNT, None
     elif annotation is str:
         yield path, CONDITION if path[-1] in CONDITIONS or "keep_out" in path else TEXT, None
     else:
@@ -325,6 +336,7 @@ ANY = (
 
 WRONG: dict[str, tuple[object, ...]] = {
     FLAG: (None, 0, 1, 3.0, math.nan, "", "yes", "true", LONG, [], {}, object(), b"x"),
+    COUNT: ("six", -1, 0, 10**9, 2.5, True, None, [3]),
     NUMBER: (
         True,
         False,
@@ -597,7 +609,7 @@ def test_choices_are_listed(path: Path, choices: tuple[str, ...]) -> None:
     assert "zzz" in message and message.startswith(label(path) + ":")
     if path[-1] == "kind" and len(choices) == 1:
         unions = {
-            "shape": "point disc capsule box polygon outline drawing halfplane",
+            "shape": "point disc capsule box polygon regular outline drawing halfplane",
             "motion": "fixed slide hinge free",
             "drive": "speed servo force",
             "pressure": "uniform ring points ratio",

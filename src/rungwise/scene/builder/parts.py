@@ -58,6 +58,17 @@ def polygon(
 
 
 @keywords
+def regular(
+    corners: int,
+    reach: Number,
+    radius: Number | None = None,
+    at: Pair | None = None,
+    angle: Number | None = None,
+) -> Part:
+    return part("regular", locals())
+
+
+@keywords
 def outline(
     vertices: Sequence[Pair],
     holes: Sequence[Sequence[Pair]] | None = None,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import Discriminator, Field, Tag
 
 from rungwise.scene.fields.kinds import kinds
 from rungwise.scene.fields.strict import Strict
-from rungwise.scene.fields.values import Finite, Number, Pair, Text
+from rungwise.scene.fields.values import Finite, Number, Pair, Text, within
 
 ONE, MANY = "<one>", "<many>"
 """Tags of a field that takes one value or a list; pydantic puts them into the place of an error."""
@@ -19,19 +20,38 @@ LengthUnit = Literal["m", "cm", "mm", "um", "nm", "in"]
 Positive = Annotated[Finite, Field(gt=0.0)]
 
 
-class Point(Strict):
+class Solid(Strict):
+    """What a shape says of itself: a convex polygon, grown by its field `radius` if it has one.
+
+    `is_round`: the radius must be greater than 0; `sizes`: fields that must be, two at most.
+    """
+
+    is_round: ClassVar[bool] = False
+    sizes: ClassVar[tuple[str, ...]] = ()
+
+    def core(self) -> list[tuple[Number, Number, str]]:
+        """Vertices before `at` and `angle`, numbers or expressions, each with the field that it is from."""
+        return [(0.0, 0.0, "at")]
+
+
+class Point(Solid):
     kind: Literal["point"]
     at: Pair = (0.0, 0.0)
 
 
-class Disc(Strict):
+class Disc(Solid):
+    is_round: ClassVar[bool] = True
+
     kind: Literal["disc"]
     radius: Number
     at: Pair = (0.0, 0.0)
 
 
-class Capsule(Strict):
+class Capsule(Solid):
     """All points within `radius` of a segment of `length` along the body's x axis."""
+
+    is_round: ClassVar[bool] = True
+    sizes: ClassVar[tuple[str, ...]] = ("length",)
 
     kind: Literal["capsule"]
     length: Number
@@ -39,8 +59,13 @@ class Capsule(Strict):
     at: Pair = (0.0, 0.0)
     angle: Number = 0.0
 
+    def core(self) -> list[tuple[Number, Number, str]]:
+        return [(0.0, 0.0, "length")] * 2  # binding fills them in, from the length
 
-class Box(Strict):
+
+class Box(Solid):
+    sizes: ClassVar[tuple[str, ...]] = ("width", "height")
+
     kind: Literal["box"]
     width: Number
     height: Number
@@ -48,8 +73,11 @@ class Box(Strict):
     at: Pair = (0.0, 0.0)
     angle: Number = 0.0
 
+    def core(self) -> list[tuple[Number, Number, str]]:
+        return [(0.0, 0.0, "width")] * 4  # binding fills them in, from the sizes
 
-class Polygon(Strict):
+
+class Polygon(Solid):
     """Convex polygon, in either sense of rotation, grown by a rounding `radius`."""
 
     kind: Literal["polygon"]
@@ -58,8 +86,29 @@ class Polygon(Strict):
     at: Pair = (0.0, 0.0)
     angle: Number = 0.0
 
+    def core(self) -> list[tuple[Number, Number, str]]:
+        return [(x, y, f"vertices.{k}") for k, (x, y) in enumerate(self.vertices)]
 
-class Outline(Strict):
+
+class Regular(Solid):
+    """Regular polygon whose corners are at the distance `reach` from `at`, the first of them along the
+    body's x axis; grown by a rounding `radius`."""
+
+    sizes: ClassVar[tuple[str, ...]] = ("reach",)
+
+    kind: Literal["regular"]
+    corners: Annotated[int, within(3, 100)]
+    reach: Number
+    radius: Number = 0.0
+    at: Pair = (0.0, 0.0)
+    angle: Number = 0.0
+
+    def core(self) -> list[tuple[Number, Number, str]]:
+        turns = (2.0 * math.pi * k / self.corners for k in range(self.corners))
+        return [(_times(math.cos(t), self.reach), _times(math.sin(t), self.reach), "reach") for t in turns]
+
+
+class Outline(Solid):
     """Simple polygon that need not be convex, and may have holes; it is split into convex pieces at the
     parameters' defaults."""
 
@@ -70,7 +119,7 @@ class Outline(Strict):
     angle: Number = 0.0
 
 
-class Drawing(Strict):
+class Drawing(Solid):
     """The outline that a file draws (SVG or DXF), read when the scene is loaded; holes are kept.
 
     `path` is an identifier (SVG) or a layer (DXF), needed where the file draws several outlines; `unit` is
@@ -91,19 +140,23 @@ class Drawing(Strict):
     angle: Number = 0.0
 
 
-class HalfPlane(Strict):
+class HalfPlane(Solid):
     """All points behind the line through `at` whose outward normal is `normal`."""
 
     kind: Literal["halfplane"]
     normal: Pair = (0.0, 1.0)
     at: Pair = (0.0, 0.0)
 
+    def core(self) -> list[tuple[Number, Number, str]]:
+        return [(0.0, 0.0, "normal"), (*self.normal, "normal")]
 
-Shape = Annotated[
-    Point | Disc | Capsule | Box | Polygon | Outline | Drawing | HalfPlane,
-    Field(discriminator="kind"),
-    kinds(Point, Disc, Capsule, Box, Polygon, Outline, Drawing, HalfPlane),
-]
+
+def _times(factor: float, size: Number) -> Number:
+    return f"{factor!r} * ({size})" if isinstance(size, str) else factor * size
+
+
+_Shape = Point | Disc | Capsule | Box | Polygon | Regular | Outline | Drawing | HalfPlane
+Shape = Annotated[_Shape, Field(discriminator="kind"), kinds(*get_args(_Shape))]
 Shapes = Annotated[
     Annotated[Shape, Tag(ONE)] | Annotated[tuple[Shape, ...], Field(min_length=1, max_length=32), Tag(MANY)],
     Discriminator(lambda value: MANY if isinstance(value, list | tuple) else ONE),

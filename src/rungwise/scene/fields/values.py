@@ -69,6 +69,18 @@ def _flag(value: object) -> object:
     return value
 
 
+def within(low: int, high: int) -> BeforeValidator:
+    """Require a whole number, of at least `low` and at most `high`."""
+
+    def counted(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            bounds = {"low": low, "high": high}
+            raise PydanticCustomError("count", "must be a whole number in {low}..{high}", bounds)
+        return value
+
+    return BeforeValidator(counted)
+
+
 def _unit(value: object) -> object:
     if not isinstance(value, str) or not _UNIT.fullmatch(value):
         raise PydanticCustomError("unit", "must be a unit such as m, m/s, N*s/m or 1")

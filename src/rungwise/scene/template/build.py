@@ -10,7 +10,7 @@ import numpy as np
 from rungwise.scene.drawings.outline import convex_pieces
 from rungwise.scene.errors import SceneError
 from rungwise.scene.fields.fields import Contact, Coordinate, Hinge, SceneFile, Slide
-from rungwise.scene.fields.shapes import Box, Capsule, Disc, HalfPlane, Outline, Polygon, Shape
+from rungwise.scene.fields.shapes import Outline, Polygon, Shape
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import Number, Pair, shown
 from rungwise.scene.language.expression import STACK, Programs
@@ -58,7 +58,7 @@ class _Builder:
             len(self.bodies),
             len(self.coordinates),
             sum(len(shapes) for shapes in self.shapes.values()),
-            sum(_vertex_count(shape) for shapes in self.shapes.values() for _, shape in shapes),
+            sum(len(shape.core()) for shapes in self.shapes.values() for _, shape in shapes),
             len(self.contacts),
             len(self.pairs),
             len(scene.potentials),
@@ -236,31 +236,29 @@ class _Builder:
         earlier = [self.shapes[name] for name in self.bodies[:body]]
         shapes = self.shapes[self.bodies[body]]
         first = sum(len(many) for many in earlier)
-        vertex = sum(_vertex_count(shape) for many in earlier for _, shape in many)
+        vertex = sum(len(shape.core()) for many in earlier for _, shape in many)
         self.records.bodies[body]["first_shape"] = first
         self.records.bodies[body]["end_shape"] = first + len(shapes)
         for offset, (where, shape) in enumerate(shapes):
             index = first + offset
-            outline = _vertices(shape)
+            core = shape.core()
             record = self.records.shapes[index]
             record["body"] = body
-            record["first"], record["end"] = vertex, vertex + len(outline)
+            record["first"], record["end"] = vertex, vertex + len(core)
             record["kind"] = _KINDS.get(shape.kind, rec.POLYGON)
-            positive = isinstance(shape, Disc | Capsule)
             self.put(
                 "shapes", index, "radius", getattr(shape, "radius", 0.0), f"{where}.radius",
-                above=0.0 if positive else None, at_least=0.0,
+                above=0.0 if shape.is_round else None, at_least=0.0,
             )  # fmt: skip
             self.put("shapes", index, "at_x", shape.at[0], f"{where}.at.0")
             self.put("shapes", index, "at_y", shape.at[1], f"{where}.at.1")
             self.put("shapes", index, "angle", getattr(shape, "angle", 0.0), f"{where}.angle")
-            for k, (x, y) in enumerate(outline):
-                source = f"{where}.{'normal' if isinstance(shape, HalfPlane) else f'vertices.{k}'}"
-                self.put("vertices", vertex, "x", x, f"{source}.0")
-                self.put("vertices", vertex, "y", y, f"{source}.1")
-                vertex += 1
-            for field, size in zip(("size_x", "size_y"), _SIZES.get(shape.kind, ()), strict=False):
+            for field, size in zip(("size_x", "size_y"), shape.sizes, strict=False):
                 self.put("shapes", index, field, getattr(shape, size), f"{where}.{size}", above=0.0)
+            for x, y, source in core:
+                self.put("vertices", vertex, "x", x, f"{where}.{source}.0")
+                self.put("vertices", vertex, "y", y, f"{where}.{source}.1")
+                vertex += 1
 
     def _contact(self, index: int, pair: tuple[str, str], path: str, contact: Contact) -> None:
         record = self.records.contacts[index]
@@ -310,23 +308,4 @@ class _Builder:
             self.records.terms[row]["acts"] = acts
 
 
-_SIZES = {"box": ("width", "height"), "capsule": ("length",)}
 _KINDS = {"box": rec.BOX, "capsule": rec.CAPSULE, "halfplane": rec.HALFPLANE}
-
-
-def _vertex_count(shape: Shape) -> int:
-    return len(_vertices(shape))
-
-
-def _vertices(shape: Shape) -> list[tuple[Number, Number]]:
-    """Core outline before `at` and `angle`; binding fills in vertices that follow from sizes."""
-    match shape:
-        case Polygon(vertices=vertices):
-            return list(vertices)
-        case HalfPlane(normal=normal):
-            return [(0.0, 0.0), normal]
-        case Box():
-            return [(0.0, 0.0)] * 4
-        case Capsule():
-            return [(0.0, 0.0)] * 2
-    return [(0.0, 0.0)]
