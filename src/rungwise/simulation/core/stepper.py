@@ -41,18 +41,15 @@ from rungwise.system.moving import Crowded, Moment, System
 from rungwise.system.terms import APART, INERTIA, METRIC, Terms, allocate_terms
 
 ROUNDED = 4
-"""Linearisations on the other rungs, where bodies that roll would overlap by their curvature; chosen by
-trial."""
+"""Linearisations on the other rungs, where bodies that roll would overlap by curvature; chosen by trial."""
 UNSEEN = 1e-3
-"""Overlap over the system's length that a compliant step may have beyond what its linear contacts foresee;
-it is halved else."""
+"""Overlap over the system's length that a compliant step may have beyond what its linear contacts foresee."""
 SEEN = 2.0
 """Distance within which contacts are looked for, over the farthest motion in the step."""
 STUCK = 1e-3
 """Motion over the system's length in a step: below this a step without solution has none, however short."""
 SUNK = 0.2
-"""Deformation over the system's length beyond which a long step is halved, so that what the run shows last
-is how the compliant model fails."""
+"""Deformation over the system's length beyond which long steps are halved: runs end where the model fails."""
 CAUTION, LEAST, MOST = 0.9, 0.2, 2.0
 """A step is made longer or shorter for an error of its own size, times the first, by factors between the
 others: as is usual (Hairer, Norsett, Wanner: Solving Ordinary Differential Equations I, section II.4)."""
