@@ -344,7 +344,7 @@ FAULTS = (
         ("tests/scene/test_expression.py",), "a condition on what is not a number holds",
     ),
     Fault(
-        "push-arc-start", "src/rungwise/planning/motion/boundary.py",
+        "push-arc-start", "src/rungwise/world/planar/boundary.py",
         "turn = (angles[k] - angles[k - 1]) % (2.0 * math.pi)",
         "turn = (angles[k - 1] - angles[k]) % (2.0 * math.pi)", ("tests/planning/test_choices.py",),
         "rounded corners of an object go round the other way",
