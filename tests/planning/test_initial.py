@@ -68,12 +68,55 @@ def test_inputs_alone_are_repaired_as_moves() -> None:
     assert found.replay().ok
 
 
+def around() -> rw.Scene:
+    """A box on a table, a wall between it and its goal, and a finger."""
+    speeds = {"x": "v * ux", "y": "v * uy", "angle": 0.0}
+    return rw.load(
+        {
+            "name": "around",
+            "parameters": {
+                "v": {"default": 0.02},
+                "ux": {"default": 0.0, "range": [-1, 1]},
+                "uy": {"default": 0.0, "range": [-1, 1]},
+            },
+            "inputs": ["ux", "uy"],
+            "bodies": {
+                "rod": {
+                    "role": "robot", "shape": {"kind": "disc", "radius": 0.005}, "pose": {"x": -0.2},
+                    "motion": {"kind": "free"},
+                    "coordinates": {k: {"drive": {"kind": "speed", "speed": x}} for k, x in speeds.items()},
+                },
+                "part": {
+                    "role": "object", "mass": 0.5, "motion": {"kind": "free"}, "pose": {"x": -0.1},
+                    "shape": {"kind": "box", "width": 0.05, "height": 0.05},
+                    "support": {"friction": 0.4, "load": 5.0},
+                },
+                "wall": {"role": "obstacle", "shape": {"kind": "box", "width": 0.02, "height": 0.14}},
+            },
+            "contacts": [{"between": ["*", "*"], "friction": 0.4}],
+            "goal": "hypot(part.x - 0.1, part.y) <= 0.02", "tolerance": 1e-7, "duration": 20.0, "step": 0.01,
+            "task": {"fingers": {"rod": {"speed": "v", "clearance": 0.004}}, "moves": [1, 20]},
+        }
+    )  # fmt: skip
+
+
+def test_a_path_is_followed() -> None:
+    """A box that a wall parts from its goal is led around the end that the path goes around."""
+    path = np.array([[-0.1, 0.0, 0.0], [-0.08, -0.14, 0.0], [0.08, -0.14, 0.0], [0.1, 0.0, 0.0]])
+    way = np.vstack([path, 0.5 * (path[1:] + path[:-1])])
+    plan = rw.plan(around(), schedule=STAGE, initial=way, budget=None, limit=120.0, seed=1)
+    assert plan.found, plan.reason
+    assert min(place[plan.scene.template.coordinates.index("part.y")] for place in plan.waypoints) < -0.05
+    assert plan.replay().ok
+
+
 @pytest.mark.parametrize(
     ("initial", "words"),
     [
-        ([], "initial: must be a plan or a list of segments, not a list"),
-        ("push", "initial: must be a plan or a list of segments, not 'push'"),
-        (np.zeros((3, 3)), "initial: must be a plan or a list of segments"),
+        ([], "initial: must be a plan, a list of segments, or an array of poses, not a list"),
+        ("push", "initial: must be a plan, a list of segments, or an array of poses, not 'push'"),
+        (np.zeros((3, 2)), "initial: a path has poses (n, 3)"),
+        (np.full((3, 3), np.nan), "initial: poses of a path must be finite"),
         ([rw.Segment({"zzz": 1.0}, 1.0)], "initial.0.inputs: unknown input 'zzz'"),
         ([rw.Segment({}, -1.0)], "initial.0.duration: must be >= 0"),
     ],

@@ -85,7 +85,8 @@ def plan(
         seed: of the searches; the same seed gives the same plan whatever the threads.
         initial: a plan, or segments of a schedule, to begin with in place of a search on the first stage:
             replayed there as it is, then repaired. Where robots are led through free space, segments that
-            miss are led on from their end, or from half of them on.
+            miss are led on from their end, or from half of them on. Or poses (n, 3), x, y and angle, of the
+            object on its way, which searches by contact modes follow.
         on_progress: called with a line on what is done now, about ten times a second. Ctrl-C ends the search
             and keeps the plan of the last stage that was finished, with a reason; it is raised again where
             there is none.

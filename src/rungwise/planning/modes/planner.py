@@ -63,11 +63,11 @@ def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
 
 def anew_on(work: Work, predictor: Predictor) -> Found | None:
     """A new plan on a stage: by contact modes and by pushes that are tried, in turns; where supports carry
-    all objects, by pushes first."""
+    all objects, by pushes first, unless there is a path to follow."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)
-    idle, slides = 0, work.task.slides
+    idle, slides = 0, work.task.slides and not len(work.path)
     while work.budget.left and idle < IDLE:
         spent = work.budget.spent.total()
         for by_modes in (False, True) if slides else (True, False):
@@ -133,7 +133,7 @@ class ModePlanner:
         q = node.places.q[0]
         found = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
-            rounds, work.failures, work.budget.look,
+            rounds, work.failures, work.budget.look, work.path,
         )  # fmt: skip
         if found.legs is None:
             return None

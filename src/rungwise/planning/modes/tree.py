@@ -66,6 +66,10 @@ class Tree:
         return found[::-1]
 
 
+ON_PATH = 0.7
+"""Part of the places that are drawn on the path, where one is given."""
+
+
 class Proposed(NamedTuple):
     """Legs that lead to the goal, or None; the nearest place (n,) of the tree, and how far it is."""
 
@@ -76,19 +80,22 @@ class Proposed(NamedTuple):
 
 def propose(
     ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
-    rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[], None],
+    rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[], None], path: Reals,
 ) -> Proposed:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
     counts why nodes were not extended; `look` is called again and again, and may raise. `home` (n,): where
-    fingers are when idle."""
+    fingers are when idle; `path` (p, n): places on the way, towards which most
+    legs go, none where it is not known."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
-    low, high = _room(ground, np.vstack([q, home, goals]))
+    low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
         return Proposed([], q, 0.0)
     for _ in range(rounds):
         look()
-        if rng.random() < TO_GOAL:
+        if len(path) and rng.random() < ON_PATH:
+            target = path[int(rng.integers(len(path)))]
+        elif rng.random() < TO_GOAL:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
             target = home.copy()

@@ -45,7 +45,8 @@ class Group(NamedTuple):
 class Work:
     """What all stages of one planning share. nearest: what the best plan so far lacks; unlaid: plans that
     came to the goal where robots were placed by hand, and not when they were laid out; trees: how many were
-    grown on each stage; seen: what pushes did on each; failures: why proposals by contact modes came to
+    grown on each stage; seen: what pushes did on each; path (p, n): places on the way of the object, if some
+    are given; failures: why proposals by contact modes came to
     nothing; kept: what searches keep for when they go on."""
 
     task: Task
@@ -62,6 +63,7 @@ class Work:
     unlaid: int = 0
     trees: Counter[str] = field(default_factory=Counter)
     seen: dict[str, Pushes] = field(default_factory=dict)
+    path: Reals = field(default_factory=lambda: np.zeros((0, 0)))
     failures: Counter[str] = field(default_factory=Counter)
     kept: dict[str, Any] = field(default_factory=dict)
 
@@ -151,7 +153,8 @@ def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
         task=task, moves=moves, transit=moves.transit,
         question=Question(task.search, "goal", task.parameters), budget=budget,
         start=Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1))),
-        size=task.size, threads=threads, rng=np.random.default_rng(seed), seed=seed,
+        path=np.zeros((0, start.q.size)), size=task.size, threads=threads,
+        rng=np.random.default_rng(seed), seed=seed,
     )  # fmt: skip
 
 
