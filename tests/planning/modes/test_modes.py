@@ -12,6 +12,7 @@ import rungwise as rw
 from rungwise.planning.modes.balance import PART, SLIDE, modes, motion, rests
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.guide import guide
 from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
@@ -192,3 +193,47 @@ def test_saved_plans_are_read_again(tmp_path: Any) -> None:
     assert again.segments == found.segments
     assert Counter(again.labels) == Counter(found.labels)
     assert again.replay().outcome == rw.Outcome.GOAL
+
+
+def test_an_object_is_guided_around_a_wall() -> None:
+    """The way of a box around a wall on its straight way keeps apart from it; a free one needs no guide."""
+    scene = rw.load(
+        {
+            "name": "around", "inputs": ["x1", "y1"],
+            "parameters": {"x1": {"default": -0.3}, "y1": {"default": 0.0}},
+            "bodies": {
+                "finger1": _finger(1, -0.3, 0.0, {"stiffness": 500, "damping": 15, "limit": 20})
+                | {"force": [0, 0]},
+                "part": {
+                    "role": "object", "mass": 1, "pose": {"x": 0, "y": 0}, "motion": {"kind": "free"},
+                    "shape": {"kind": "box", "width": 0.1, "height": 0.1},
+                    "support": {"friction": 0.3, "load": 9.81},
+                },
+                "wall": {
+                    "role": "obstacle", "shape": {"kind": "box", "width": 0.05, "height": 0.2},
+                    "pose": {"x": 0.3, "y": 0},
+                },
+            },
+            "contacts": [
+                {"between": ["finger1", "part"], "friction": 0.5},
+                {"between": ["part", "wall"], "friction": 0.3},
+                {"between": ["finger1", "wall"], "friction": 0},
+            ],
+            "goal": "hypot(part.x - 0.6, part.y) <= 0.02", "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "task": {
+                "inputs": {"x1": {"range": [-1, 1]}, "y1": {"range": [-1, 1]}},
+                "moves": [1, 8],
+                **TRANSIT,
+            },
+        }
+    )  # fmt: skip
+    ground, seen = _start(scene)
+    goal = seen.q.copy()
+    goal[ground.columns[0]] = 0.6
+    way = guide(ground, seen.q, goal, 0, lambda: True)
+    assert len(way) > 2
+    assert way[-1][ground.columns] == pytest.approx([0.6, 0.0, 0.0])
+    assert all(ground.look(q).touches.least[ground.pairs].min() > 0.0 for q in way)
+    near = seen.q.copy()
+    near[ground.columns[0]] = 0.1
+    assert not len(guide(ground, seen.q, near, 0, lambda: True))

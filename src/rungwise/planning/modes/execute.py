@@ -31,7 +31,8 @@ NEARER = 0.5
 @dataclass(frozen=True)
 class Node:
     """Where legs have led on a stage: one place, inputs (u,) and aims (n,) of the fingers there; what was
-    laid out and run; what is lacking of the goal; and how often it was gone on from."""
+    laid out and run; what is lacking of the goal; how often it was gone on from; and how often fingers
+    changed their places."""
 
     places: Places
     levels: Reals
@@ -45,6 +46,7 @@ class Node:
     work: float = 0.0
     outcome: Code = Code.MISSED
     tries: list[int] = field(default_factory=lambda: [0])
+    grasps: int = 0
 
     @property
     def found(self) -> Found:
@@ -168,6 +170,7 @@ class Scene:
             labels=node.labels + labels, counts=(*node.counts, len(own)),
             waypoints=(*node.waypoints, places), work=node.work + float(ends.work[0]), outcome=outcome,
             vectors=(*node.vectors, self.vector(ground, leg, manner)),
+            grasps=node.grasps + int(leg.changes.any()),
         )  # fmt: skip
 
     def _waited(self, predictor: Predictor, places: Places, levels: Reals) -> tuple[Ends, float] | None:

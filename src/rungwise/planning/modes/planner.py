@@ -9,6 +9,7 @@ from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
+from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.tree import propose
 from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor, TimeOver
@@ -97,6 +98,7 @@ class ModePlanner:
         assert goal is not None
         self._goal = Question(work.task.search, goal, work.task.parameters)
         self._places = _inner(work)
+        self._courses: dict[int, Reals] = {}
 
     def search(self, attempts: int) -> Found | None:
         """A plan, after at most so many proposals."""
@@ -133,7 +135,7 @@ class ModePlanner:
         q = node.places.q[0]
         found = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
-            rounds, work.failures, work.budget.look, work.path,
+            rounds, work.failures, work.budget.look, self._course(ground),
         )  # fmt: skip
         if found.legs is None:
             return None
@@ -160,7 +162,10 @@ class ModePlanner:
         if after is None:
             return None
         self.work.nearest = min(self.work.nearest, after.lack) if after.lack > 0.0 else self.work.nearest
-        if after.outcome in GOES_ON and len(after.counts) < self.work.task.moves[1]:
+        if after.grasps > self.work.task.moves[1]:
+            self.work.failures["more moves than the task allows"] += 1
+            return None
+        if after.outcome in GOES_ON:
             self.nodes.append(after)
         return after
 
@@ -185,6 +190,17 @@ class ModePlanner:
         goals[:, ground.columns] = self._places[:, ground.columns]
         away = [ground.away(q, goal) for goal in goals]
         return goals[np.argsort(away, kind="stable")]
+
+    def _course(self, ground: Ground) -> Reals:
+        """Places (k, n) of an object on its way from the start to the goal: as given, else sought; none where
+        it goes straight."""
+        if len(self.work.path):
+            return self.work.path
+        if ground.body not in self._courses:
+            q, work = self.work.start.q[0], self.work
+            goal = self._goals(ground, q)[0]
+            self._courses[ground.body] = guide(ground, q, goal, work.seed, work.budget.is_in_time)
+        return self._courses[ground.body]
 
     def _reached(self, q: Reals) -> bool:
         return bool(self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).holds[0])

@@ -22,6 +22,9 @@ from rungwise.planning.modes.ground import Ground, Seen
 
 TO_GOAL = 0.7
 """Part of the places that are drawn at the goal."""
+BEEN, AHEAD = 0.3, 3
+"""How near to a place of a path, in parts of the size, nodes count as there; and how many places ahead are
+drawn."""
 AROUND, TURN = 1.5, 1.0
 """Room about start and goals in which places are drawn, in parts of the size and in radians."""
 CHOSEN, GREEDY = 4, 0.3
@@ -94,7 +97,7 @@ def propose(
     for _ in range(rounds):
         look()
         if len(path) and rng.random() < ON_PATH:
-            target = path[int(rng.integers(len(path)))]
+            target = path[_next(ground, tree, path, rng)]
         elif rng.random() < TO_GOAL:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
@@ -113,6 +116,15 @@ def propose(
     away = [min(ground.away(seen.q, goal) for goal in goals) for seen in tree.seen]
     nearest = int(np.argmin(away))
     return Proposed(None, tree.seen[nearest].q, away[nearest])
+
+
+def _next(ground: Ground, tree: Tree, path: Reals, rng: np.random.Generator) -> int:
+    """The place of a path (p, n) to go to: one of the next after those where the tree has been."""
+    places = np.array([seen.q[ground.columns] for seen in tree.seen])
+    off = (places[:, None] - path[None][:, :, ground.columns]) * ground.units
+    been = np.flatnonzero((np.linalg.norm(off, axis=2) < BEEN * ground.task.size).any(axis=0))
+    last = int(been.max(initial=0))
+    return min(last + int(rng.integers(1, AHEAD + 1)), len(path) - 1)
 
 
 def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
@@ -221,6 +233,12 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
     own[touching] = rng.random(len(touching)) >= (IDLE if len(can) > 1 else 0.0)
     if not own.any():
         own[rng.choice(touching)] = 1
+    if not ground.fingers[0].carrier.by_place and own.sum() > 1:
+        alone = int(rng.choice(np.flatnonzero(own)))  # two at given speeds jam what is between them
+        changes[(own > 0) & (used > 0)] = 1
+        changes[alone] = max(changes[alone], 1 - used[alone])
+        own[:] = 0
+        own[alone] = 1
     return changes, own, rng.integers(POOL, size=count)
 
 
