@@ -327,5 +327,5 @@ def test_mixed_worlds_take_every_kind_of_friction(tmp_path: Path) -> None:
     )
     assert isinstance(scene, SpaceScene)
     one, other = (SpaceWorld(scene, {"mu": mu}, rw.DYNAMIC_RIGID, 1e-3) for mu in (0.2, 0.7))
-    mixed = one.resolved(friction=other, give=one, bounce=one)
+    mixed = one.resolved(other, one, one, one)
     np.testing.assert_array_equal(mixed.bind().laws[1], other.bound.laws[1])
