@@ -47,11 +47,10 @@ def residual_in_space(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns)
         largest = max(largest, abs(tau[r]))
     at_rest = velocity
     for g in range(contacts + limited):
-        rows, begin, end = (p.W, g * d, g * d + d) if g < contacts else (p.S, g - contacts, g - contacts + 1)
-        if (p.R[g, 0, 0] if g < contacts else p.R_s[begin]) > 0.0:
+        rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
+        if (p.R[g, 0, 0] if g < contacts else p.R_s[r]) > 0.0:
             continue
-        for r in range(begin, end):
-            velocity = max(velocity, _rest(at_rest, p, rows[r], coordinate[first[g] : first[g + 1]], largest))
+        velocity = max(velocity, _rest(at_rest, p, rows[r], coordinate[first[g] : first[g + 1]], largest))
     for g in range(contacts + limited):
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
         largest = _at_least(FLOOR * velocity, p, rows[r], coordinate[first[g] : first[g + 1]], largest)
