@@ -119,26 +119,3 @@ def test_a_problem_that_is_not_a_number_has_no_solution(body, measure, name):
     p.W[:], p.S[:], p.mu[:], p.F[:] = [[0.0, 1.0], [1.0, 0.0]], [[1.0, 0.0]], 0.5, 1.0
     getattr(p, name).flat[0] = np.nan
     assert measure(p, [1.0, 0.0], [1.0, 0.0], [0.5]) == INF
-
-
-@pytest.mark.parametrize("inertia", 10.0 ** np.arange(-20.0, -2.0, 3.0))
-@pytest.mark.parametrize("kind", ["contact", "drive"])
-def test_what_yields_is_measured_by_its_rates_however_little_inertia_there_is(body, measure, kind, inertia):
-    """A contact that presses while it opens at 500 times the rate by which it yields, and a servo that pulls
-    so; without inertia neither shows in the balance of forces."""
-    random = np.random.default_rng(0)
-    for _ in range(20):
-        force, yields = 10.0 ** random.uniform(-3.0, 3.0), 10.0 ** random.uniform(-6.0, 0.0)
-        rate, part = force * yields, inertia * force / (force * yields)
-        if kind == "contact":
-            p = block(body, (0.0, -force), yields=yields)
-            p.H[:] *= part
-            right, wrong = ([0.0, -rate], [force, 0.0], []), ([0.0, 500.0 * rate], [force, 0.0], [])
-            p.c[1] -= p.H[1, 1] * rate
-        else:
-            p = drive(body, -force, INF, yields)
-            p.H[:] *= part
-            p.c[:] -= p.H[0, 0] * rate
-            right, wrong = ([-rate], [], [force]), ([500.0 * rate], [], [force])
-        assert measure(p, *right) <= 1e-14
-        assert measure(p, *wrong) > 1e-2

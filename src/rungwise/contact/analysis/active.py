@@ -101,8 +101,7 @@ def scales(p: ContactProblem, v: Array, force: Array, tau: Array) -> tuple[Array
     yields = (rows**2 / np.diag(p.H)).max(axis=1, initial=0.0)
     unit = float(max(np.abs(force).max(initial=0.0), np.abs(tau).max(initial=0.0)))
     push = yields * unit
-    rigid = np.concatenate([np.repeat(p.R[:, 0, 0] == 0.0, d), p.R_s == 0.0])
-    scale = np.where(rigid & (scale < ROUNDING * push), REST * push, scale)
+    scale = np.where(scale < ROUNDING * push, REST * push, scale)
     light = yields > 0.0
     unit = max(unit, float((FLOOR * scale[light] / yields[light]).max(initial=0.0)))
     return rows @ v + yielded + offset, scale, unit

@@ -7,8 +7,7 @@ rows but no less than the problem's quantum, forces against L. Signorini is the 
 lambda_n / L); friction is lambda_t / L less its projection, after a step -u_t / U, on the disc of radius mu
 lambda_n / L (exact cone). L is at least `FLOOR` of the force that would change a contact's speed by U, so
 that forces of rounding size count as none; and where U is only rounding beside the change of speed that L
-causes, it is `REST` of that change, so that things may rest; but not for rows that yield, whose rates decide
-their forces.
+causes, it is `REST` of that change, so that things may rest.
 """
 
 from __future__ import annotations
@@ -44,11 +43,9 @@ def residual(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float
         largest = max(largest, abs(tau[r]))
     at_rest = velocity
     for k in range(contacts):
-        if p.R[k, 0, 0] == 0.0:
-            velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
+        velocity = max(velocity, _rest(at_rest, p, p.W, k * d, n, largest))
     for r in range(limited):
-        if p.R_s[r] == 0.0:
-            velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
+        velocity = max(velocity, _rest(at_rest, p, p.S, r, n, largest))
     for k in range(contacts):
         largest = _at_least(FLOOR * velocity, p, p.W, k * d, n, largest)
     for r in range(limited):

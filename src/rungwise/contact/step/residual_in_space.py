@@ -48,8 +48,6 @@ def residual_in_space(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns)
     at_rest = velocity
     for g in range(contacts + limited):
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)
-        if (p.R[g, 0, 0] if g < contacts else p.R_s[r]) > 0.0:
-            continue
         velocity = max(velocity, _rest(at_rest, p, rows[r], coordinate[first[g] : first[g + 1]], largest))
     for g in range(contacts + limited):
         rows, r = (p.W, g * d) if g < contacts else (p.S, g - contacts)

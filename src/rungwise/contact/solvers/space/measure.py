@@ -56,8 +56,7 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
         for entry in groups.W[at : at + groups.column[g + 1] - begin]:
             peak = max(peak, entry * entry)
         if peak > 0.0:
-            rest = max(rest, peak) if groups.R[g, 0, 0] == 0.0 else rest
-            floor = min(floor, peak)
+            rest, floor = max(rest, peak), min(floor, peak)
         for i in range(row, end):
             bend = 0.0
             for j in range(row, end):
