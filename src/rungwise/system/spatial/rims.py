@@ -2,7 +2,8 @@
 
 MuJoCo looks for the lowest point of a rim along the part of the plane's normal that lies across the axis.
 Where a cylinder stands upright but for 1e-12 rad or so, that part is rounding: made a unit vector, it leads
-out of the end face, and contacts are deep below the plane, or above it.
+out of the end face, and contacts are deep below the plane, or so far above it that there are none. Such
+cylinders are made upright before MuJoCo looks for contacts, and their contacts are put where their rims are.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ class Rims:
         touches = touching(model)
         self.may_meet = bool((self.is_plane[touches]).any() and self.stands[touches].any())
 
+    def straighten(self, data: mujoco.MjData) -> None:
+        """Make cylinders upright that no gap to a plane tells from upright ones."""
+        straighten(self.is_plane, self.stands, data.geom_xmat)
+
     def mend(self, data: mujoco.MjData) -> None:
         """Put the contacts of cylinders that stand where their rims are."""
         c = data.contact
@@ -53,6 +58,24 @@ class Rims:
             data.geom_xpos,
             data.geom_xmat,
         )
+
+
+@kernel
+def straighten(is_plane: Ints, stands: Ints, turn: Reals) -> None:
+    """Put the axes in turn (g, 9) of cylinders that stand on planes, but for a tilt below `LEVEL`, along the
+    normals of these."""
+    for a in range(len(is_plane)):
+        for b in range(len(stands)):
+            if is_plane[a] and stands[b]:
+                along, off = 0.0, 0.0
+                for i in (2, 5, 8):
+                    along += turn[a, i] * turn[b, i]
+                side = 1.0 if along > 0.0 else -1.0
+                for i in (2, 5, 8):
+                    off = max(off, abs(turn[b, i] - side * turn[a, i]))
+                if off < LEVEL:
+                    for i in (2, 5, 8):
+                        turn[b, i] = side * turn[a, i]
 
 
 @kernel

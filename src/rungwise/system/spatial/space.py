@@ -294,6 +294,8 @@ class Space:
                 self._mujoco.mj_tendon(m, d)
                 self._mujoco.mj_makeM(m, d)
                 self._mujoco.mj_factorM(m, d)
+                if self.rims.may_meet:
+                    self.rims.straighten(d)
                 self._collide(d)
                 if self.boxes.may_meet:
                     self.boxes.mend(d)
