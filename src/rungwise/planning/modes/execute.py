@@ -65,6 +65,14 @@ class Manner(NamedTuple):
     pace: float
 
 
+class Begun(NamedTuple):
+    """A leg that begins where its object really is: whose it is, and what is seen there."""
+
+    ground: Ground
+    seen: Seen
+    leg: Leg
+
+
 class Scene:
     """Objects and fingers of a task, as modes see them."""
 
@@ -96,7 +104,7 @@ class Scene:
             found += [float(leg.changes[f]), float(used), part, *first.q[finger.columns]]
         return np.array(found)
 
-    def leg(self, q: Reals, vector: Reals, manner: Manner) -> tuple[Ground, Seen, Leg] | None:
+    def leg(self, q: Reals, vector: Reals, manner: Manner) -> Begun | None:
         """The leg of these numbers (d,), made again from a place (n,); None where that cannot be."""
         ground = self._numbers[int(vector[0])]
         seen, k = ground.look(q), 2 + len(ground.columns)
@@ -127,13 +135,11 @@ class Scene:
             away = ground.away(way.places[-1], target)
             if len(way.places) > 1 and away < left:
                 best, left = way, away
-        return None if best is None else (ground, seen, Leg(changes, best))
+        return None if best is None else Begun(ground, seen, Leg(changes, best))
 
-    def run(
-        self, predictor: Predictor, node: Node, ground: Ground, seen: Seen, leg: Leg, manner: Manner
-    ) -> Node | None:
+    def run(self, predictor: Predictor, node: Node, begun: Begun, manner: Manner) -> Node | None:
         """The node at the end of a leg; None where it cannot be laid out, or ends so that nothing follows."""
-        work = self.work
+        work, (ground, seen, leg) = self.work, begun
         writer = Writer(ground, work.moves.question, manner.pace)
         seed = work.seed + len(node.counts)
         laid = writer.leg(seen, aims_at(self, node), node.levels, leg, seed, work.budget)

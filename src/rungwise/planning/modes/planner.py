@@ -6,7 +6,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.planning.modes.execute import Manner, Node, Scene
+from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
@@ -120,7 +120,7 @@ class ModePlanner:
             if made is None:
                 self.work.failures["no leg from where the object is"] += 1
                 return None
-            after = self._ran(node, *made, own)
+            after = self._ran(node, made, own)
             if after is None:
                 return None
             node = after
@@ -145,11 +145,11 @@ class ModePlanner:
         vectors = [scene.vector(ground, leg, manner) for leg in found.legs]
         for k, leg in enumerate(found.legs):
             planned = leg.way.places[-1]
-            made = (ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner)
+            made = Begun(ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner)
             if made is None:
                 work.failures["no leg from where the object is"] += 1
                 return None
-            after = self._ran(node, *made, manner)
+            after = self._ran(node, made, manner)
             if after is None:
                 return None
             node, q = after, after.places.q[0]
@@ -165,8 +165,9 @@ class ModePlanner:
         self.work.budget.spent[str(self.predictor.stage)] += ROUND
         self.work.budget.look()
 
-    def _ran(self, node: Node, *leg: object) -> Node | None:
-        after = self.scene.run(self.predictor, node, *leg)  # type: ignore[arg-type]
+    def _ran(self, node: Node, begun: Begun, manner: Manner) -> Node | None:
+        """The node at the end of a leg, kept where more may follow."""
+        after = self.scene.run(self.predictor, node, begun, manner)
         if after is None:
             return None
         self.work.nearest = min(self.work.nearest, after.lack) if after.lack > 0.0 else self.work.nearest

@@ -22,6 +22,8 @@ from rungwise.planning.modes.ground import Ground, Seen
 
 TO_GOAL = 0.7
 """Part of the places that are drawn at the goal."""
+ON_PATH = 0.7
+"""Part of the places that are drawn on the path, where one is given."""
 BEEN, AHEAD = 0.3, 3
 """How near to a place of a path, in parts of the size, nodes count as there; and how many places ahead are
 drawn."""
@@ -69,10 +71,6 @@ class Tree:
         return found[::-1]
 
 
-ON_PATH = 0.7
-"""Part of the places that are drawn on the path, where one is given."""
-
-
 class Proposed(NamedTuple):
     """Legs that lead to the goal, or None; the nearest place (n,) of the tree, and how far it is."""
 
@@ -87,8 +85,8 @@ def propose(
 ) -> Proposed:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
     counts why nodes were not extended; `look` is called again and again, and may raise. `home` (n,): where
-    fingers are when idle; `path` (p, n): places on the way, towards which most
-    legs go, none where it is not known."""
+    fingers are when idle; `path` (p, n): places on the way, towards which most legs go, none where
+    it is not known."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
     low, high = _room(ground, np.vstack([q, home, goals, path]))
