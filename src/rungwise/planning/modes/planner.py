@@ -136,14 +136,14 @@ class ModePlanner:
         self.turn += 1
         node, ground = self._chosen(), self._object()
         q = node.places.q[0]
-        found = propose(
+        legs = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
             rounds, work.failures, self._look, self._course(ground),
         )  # fmt: skip
-        if found.legs is None:
+        if legs is None:
             return None
-        vectors = [scene.vector(ground, leg, manner) for leg in found.legs]
-        for k, leg in enumerate(found.legs):
+        vectors = [scene.vector(ground, leg, manner) for leg in legs]
+        for k, leg in enumerate(legs):
             planned = leg.way.places[-1]
             made = Begun(ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner)
             if made is None:

@@ -71,18 +71,10 @@ class Tree:
         return found[::-1]
 
 
-class Proposed(NamedTuple):
-    """Legs that lead to the goal, or None; the nearest place (n,) of the tree, and how far it is."""
-
-    legs: list[Leg] | None
-    nearest: Reals
-    away: float
-
-
 def propose(
     ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
     rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[], None], path: Reals,
-) -> Proposed:  # fmt: skip
+) -> list[Leg] | None:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
     counts why nodes were not extended; `look` is called again and again, and may raise. `home` (n,): where
     fingers are when idle; `path` (p, n): places on the way, towards which most legs go, none where
@@ -91,7 +83,7 @@ def propose(
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
     low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
-        return Proposed([], q, 0.0)
+        return []
     for _ in range(rounds):
         look()
         if len(path) and rng.random() < ON_PATH:
@@ -110,10 +102,8 @@ def propose(
             tree.legs.append(leg)
             tree.chosen.append(0)
             if reached(seen.q):
-                return Proposed(tree.way(len(tree.seen) - 1), seen.q, 0.0)
-    away = [min(ground.away(seen.q, goal) for goal in goals) for seen in tree.seen]
-    nearest = int(np.argmin(away))
-    return Proposed(None, tree.seen[nearest].q, away[nearest])
+                return tree.way(len(tree.seen) - 1)
+    return None
 
 
 def _next(ground: Ground, tree: Tree, path: Reals, rng: np.random.Generator) -> int:
