@@ -19,7 +19,7 @@ from rungwise.kernel import Reals, kernel
 
 MAX_FLIPS = 12
 """Solves in which contacts may change their mode, at most."""
-_TOLERANCE = 1e-12
+CONTRADICTED = 1e-12
 """Rates over the greatest velocity term, and forces over the greatest force or the limit, that contradict no
 mode: about ten thousand roundings of double precision. Chosen by trial, to a decade."""
 
@@ -209,7 +209,7 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
         for i in range(n):
             velocity = max(velocity, abs(p.W[r, i] * v[i]))
         velocity = max(velocity, give[r] * abs(centre[r]))
-    slack, tiny = _TOLERANCE * velocity, _TOLERANCE * largest
+    slack, tiny = CONTRADICTED * velocity, CONTRADICTED * largest
     changed = 0
     for k in range(contacts):
         wanted = _contact_mode(p, n, k, unknowns, slack, tiny, give, centre)
@@ -220,7 +220,7 @@ def flip(p: ContactProblem, sizes: Sizes, unknowns: Unknowns, give: Reals, centr
         at = contacts + r
         wanted = mode[at]
         if mode[at] == STICK:
-            if abs(tau[r]) > p.F[r] * (1.0 + _TOLERANCE):
+            if abs(tau[r]) > p.F[r] * (1.0 + CONTRADICTED):
                 wanted = BACKWARD if tau[r] > 0.0 else FORWARD
         else:
             own = 2 * contacts + r

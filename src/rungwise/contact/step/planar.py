@@ -18,7 +18,7 @@ from rungwise.kernel import Ints, kernel, rare_kernel
 
 TOLERANCE = 1e-8
 """Residual, without unit (see `residual`), up to which a step is solved. Chosen by trial, to a decade."""
-_ACCEPT = 1e-9
+ENOUGH = 1e-9
 """Residual up to which a guess is taken, and a proximal point that improves no more. Chosen by trial, a
 decade below `TOLERANCE`."""
 WEDGED = 1e8
@@ -52,13 +52,13 @@ def solve_planar(
     if 0 < size <= LARGE:
         collect(sizes, unknowns, kept)
         found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
-        if found <= _ACCEPT and exertion(problem, sizes, unknowns) <= WEDGED:
+        if found <= ENOUGH and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, GUESS
         spread(sizes, kept, unknowns)
     if _is_squeezed(problem, sizes.n, sizes.contacts):
         _clear(sizes, unknowns)
         return NO_SOLUTION, residual(problem, sizes, unknowns), GUESS
-    found = solve_proximal(problem, sizes, unknowns, room, _ACCEPT)
+    found = solve_proximal(problem, sizes, unknowns, room, ENOUGH)
     if found > TOLERANCE and size > LARGE:
         found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
     if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
@@ -69,7 +69,7 @@ def solve_planar(
         if not solve_by_pivoting(problem, sizes, unknowns, False):
             break
         if polish:
-            found = solve_proximal(problem, sizes, unknowns, room, _ACCEPT)
+            found = solve_proximal(problem, sizes, unknowns, room, ENOUGH)
         else:
             found = residual(problem, sizes, unknowns)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:

@@ -11,6 +11,7 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
+    Elimination,
     Sizes,
     Unknowns,
     correct_velocities,
@@ -47,8 +48,18 @@ from Newton's method. Chosen by trial, to a decade."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
+CROWDED = 60
+"""Velocities from which on a step in the plane is solved by its few entries, which is faster then."""
 SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
+
+
+@imported_kernel("rungwise.contact.solvers.plane.chain")
+def solve_sparse(
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination
+) -> tuple[int, float, int]:
+    """Solve the step's problem of many bodies in the plane, as `solve_planar`."""
+    raise NotImplementedError
 
 
 @imported_kernel("rungwise.contact.solvers.space.chain")
@@ -248,6 +259,8 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         return NO_SOLUTION
     if state.clock[0].surfaces:
         status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
+    elif d == 2 and sizes.n >= CROWDED:
+        status, found, stage = solve_sparse(problem, sizes, unknowns, elimination_in(scratch))
     elif d == 2:
         status, found, stage = solve_planar(problem, sizes, unknowns, elimination_in(scratch))
     else:

@@ -1,0 +1,247 @@
+"""The proximal point method of `contact.step.proximal`, on a part: the same problems, and factors with few
+entries in place of full ones.
+
+Accepts: planar problems, H positive definite. Promises: nothing but the residual that it returns; it keeps
+the given forces as far as they solve the problem.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rungwise.contact.solvers.plane import factors
+from rungwise.contact.solvers.plane.factors import Factors, add, substitute
+from rungwise.contact.solvers.plane.flips import flip
+from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
+from rungwise.contact.solvers.plane.part import Part
+from rungwise.contact.step.mode_newton import sign
+from rungwise.contact.step.modes import OPEN, STICK
+from rungwise.contact.step.problem import Unknowns
+from rungwise.contact.step.proximal import FIRST, LEAST, MAX_FLIPS, MAX_ROUNDS, MOST, STILL, TARGET, WEDGED
+from rungwise.kernel import Reals, allocating_kernel, kernel
+
+
+class Yielding(NamedTuple):
+    """The problem in which forces yield about their last values, of n velocities and r rows; as `Yielding` of
+    `contact.step.proximal`, without its factors."""
+
+    unit: Reals
+    centre: Reals
+    give: Reals
+    push: Reals
+    rate: Reals
+    step: Reals
+
+
+@allocating_kernel
+def solve_part(part: Part, unknowns: Unknowns, enough: float) -> float:
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle."""
+    n, contacts, limited = len(part.c), len(part.mu), len(part.F)
+    v, rows = unknowns.v, 2 * contacts + limited
+    soft = Yielding(
+        np.empty(n), np.empty(rows), np.empty(rows), np.empty(2 * rows), np.empty(rows), np.empty(n)
+    )
+    for i in range(n):
+        v[i] = 0.0
+        soft.unit[i] = 1.0 / math.sqrt(part.diagonal[i])
+    matrix = factors.plan(part)
+    _collect(unknowns, contacts, limited, soft.centre)
+    rho, before, factored, lowered = FIRST, math.inf, False, False
+    for _ in range(MAX_ROUNDS):
+        if not _settle(part, rho, factored, soft, matrix, unknowns):
+            if rho >= MOST:
+                break
+            rho, factored = min(100.0 * rho, MOST), False
+            for i in range(n):
+                v[i] = 0.0
+            _spread(soft.centre, contacts, limited, unknowns)
+            continue
+        found = residual_of(part, unknowns)
+        rests = _moved(contacts, limited, unknowns, soft.centre) <= STILL
+        rests &= exertion_of(part, unknowns) <= WEDGED
+        # Where a smaller rho does not help, the rest is rounding.
+        if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
+            return found
+        _collect(unknowns, contacts, limited, soft.centre)
+        lowered = found > 0.1 * before
+        factored = not lowered
+        if lowered:
+            rho = max(0.01 * rho, LEAST)
+        before = found
+    return math.inf
+
+
+@kernel
+def _settle(
+    part: Part, rho: float, factored: bool, soft: Yielding, matrix: Factors, unknowns: Unknowns
+) -> bool:
+    """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
+    belong to `mode` and `rho`."""
+    groups = len(part.first) - 1
+    for flips in range(2 * MAX_FLIPS):
+        if not factored:
+            _impose(part, unknowns)
+            _give(part, rho, soft.give)
+            _push(part, unknowns, soft)
+            if not _factorise(part, soft, matrix):
+                return False
+        for _ in range(2):
+            _correct(part, soft, matrix, unknowns)
+        # Many flips at once may cycle.
+        if not flip(part, unknowns, soft.give, soft.centre, groups if flips < MAX_FLIPS else 1):
+            return True
+        factored = False
+    return False
+
+
+@kernel
+def _collect(unknowns: Unknowns, contacts: int, limited: int, centre: Reals) -> None:
+    for r in range(2 * contacts):
+        centre[r] = unknowns.force[r]
+    for r in range(limited):
+        centre[2 * contacts + r] = unknowns.tau[r]
+
+
+@kernel
+def _spread(centre: Reals, contacts: int, limited: int, unknowns: Unknowns) -> None:
+    for r in range(2 * contacts):
+        unknowns.force[r] = centre[r]
+    for r in range(limited):
+        unknowns.tau[r] = centre[2 * contacts + r]
+
+
+@kernel
+def _moved(contacts: int, limited: int, unknowns: Unknowns, centre: Reals) -> float:
+    """Greatest change of a force from its centre, relative to the greatest force."""
+    change, largest = 0.0, 0.0
+    for r in range(2 * contacts + limited):
+        now = unknowns.force[r] if r < 2 * contacts else unknowns.tau[r - 2 * contacts]
+        change, largest = max(change, abs(now - centre[r])), max(largest, abs(now))
+    return change / largest if largest > 0.0 else 0.0
+
+
+@kernel
+def _give(part: Part, rho: float, give: Reals) -> None:
+    """Fill in the yield of each row to its own force beside R: at least rho of the bodies' yield, or of the
+    yield of another row's bodies where no body of its own yields."""
+    contacts, most, rows = len(part.mu), 0.0, 2 * len(part.mu) + len(part.F)
+    for r in range(rows):
+        give[r] = moved(part, r // 2, r % 2) if r < 2 * contacts else moved(part, r - contacts, 0)
+        most = max(most, give[r])
+    for r in range(rows):
+        own = part.R[r // 2, r % 2, r % 2] if r < 2 * contacts else part.R_s[r - 2 * contacts]
+        bodies = give[r] if give[r] > 0.0 else (most if most > 0.0 else 1.0)
+        give[r] = max(rho * bodies - own, 0.0)
+
+
+@kernel
+def _impose(part: Part, unknowns: Unknowns) -> None:
+    """Set the forces that follow from the modes."""
+    contacts = len(part.mu)
+    mode, force, tau = unknowns.mode, unknowns.force, unknowns.tau
+    for k in range(contacts):
+        if mode[k] == OPEN:
+            force[2 * k] = force[2 * k + 1] = 0.0
+        elif mode[k] != STICK or part.mu[k] == 0.0:
+            force[2 * k + 1] = sign(mode[k]) * part.mu[k] * force[2 * k]
+    for r in range(len(part.F)):
+        if mode[contacts + r] != STICK:
+            tau[r] = sign(mode[contacts + r]) * part.F[r]
+
+
+@kernel
+def _push(part: Part, unknowns: Unknowns, soft: Yielding) -> None:
+    """Fill in the force per approach of each row, given its mode: 2 x 2 for a contact, one for a limited
+    row."""
+    contacts, mode = len(part.mu), unknowns.mode
+    give, push = soft.give, soft.push
+    for k in range(contacts):
+        at = 4 * k
+        a, d = part.R[k, 0, 0] + give[2 * k], part.R[k, 1, 1] + give[2 * k + 1]
+        push[at] = push[at + 1] = push[at + 2] = push[at + 3] = 0.0
+        if mode[k] == STICK and part.mu[k] > 0.0:
+            b, c = part.R[k, 0, 1], part.R[k, 1, 0]
+            inverse = 1.0 / (a * d - b * c)
+            push[at], push[at + 1] = d * inverse, -b * inverse
+            push[at + 2], push[at + 3] = -c * inverse, a * inverse
+        elif mode[k] != OPEN:
+            slope = sign(mode[k]) * part.mu[k]
+            push[at] = 1.0 / (a + slope * part.R[k, 0, 1])
+            push[at + 2] = slope * push[at]
+    for r in range(len(part.F)):
+        held = mode[contacts + r] == STICK
+        push[4 * contacts + r] = 1.0 / (part.R_s[r] + give[2 * contacts + r]) if held else 0.0
+
+
+@kernel
+def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
+    """Factors of H + W^T push W + S^T push S in these units."""
+    contacts, unit, push, column = len(part.mu), soft.unit, soft.push, part.column
+    factors.clear(matrix)
+    for i in range(len(part.c)):
+        for e in range(part.H_first[i], part.H_first[i + 1]):
+            j = part.H_column[e]
+            add(matrix, i, j, part.H_value[e] * unit[i] * unit[j])
+    for g in range(len(part.first) - 1):
+        r = g - contacts
+        if push[4 * g if r < 0 else 4 * contacts + r] == 0.0:
+            continue
+        for e in range(part.first[g], part.first[g + 1]):
+            i, a, b = column[e], part.normal[e], part.tangential[e]
+            if r < 0:
+                normal = (a * push[4 * g] + b * push[4 * g + 2]) * unit[i]
+                tangential = (a * push[4 * g + 1] + b * push[4 * g + 3]) * unit[i]
+            else:
+                normal, tangential = a * push[4 * contacts + r] * unit[i], 0.0
+            for f in range(part.first[g], part.first[g + 1]):
+                value = normal * part.normal[f] + tangential * part.tangential[f]
+                add(matrix, i, column[f], value * unit[column[f]])
+    return factors.factorise(matrix)
+
+
+@kernel
+def _correct(part: Part, soft: Yielding, matrix: Factors, unknowns: Unknowns) -> None:
+    """Take one Newton step of all equations of the modes, from the remainder of each."""
+    n, contacts, limited = len(part.c), len(part.mu), len(part.F)
+    _, v, force, tau = unknowns
+    unit, centre, give, push, rate, step = soft
+    for i in range(n):
+        step[i] = part.c[i]
+        for e in range(part.H_first[i], part.H_first[i + 1]):
+            step[i] -= part.H_value[e] * v[part.H_column[e]]
+    for k in range(contacts):
+        at, r = 4 * k, 2 * k
+        normal, tangential = rates(part, k, v)
+        for d in range(2):
+            x = part.w[r + d] + part.R[k, d, 0] * force[r] + part.R[k, d, 1] * force[r + 1]
+            x += give[r + d] * (force[r + d] - centre[r + d])
+            rate[r + d] = -(x + (normal if d == 0 else tangential))
+        normal = force[r] + push[at] * rate[r] + push[at + 1] * rate[r + 1]
+        tangential = force[r + 1] + push[at + 2] * rate[r] + push[at + 3] * rate[r + 1]
+        for e in range(part.first[k], part.first[k + 1]):
+            step[part.column[e]] += part.normal[e] * normal + part.tangential[e] * tangential
+    for r in range(limited):
+        at, g = 2 * contacts + r, contacts + r
+        moving, _ = rates(part, g, v)
+        rate[at] = -(part.w_s[r] + part.R_s[r] * tau[r] + give[at] * (tau[r] - centre[at]) + moving)
+        x = tau[r] + push[4 * contacts + r] * rate[at]
+        for e in range(part.first[g], part.first[g + 1]):
+            step[part.column[e]] += part.normal[e] * x
+    for i in range(n):
+        step[i] *= unit[i]
+    substitute(matrix, step)
+    for i in range(n):
+        step[i] *= unit[i]
+        v[i] += step[i]
+    for k in range(contacts):
+        at, r = 4 * k, 2 * k
+        normal, tangential = rates(part, k, step)
+        normal, tangential = rate[r] - normal, rate[r + 1] - tangential
+        force[r] += push[at] * normal + push[at + 1] * tangential
+        force[r + 1] += push[at + 2] * normal + push[at + 3] * tangential
+    for r in range(limited):
+        moving, _ = rates(part, contacts + r, step)
+        tau[r] += push[4 * contacts + r] * (rate[2 * contacts + r] - moving)
