@@ -1,1 +1,1 @@
-"""The chain that a step of many bodies in the plane runs: compressed rows, islands, and factors with few entries."""
+"""The chain that a step of many bodies in the plane runs: compressed rows, islands, sparse factors."""

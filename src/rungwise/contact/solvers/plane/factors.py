@@ -9,9 +9,10 @@ positive definite: the equations are corrected by their remainder, and the resid
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.contact.solvers.plane.part import Part
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
@@ -19,6 +20,8 @@ from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 _WIDE = 3
 """Velocities of a node, at most: those of a free body."""
 _NONE = -1
+
+Bytes: TypeAlias = NDArray[np.uint8]
 
 
 class Factors(NamedTuple):
@@ -66,7 +69,11 @@ def plan(part: Part) -> Factors:
         node[i] = place[node[i]]
         size[node[i]] += 1
     blocks = len(later)
-    back, source, owner = np.zeros(count + 1, np.int64), np.empty(blocks, np.int64), np.empty(blocks, np.int64)
+    back, source, owner = (
+        np.zeros(count + 1, np.int64),
+        np.empty(blocks, np.int64),
+        np.empty(blocks, np.int64),
+    )
     for e in range(blocks):
         back[later[e] + 1] += 1
     for p in range(count):
@@ -104,7 +111,7 @@ def _nodes(part: Part) -> tuple[Ints, Ints, int]:
 
 
 @allocating_kernel
-def _eliminate(near: Reals) -> tuple[Ints, Ints, Ints]:
+def _eliminate(near: Bytes) -> tuple[Ints, Ints, Ints]:
     """Places of nodes in the order of least degree, and the nodes after each that it is joined with then:
     start (N + 1,) and later. Fills `near`, whose entries say which nodes are joined."""
     count = len(near)
@@ -147,7 +154,7 @@ def _eliminate(near: Reals) -> tuple[Ints, Ints, Ints]:
 
 
 @inner_kernel
-def _spread(source: Reals, target: Reals, own: int) -> int:
+def _spread(source: Bytes, target: Bytes, own: int) -> int:
     """Join the node `own`, whose row is `target`, with all that `source` is; returns its degree."""
     degree = 0
     for j in range(len(source)):

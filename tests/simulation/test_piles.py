@@ -1,0 +1,113 @@
+"""Piles of many bodies: steps solved by their few entries, as by the chain of few bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rungwise as rw
+from rungwise.contact.solvers.plane.chain import solve_sparse
+from rungwise.contact.solvers.plane.judge import exertion_of, residual_of
+from rungwise.contact.solvers.plane.part import compress
+from rungwise.contact.step import (
+    SOLVED,
+    ContactProblem,
+    Elimination,
+    Sizes,
+    Unknowns,
+    matrix_size,
+    solve_planar,
+    trim,
+)
+from rungwise.contact.step.proximal import exertion
+from rungwise.contact.step.residual import residual
+from rungwise.simulation.core.step import CROWDED
+
+from .test_stacks import box, on_ground, pyramid
+
+DYNAMIC = [rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT]
+
+
+def heap(count: int, seed: int) -> list[dict[str, Any]]:
+    """Boxes that fall on each other: turned at random, in columns side by side."""
+    rng = np.random.default_rng(seed)
+    bodies = []
+    for i in range(count):
+        row, column = divmod(i, 5)
+        x, y = 1.7 * column + rng.uniform(-0.15, 0.15), 0.75 + 1.45 * row
+        bodies.append(box(x, y, 0.9, rng.uniform(-3.0, 3.0)))
+    return bodies
+
+
+def problem_of(model: rw.Rung, bodies: list[dict[str, Any]], steps: int) -> tuple[ContactProblem, Unknowns]:
+    """A step's problem on the way of a run, and the answer of the run to it."""
+    run = rw.Simulation(on_ground(bodies, duration=10.0, step=2e-3), model)
+    run.advance(steps)
+    assert run.workspace is not None
+    clock, scratch = run.workspace.state.clock[0], run.workspace.scratch
+    n, k, b = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
+    answer = Unknowns(
+        scratch.mode[: k + b].copy(), scratch.x[:n].copy(), scratch.contact_force[: 2 * k].copy(),
+        scratch.limited_force[:b].copy(),
+    )  # fmt: skip
+    return trim(run.workspace.problem, n, k, b), answer
+
+
+def sizes_of(p: ContactProblem) -> Sizes:
+    return Sizes(len(p.c), len(p.mu), len(p.F))
+
+
+def solved(p: ContactProblem, sparse: bool, start: Unknowns | None = None) -> tuple[int, float, Unknowns]:
+    n, k, b = sizes_of(p)
+    size = matrix_size(n, k, b)
+    room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
+    found = Unknowns(np.zeros(k + b, np.int64), np.zeros(n), np.zeros(2 * k), np.zeros(b))
+    if start is not None:
+        found = Unknowns(*(part.copy() for part in start))
+    status, error, _ = (solve_sparse if sparse else solve_planar)(p, sizes_of(p), found, room)
+    return status, error, found
+
+
+@pytest.mark.parametrize("bodies", [CROWDED // 3 - 1, CROWDED // 3 + 5])
+@pytest.mark.parametrize("model", DYNAMIC, ids=str)
+def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:
+    for seed, steps in ((0, 150), (1, 250), (2, 350)):
+        p, answer = problem_of(model, heap(bodies, seed), steps)
+        assert len(p.mu) > 0
+        for start in (None, answer):
+            status, _, dense = solved(p, False, start)
+            same, error, sparse = solved(p, True, start)
+            assert status == same == SOLVED
+            assert error == residual(p, sizes_of(p), sparse)
+            np.testing.assert_allclose(sparse.v, dense.v, rtol=0.0, atol=1e-7 * (1.0 + abs(dense.v).max()))
+
+
+def test_the_judge_agrees_to_the_last_digit() -> None:
+    rng = np.random.default_rng(3)
+    for seed in range(3):
+        p, answer = problem_of(rw.DYNAMIC_COMPLIANT, heap(24, seed), 300)
+        whole = compress(p, sizes_of(p))
+        for size in (0.0, 1e-9, 1e-3, 1.0, 1e6):
+            for part in (answer.v, answer.force, answer.tau):
+                part += size * rng.standard_normal(len(part))
+            assert residual_of(whole, answer) == residual(p, sizes_of(p), answer)
+            assert exertion_of(whole, answer) == exertion(p, sizes_of(p), answer)
+
+
+def test_a_pile_repeats_and_does_not_depend_on_the_order_of_its_bodies() -> None:
+    bodies = heap(24, 4)
+    ends = []
+    for order in (range(24), range(24), range(23, -1, -1)):
+        run = rw.simulate(on_ground([bodies[i] for i in order], step=2e-3, duration=0.4), "dynamic-rigid")
+        ends.append(run.workspace.state.q.reshape(-1, 3)[np.argsort(order)])  # type: ignore[union-attr]
+    assert np.array_equal(ends[0], ends[1])
+    np.testing.assert_allclose(ends[0], ends[2], atol=1e-9)
+
+
+@pytest.mark.parametrize("model", DYNAMIC, ids=str)
+def test_a_pyramid_stands(model: rw.Rung) -> None:
+    run = rw.simulate(on_ground(pyramid(9), duration=0.02), model)
+    assert run.outcome.name == "timeout" and run.worst_residual <= 1e-9
+    assert np.abs(run.workspace.state.v).max() <= 1e-9 + (0.01 if model.compliant else 0.0)  # type: ignore[union-attr]
