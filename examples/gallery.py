@@ -2,6 +2,7 @@
 
     python examples/gallery.py                          all pictures, below docs/
     python examples/gallery.py --only push --out out    one of them, below out/
+    python examples/gallery.py --plan --only card       plan anew what the pictures of PLANNED show
 
 Each panel is one run on one rung. Panels of one scene show the same time; a run that has ended keeps its
 last frame.
@@ -10,6 +11,7 @@ last frame.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -17,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import yaml
 
 import rungwise as rw
 from rungwise.viewing.plane.clip import Clip, clip
@@ -34,6 +37,7 @@ FINE = 3
 """Frames are drawn so many times larger, and made smaller: that smooths edges."""
 WIDTH, HEIGHT, HEAD = 260, 190, 40
 """Of a panel, and of the lines above it, in pixels."""
+PLANS = Path(__file__).parents[1] / "docs" / "gallery"
 GOOD, BAD, LINE = "#007f5f", "#c14e00", "#e6e8eb"
 
 View = tuple[float, float, float, float]
@@ -74,6 +78,27 @@ FAST = {"v": 0.5, "near": 0.0, "post1_x": 9.0, "post2_x": 9.0}
 FREE = ("doomed",)
 HARD = {"v2": 0.55, "restitution": 1.0}
 CLOSE = (rw.Segment({"x1": -0.02, "x2": 0.02}, 4.0, ramp=True),)
+PLANNED = {"corner_pivot": 1, "book": 1, "card": 0, "corridor": 0}
+"""Scenes that are shown as planned, and the seeds of their plans."""
+
+
+def schedule(scene: str) -> list[rw.Segment]:
+    """The plan of a scene, as it was kept."""
+    kept = yaml.safe_load((PLANS / f"{scene}.yaml").read_text("utf-8"))
+    return [rw.Segment(**segment) for segment in kept]
+
+
+def keep(scene: str, seed: int) -> Path:
+    """Plan a scene and keep the schedule."""
+    found = rw.plan(scene, seed=seed, budget=None)
+    lines = [
+        {"inputs": dict(part.inputs), "duration": part.duration, "ramp": part.ramp} for part in found.segments
+    ]
+    file = PLANS / f"{scene}.yaml"
+    text = "".join(f"- {json.dumps(line).replace(chr(34), '')}\n" for line in lines)
+    file.write_text(text, "utf-8")
+    return file
+
 
 DISAGREE = (
     (
@@ -113,6 +138,7 @@ GALLERY: dict[str, Panels] = {
     "snap": ladder("snap", QUASI, SOFT),
     "part_feeder": ladder("part_feeder", FIRM, SOFT, arrival=-1.0),
     "grasp": ladder("grasp", QUASI, SOFT, inputs=CLOSE),
+    **{name: ladder(name, QUASI, SOFT, inputs=schedule(name)) for name in PLANNED},
     "two_link": ladder("two_link", QUASI, FIRM),
     "blocks": ladder("blocks", FIRM, SOFT, slope=0.4, mu=0.3, mu_stack=0.1),
     "slide_roll": ladder("slide_roll", FIRM, SOFT),
@@ -125,7 +151,12 @@ def main(arguments: Sequence[str] | None = None, frames: int = FRAMES) -> int:
     parser = argparse.ArgumentParser(description="Moving pictures of the shipped scenes.")
     parser.add_argument("--only", choices=("disagree", *GALLERY), nargs="*", default=("disagree", *GALLERY))
     parser.add_argument("--out", type=Path, default=Path("docs"), help="folder of the pictures")
+    parser.add_argument("--plan", action="store_true", help="plan schedules anew, and draw nothing")
     options = parser.parse_args(arguments)
+    if options.plan:
+        for name in (name for name in PLANNED if name in options.only):
+            print(keep(name, PLANNED[name]))
+        return 0
     for name in options.only:
         if name == "disagree":
             file, columns = options.out / f"{name}.gif", DISAGREE

@@ -6,6 +6,7 @@ import importlib.util
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -127,6 +128,9 @@ def test_pages_of_the_gallery_print_what_they_say(
     scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    kept = ROOT / "docs" / "gallery" / f"{scene}.yaml"
+    if kept.is_file():
+        shutil.copy(kept, tmp_path)
     for block in blocks(ROOT / "docs" / "gallery" / f"{scene}.md"):
         if block.file:
             Path(block.file).write_text(block.code, "utf-8")

@@ -25,6 +25,8 @@ EXACT = 1e-3
 """Gap, in parts of those that count as closed, that is left after correction."""
 EDGE = 0.08
 """How near to a corner of the outline a finger may be, in parts of half the edge."""
+AROUND = 240
+"""Places on the outline among which those that are opposite of others are sought."""
 
 
 class Seen(NamedTuple):
@@ -118,6 +120,17 @@ class Ground:
         point = seen.touches.points[seen.held[f]] - [x, y]
         outline = self.around.outline(self.body)
         return outline.part_of(np.array([c * point[0] + s * point[1], c * point[1] - s * point[0]]))
+
+    def opposite(self, parts: Reals) -> Reals:
+        """Parts (m,) of the outline across the body from others (m,), nearest to the line along their normals
+        among those that face them."""
+        outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
+        points, normals = outline(parts)
+        others, facing = outline(every)
+        ways = others[None] - points[:, None]
+        across = np.abs(ways[..., 0] * normals[:, None, 1] - ways[..., 1] * normals[:, None, 0])
+        faces = (facing[None] * normals[:, None]).sum(axis=2)
+        return every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)]
 
     def edges(self, seen: Seen, parts: Reals) -> Reals:
         """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)

@@ -66,12 +66,12 @@ def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
 
 
 def anew_on(work: Work, predictor: Predictor) -> Found | None:
-    """A new plan on a stage: by contact modes and by pushes that are tried, in turns; where supports carry
-    all objects, by pushes first, unless there is a path to follow."""
+    """A new plan on a stage: by contact modes and by pushes that are tried, in turns; by pushes first where
+    supports carry all objects, unless the task says which robots are fingers or there is a path to follow."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)
-    idle, slides = 0, work.task.slides and not len(work.path)
+    idle, slides = 0, not work.task.is_led and not len(work.path)
     while work.budget.left and idle < IDLE:
         runs = work.budget.outcomes.total()
         for by_modes in (False, True) if slides else (True, False):

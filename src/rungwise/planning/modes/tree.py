@@ -36,6 +36,8 @@ POOL, TRIES, PLACED, ENOUGH = 48, 120, 24, 6
 fingers are placed, and those that fit after which no more are."""
 LEAVES, IDLE = 0.6, 0.25
 """How often a finger changes its place, and then touches nothing."""
+OPPOSITE = 0.5
+"""How often a finger is placed across the object from another."""
 REGRASPS = 0.3
 """How often fingers change places where they need not."""
 NO_MODE, NO_BALANCE, NO_PLACE = "no mode", "no balance", "no place for fingers"
@@ -175,7 +177,7 @@ def _grasps(
     if kept and rng.random() > REGRASPS:
         return
     may = could(ground, seen, mode, want, press)
-    parts = rng.random(POOL)
+    parts = _pool(ground, seen, used, rng)
     edges = ground.edges(seen, parts) if len(ground.columns) == 3 else None
     if may is None or (edges is not None and not may(edges.reshape(-1, 3), False)):
         failed[NO_BALANCE] += not kept
@@ -227,7 +229,21 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
         changes[alone] = max(changes[alone], 1 - used[alone])
         own[:] = 0
         own[alone] = 1
-    return changes, own, rng.integers(POOL, size=count)
+    picked = rng.integers(POOL, size=count)
+    held, moved = np.flatnonzero(own), np.flatnonzero(changes * own)
+    if len(held) > 1 and len(moved) and rng.random() < OPPOSITE:
+        one = int(rng.choice(moved))
+        other = int(rng.choice(held[held != one]))
+        picked[one] = (picked[other] + POOL // 2) % POOL if changes[other] else POOL + other
+    return changes, own, picked
+
+
+def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> Reals:
+    """Parts of the outline of which some are drawn: any, then those opposite of them, then those opposite of
+    each finger, as far as it touches."""
+    drawn = rng.random(POOL // 2)
+    places = np.array([ground.part(seen, f)[0] if used[f] else 0.0 for f in range(len(used))])
+    return np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
 
 
 def _placed(

@@ -121,8 +121,9 @@ class Task:
 
     @property
     def is_led(self) -> bool:
-        """Whether robots lead objects that no support holds."""
-        return bool(self.carriers) and not self.slides and world_of(self.scene).shapes == OUTLINES
+        """Whether robots lead objects: where no support holds these, or the task says which are fingers."""
+        by_fingers = not self.slides or bool(fields_of(self.scene).fingers)
+        return bool(self.carriers) and by_fingers and world_of(self.scene).shapes == OUTLINES
 
     @property
     def by_place(self) -> bool:
