@@ -90,7 +90,7 @@ def schedule(scene: str) -> list[rw.Segment]:
 
 def keep(scene: str, seed: int) -> Path:
     """Plan a scene and keep the schedule."""
-    found = rw.plan(scene, seed=seed, budget=None)
+    found = rw.plan(scene, seed=seed)
     lines = [
         {"inputs": dict(part.inputs), "duration": part.duration, "ramp": part.ramp} for part in found.segments
     ]

@@ -130,7 +130,7 @@ class Ground:
         ways = others[None] - points[:, None]
         across = np.abs(ways[..., 0] * normals[:, None, 1] - ways[..., 1] * normals[:, None, 0])
         faces = (facing[None] * normals[:, None]).sum(axis=2)
-        return every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)]
+        return np.asarray(every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)])
 
     def edges(self, seen: Seen, parts: Reals) -> Reals:
         """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)
