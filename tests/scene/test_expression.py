@@ -10,17 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rungwise.scene.language.expression import (
-    FUNCTIONS,
-    MAX_LENGTH,
-    MAX_NODES,
-    STACK,
-    ExpressionError,
-    Programs,
-    compile_expression,
-    evaluate,
-    holds,
-)
+from rungwise.scene.language.compiler import MAX_LENGTH, MAX_NODES, compile_expression
+from rungwise.scene.language.expression import FUNCTIONS, STACK, Programs, evaluate, holds
+from rungwise.scene.language.lasting import ExpressionError
 
 NAMES = ("a", "b", "part.x", "gap(f, g)")
 VALUES = np.array([0.75, -2.5, 3.0, 0.125])

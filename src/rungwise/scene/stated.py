@@ -22,7 +22,7 @@ from rungwise.plain import cut
 from rungwise.scene.errors import STRICT, SceneError, out_of_range
 from rungwise.scene.fields.stated import Stated
 from rungwise.scene.fields.task import numbers_of
-from rungwise.scene.language.expression import STACK, Code, Programs, evaluate
+from rungwise.scene.language.expression import SLOTS, STACK, Code, Programs, evaluate
 from rungwise.scene.language.names import OF_CONTACTS, Names
 from rungwise.scene.scene import FARTHEST, InvalidScene, as_yaml, explain, parameter_values
 from rungwise.scene.template.task import check_fingers, check_task
@@ -56,13 +56,14 @@ class NameTemplate:
 
     def names(self) -> Names:
         """The names that expressions may use."""
-        return Names(self.parameters, self.coordinates, self.contacts, self.velocities)
+        return Names(self.parameters, self.coordinates, self.contacts, self.velocities, self.bodies)
 
     @property
     def value_count(self) -> int:
-        """Numbers that programs read: parameters, t, q, v, gaps, forces and impulses, tolerance."""
-        moving = len(self.coordinates) + len(self.velocities)
-        return len(self.parameters) + 2 + moving + len(OF_CONTACTS) * len(self.contacts)
+        """Numbers that programs read: parameters, t, q, v, gaps, forces and impulses, times since when parts
+        of conditions have held, ways of bodies in a nominal step, tolerance (see `Template`)."""
+        moving = len(self.coordinates) + len(self.velocities) + len(OF_CONTACTS) * len(self.contacts)
+        return len(self.parameters) + 2 + moving + SLOTS + len(self.bodies)
 
 
 @dataclass
@@ -161,7 +162,7 @@ class StatedScene:
         """Programs of the conditions that the scene states. Raises SceneError."""
         names = self.template.names()
         stated = {name: getattr(self.file, name) for name in ("goal", "unsafe", "doomed")}
-        return {name: names.condition(text, name) for name, text in stated.items() if text is not None}
+        return {name: names.condition(text, name, name) for name, text in stated.items() if text is not None}
 
     def checked(self, robots: tuple[str, ...] = ()) -> Self:
         """The scene, once its conditions and its task speak of nothing unknown; `robots` may be led through

@@ -15,8 +15,10 @@ from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite, shown
-from rungwise.scene.language.expression import Code, Programs
+from rungwise.scene.language.expression import CONDITIONS, STACK, TIMES, Code, Programs, evaluate
+from rungwise.scene.language.names import with_times
 from rungwise.simulation.planar.state.inputs import Inputs
+from rungwise.simulation.planar.state.lasting import STATED
 from rungwise.wording import choices
 
 MOST = 10_000
@@ -97,7 +99,7 @@ def condition(scene: AnyScene, text: object, path: str) -> Code:
     if text is not None and not isinstance(text, str):
         raise ScheduleError(f"{path}: must be text, not {shown(text)}")
     try:
-        code: Code = scene.template.names().condition(text, path)
+        code: Code = scene.template.names().condition(text, path, "until")
         return code
     except SceneError as error:
         raise ScheduleError(str(error)) from None
@@ -108,7 +110,8 @@ def compiled(
 ) -> Inputs:
     """A schedule as kernels take it: durations (s,), levels (s, u), ramps (s,), and conditions or None."""
     template = scene.template
-    programs = Programs([condition(scene, text, f"until.{k}") for k, text in enumerate(until)])
+    conditions = [condition(scene, text, f"until.{k}") for k, text in enumerate(until)]
+    programs = Programs([*conditions, *with_times(conditions)])
     return Inputs(
         speeds=template.timed_speeds(),
         numbers=template.timed_numbers(),
@@ -130,6 +133,25 @@ def compile_segments(scene: Scene, segments: Sequence[Segment]) -> Inputs:
         np.array([segment.ramp for segment in segments], np.int64),
         [segment.until for segment in segments],
     )
+
+
+def impossible_times(scene: Scene, inputs: Inputs, values: Reals) -> str:
+    """What is wrong with the times for which conditions must hold, at these values; empty if nothing is."""
+    own, stack = scene.template.conditions, np.zeros(STACK)
+    spans = [
+        (CONDITIONS[j // TIMES], own.code, own.constants, own.table[row])
+        for j, row in enumerate(range(STATED + 1, len(own.table), 2))
+    ]
+    s = len(inputs.durations)
+    spans += [
+        (f"inputs.{j // TIMES}.until", inputs.code, inputs.constants, inputs.table[row])
+        for j, row in enumerate(range(s + 1, len(inputs.table), 2))
+    ]
+    for path, code, constants, (first, last) in spans:
+        span = evaluate(code, constants, first, last, values, stack) if last > first else 0.0
+        if not 0.0 <= span < math.inf:
+            return f"{path}: must be told to hold for a finite time >= 0, not {span:g}"
+    return ""
 
 
 def ignored(scene: Scene, model: Rung, segments: Sequence[Segment]) -> tuple[str, ...]:

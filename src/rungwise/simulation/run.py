@@ -21,7 +21,7 @@ from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.read import load_planar
-from rungwise.simulation.inputs import compile_segments
+from rungwise.simulation.inputs import compile_segments, impossible_times
 from rungwise.simulation.options import MANY, ModelError, count, preferences
 from rungwise.simulation.planar import loop
 from rungwise.simulation.planar.state.inputs import begin_inputs
@@ -126,6 +126,7 @@ class Simulation(Turns):
                 )
             self.reason = begin_at(state, self.scene, self._setting, self._begins_inputs, self.workspace)
         self.workspace.state.clock["stride"] = stride
+        self.reason = self.reason or impossible_times(self.scene, self._setting.inputs, self._bound.values)
         if self.reason:
             self.outcome = Code.INVALID
 

@@ -16,7 +16,8 @@ from rungwise.plain import brief
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
-from rungwise.scene.language.expression import STACK, Programs
+from rungwise.scene.language.expression import CONDITIONS, STACK, Programs
+from rungwise.scene.language.lasting import momentary
 from rungwise.scene.language.terms import Combination, Term, terms_of
 from rungwise.scene.read import load
 from rungwise.simulation.planar.questions import read
@@ -78,8 +79,9 @@ def ask(
     """Whether a condition holds at states.
 
     `condition` is "goal", "unsafe" or "doomed" of the scene, or the text of a condition in its names. Forces
-    and impulses are those that a state's run read there; without a run they are 0. Raises SceneError and
-    StateError for wrong input.
+    and impulses are those that a state's run read there; without a run they are 0. What must hold for a time
+    (`... for 0.2`) has held for as long as a state's own run saw it, and for none at other states. Raises
+    SceneError and StateError for wrong input.
     """
     return Question(load(scene), condition, parameters).ask(states)
 
@@ -98,24 +100,28 @@ def geometry(
 class Question:
     """A condition of a scene at one set of parameters, read once, to be asked of states again and again; see
     `ask`. Without a condition, only `geometry` answers. `of_contacts`: whether it calls a function of
-    contacts."""
+    contacts. With `now`, what must hold for a time is only asked to hold."""
 
     def __init__(
-        self, scene: AnyScene, condition: str | None, parameters: Mapping[str, float] | None = None
-    ) -> None:
+        self, scene: AnyScene, condition: str | None, parameters: Mapping[str, float] | None = None,
+        now: bool = False,
+    ) -> None:  # fmt: skip
         if not isinstance(condition, str | None):
             raise SceneError(f"condition: must be text, not {shown(condition)}")
-        text = getattr(scene.file, condition) if condition in ("goal", "unsafe", "doomed") else condition
+        own = condition if condition in CONDITIONS[:-1] else ""
+        text = getattr(scene.file, own) if own else condition
+        if now and text is not None:
+            text, own = momentary(text), ""
         if text is None and condition is not None:
             raise SceneError(f"{condition}: the scene states none")
         names = scene.template.names()
-        names.condition(text, "condition")
+        names.condition(text, "condition", own)
         self.of_contacts = any(names.read.values())
         self._place = world_of(scene).place(parameters)
         self._terms: list[Term] = []
         self._combined: Combination = 0
         if text is not None:
-            self._terms, self._combined = terms_of(text, names, *self._place.dimensions())
+            self._terms, self._combined = terms_of(text, names, *self._place.dimensions(), own)
         self._programs = Programs([term.code for term in self._terms])
         self._scales = np.array([self._place.scale(term.dimension) for term in self._terms])
 

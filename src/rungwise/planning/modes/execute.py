@@ -16,6 +16,7 @@ from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.legs import HOLD, Layout, Writer
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
+from rungwise.planning.motion.settle import HELD
 from rungwise.planning.search.layout import FOLLOW, LATER, WAIT, Course
 from rungwise.planning.search.problem import Found, Work
 from rungwise.simulation.inputs import Segment
@@ -170,6 +171,11 @@ class Scene:
                 own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * waited[1], None, False))
                 labels, places = (*labels, WAIT), waited[0].places
                 outcome = Code(int(waited[0].outcome[0]))
+        if outcome != Code.GOAL and work.moves.hopes(places.q, places.v)[0]:
+            lasted = self._lasted(predictor, places, levels)
+            if lasted is not None:
+                own = (*own, Segment(own[-1].inputs, (1.0 + LATER) * lasted[1], None, False))
+                labels, places, outcome = (*labels, WAIT), lasted[0].places, Code.GOAL
         lack = 0.0 if outcome == Code.GOAL else max(float(work.lack(places)[0]), 1e-12)
         return Node(
             places=places, levels=levels, aims=aims, lack=lack, segments=node.segments + own,
@@ -186,6 +192,16 @@ class Scene:
         ends = predictor.run(places, held[:, None], np.full((1, 1), task.patience), until=(task.at_rest,))
         outcome = Code(int(ends.outcome[0]))
         if outcome not in (Code.GOAL, *GOES_ON):
+            return None
+        return ends, float(ends.places.time[0] - places.time[0])
+
+    def _lasted(self, predictor: Predictor, places: Places, levels: Reals) -> tuple[Ends, float] | None:
+        """What comes of standing still for as long as the goal must hold, and for how long; None where it is
+        not reached so."""
+        task = self.work.task
+        held, lasting = task.held(levels[None]), np.full((1, 1), (1.0 + HELD) * task.lasting)
+        ends = predictor.run(places, held[:, None], lasting)
+        if ends.outcome[0] != Code.GOAL:
             return None
         return ends, float(ends.places.time[0] - places.time[0])
 

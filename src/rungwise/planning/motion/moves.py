@@ -20,6 +20,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.motion.propagate import Places
 from rungwise.planning.motion.transit import Transit
 from rungwise.planning.task.task import Task
+from rungwise.scene.language.lasting import names_in
 from rungwise.scene.template.records import Records
 from rungwise.world.carriers import Carrier, TaskError
 from rungwise.world.planar.boundary import Boundary, boundary
@@ -68,11 +69,21 @@ class Moves:
     def __init__(self, task: Task) -> None:
         self.task = task
         self.question = Question(task.scene, None, task.parameters)
+        self._goal = Question(task.search, "goal", task.parameters, now=True) if task.lasting else None
         self._free = task.free
         self.size = self.per * len(task.carriers) + len(self._free) + (0 if task.carriers else 1)
         self.periodic = np.zeros(self.size, bool)
         self.periodic[: self.per * len(task.carriers) : self.per] = True
         self._ramped = bool(np.isfinite(task.rate[self._free]).any())
+
+    def hopes(self, q: Reals, v: Reals) -> NDArray[np.bool_]:
+        """Whether the goal holds at q (m, n_q), v (m, n_v), as far as these say, and must go on to hold for a
+        time."""
+        if self._goal is None or not len(q):
+            return np.zeros(len(q), bool)
+        if {"force", "impulse"} & names_in(self.task.search.file.goal):
+            return np.ones(len(q), bool)
+        return self._goal.ask(np.hstack([q, v])).holds
 
     @cached_property
     def transit(self) -> Transit:

@@ -18,6 +18,7 @@ from rungwise.kernel import Reals
 from rungwise.planning.motion.free_paths import CHECKS, always, cut_short, grown
 from rungwise.planning.task.task import Task
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.language.lasting import FOR, REST, lasting_of, parsed, written
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
@@ -50,7 +51,7 @@ PARTS = 8
 """Parts into which every straight way is cut at least: bodies turn by less than half a turn in each."""
 ROOM = 0.5
 """Room about all places of a way, in parts of its extent; angles have half a turn."""
-NOT_PLACED = {"force", "impulse", "speed", "t"}
+NOT_PLACED = {"force", "impulse", "speed", "t", REST, FOR}
 """Names in conditions that places alone do not decide."""
 JUMPS = {"floor", "sign"}
 """Functions that jump."""
@@ -66,8 +67,8 @@ class Goals(NamedTuple):
 
 
 def placed_part(condition: str) -> str | None:
-    """The part of a condition that places decide: its terms without forces, speeds and time; None if there is
-    none. Where the whole holds, the part does."""
+    """The part of a condition that places decide: its terms without forces, speeds and time, also those that
+    must hold for a time; None if there is none. Where the whole holds, the part does."""
     kept = [part for part in _parts(condition) if not NOT_PLACED & _named(part)]
     return " and ".join(f"({ast.unparse(part)})" for part in kept) or None
 
@@ -77,7 +78,7 @@ def jumps(condition: str) -> bool:
     say nothing of these."""
     return any(
         isinstance(node, ast.IfExp) or (isinstance(node, ast.Name) and node.id in JUMPS)
-        for node in ast.walk(ast.parse(condition.strip(), mode="eval"))
+        for node in ast.walk(parsed(condition))
     )
 
 
@@ -91,15 +92,22 @@ def needs_forces(task: Task, q: Reals) -> bool:
 def _of_forces(part: ast.expr) -> bool:
     """Whether a condition depends on forces, and on nothing else of a state."""
     dotted = any(isinstance(node, ast.Attribute) for node in ast.walk(part))
-    return (
-        bool(_named(part) & {"force", "impulse"}) and not dotted and not _named(part) & {"gap", "speed", "t"}
-    )
+    named = _named(part)
+    return bool(named & {"force", "impulse"}) and not dotted and not named & {"gap", "speed", "t", REST, FOR}
 
 
 def _parts(condition: str) -> list[ast.expr]:
-    """The conditions that must all hold."""
-    tree = ast.parse(condition.strip(), mode="eval").body
-    return tree.values if isinstance(tree, ast.BoolOp) and isinstance(tree.op, ast.And) else [tree]
+    """The conditions that must all hold, some of them for a time."""
+    tree = parsed(condition)
+    whole = lasting_of(tree)
+    while whole is not None:
+        tree = whole[0]
+        whole = lasting_of(tree)
+    parts = tree.values if isinstance(tree, ast.BoolOp) and isinstance(tree.op, ast.And) else [tree]
+    found = list[ast.expr]()
+    for part in parts:
+        found += [part] if lasting_of(part) is None else _parts(written(part))
+    return found
 
 
 def _named(part: ast.expr) -> set[str]:
@@ -120,7 +128,7 @@ class Placing:
         goal = placed_part(scene.file.goal or "")
         self._goal = None if goal is None else Question(scene, goal, task.parameters)
         unsafe = task.search.file.unsafe
-        decided = unsafe is not None and not NOT_PLACED & _named(ast.parse(unsafe.strip(), mode="eval").body)
+        decided = unsafe is not None and not NOT_PLACED & _named(parsed(unsafe))
         self._unsafe = Question(scene, unsafe, task.parameters) if decided else None
         least = YIELDED * room.thin if yields else room.rounding
         self._allowed = np.maximum(least, -self._gaps(q[None])[0])

@@ -20,6 +20,11 @@ SLOWLY = 5.0
 """How many times as long as on their ways robots take to draw off: springs follow their targets late."""
 
 
+HELD = 0.01
+"""Part by which robots stand still for longer than a goal must hold: a part of it may begin to hold a little
+later."""
+
+
 class Left(NamedTuple):
     """Inputs (m, u) with which robots draw off from what they touch, and for how long (m,)."""
 
@@ -45,12 +50,12 @@ def run_to_rest(moves: Moves, predictor: Predictor, places: Places, segments: Se
 
 def rested(moves: Moves, predictor: Predictor, ends: Ends, levels: Reals) -> Rested:
     """What comes of runs that ended so, after inputs `levels` (m, u), when robots draw off from objects that
-    they may hold, and stand still until objects rest or the longest wait is over. Where that takes too many
-    steps, nothing is waited for."""
+    they may hold, and stand still until objects rest or the longest wait is over, and as long as a goal must
+    hold, where it does. Where that takes too many steps, nothing is waited for."""
     task = moves.task
     left, waits = Left(levels.copy(), np.zeros(len(levels))), np.zeros(len(levels))
     if not task.carriers:
-        return Rested(ends, levels, waits, left)
+        return held_out(moves, predictor, Rested(ends, levels, waits, left))
     rows = _drawn_off(moves, ends, left)
     if len(rows):
         more = predictor.run(
@@ -60,7 +65,7 @@ def rested(moves: Moves, predictor: Predictor, ends: Ends, levels: Reals) -> Res
         ends, levels = _put(ends, rows, more, np.arange(len(rows))), left.levels
     rows = np.flatnonzero(np.isin(ends.outcome, GOES_ON) & task.moving(ends.places.v))
     if not len(rows):
-        return Rested(ends, levels, waits, left)
+        return held_out(moves, predictor, Rested(ends, levels, waits, left))
     held = task.held(levels[rows])
     more = predictor.run(
         ends.places.take(rows), held[:, None], np.full((len(rows), 1), task.patience), until=(task.at_rest,)
@@ -69,7 +74,24 @@ def rested(moves: Moves, predictor: Predictor, ends: Ends, levels: Reals) -> Res
     rows, levels = rows[settled], levels.copy()
     waits[rows] = more.places.time[settled] - ends.places.time[rows]
     levels[rows] = held[settled]
-    return Rested(_put(ends, rows, more, settled), levels, waits, left)
+    return held_out(moves, predictor, Rested(_put(ends, rows, more, settled), levels, waits, left))
+
+
+def held_out(moves: Moves, predictor: Predictor, so_far: Rested) -> Rested:
+    """The same, where robots stand still for as long as the goal must hold, if it does, and if it is reached
+    so."""
+    ends, task = so_far.ends, moves.task
+    on = np.isin(ends.outcome, GOES_ON)
+    rows = np.flatnonzero(on)[moves.hopes(ends.places.q[on], ends.places.v[on])]
+    if not len(rows):
+        return so_far
+    held, lasting = task.held(so_far.levels[rows]), (1.0 + HELD) * task.lasting
+    more = predictor.run(ends.places.take(rows), held[:, None], np.full((len(rows), 1), lasting))
+    reached = np.flatnonzero(more.outcome == Code.GOAL)
+    rows, waits, levels = rows[reached], so_far.waits.copy(), so_far.levels.copy()
+    waits[rows] += more.places.time[reached] - ends.places.time[rows]
+    levels[rows] = held[reached]
+    return so_far._replace(ends=_put(ends, rows, more, reached), levels=levels, waits=waits)
 
 
 def _drawn_off(moves: Moves, ends: Ends, left: Left) -> Ints:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from rungwise.planning.motion.transit import Transit
 from rungwise.planning.search.layout import Course, lay_out
 from rungwise.planning.search.push_effects import Pushes
 from rungwise.planning.task.task import Task, guarded_scene
+from rungwise.scene.language.lasting import names_in
 from rungwise.simulation.state import State
 from rungwise.world.carriers import TaskError
 from rungwise.world.contract import OBJECT, SOLIDS
@@ -121,7 +121,7 @@ class Work:
         }
         groups = list[tuple[set[int], set[str]]]()
         for number, texts in enumerate(self.question.parts):
-            parts, bodies = {number}, set().union(*(_named(text) & names for text in texts))
+            parts, bodies = {number}, set().union(*(names_in(text) & names for text in texts))
             if bodies:
                 shared = [group for group in groups if group[1] & bodies]
                 groups = [group for group in groups if not group[1] & bodies]
@@ -137,11 +137,6 @@ class Work:
         return lambda places: self.task.away(places.q, aim)
 
 
-def _named(text: str) -> set[str]:
-    """The bodies whose coordinates, or contacts, an expression may name."""
-    return {node.id for node in ast.walk(ast.parse(text.strip(), mode="eval")) if isinstance(node, ast.Name)}
-
-
 def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
     """Where planning starts. Raises TaskError where bodies overlap at the start."""
     moves = _moves_of(task)
@@ -151,7 +146,7 @@ def begin(task: Task, budget: Budget, seed: int, threads: int | None) -> Work:
         raise TaskError(f"start: {overlap}; change the parameters of the start")
     return Work(
         task=task, moves=moves, transit=moves.transit,
-        question=Question(task.search, "goal", task.parameters), budget=budget,
+        question=Question(task.search, "goal", task.parameters, now=True), budget=budget,
         start=Places(start.q[None].copy(), start.v[None].copy(), np.zeros(1), np.zeros((0, 1))),
         path=np.zeros((0, start.q.size)), size=task.size, threads=threads,
         rng=np.random.default_rng(seed), seed=seed,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 
+from rungwise.scene.language.lasting import FOR, lasting_of, parsed, written
 from rungwise.scene.language.names import OF_CONTACTS
 
 
@@ -11,10 +12,10 @@ def tightened(condition: str, reserve: float) -> str:
     """The condition with the bound of each comparison nearer by this part of its size.
 
     `a <= b` becomes `a <= b - reserve * abs(b)` where a depends on the state and b does not, and so on;
-    inside "not" it turns around. Comparisons with no side, or two sides, that depend on the state stay.
+    inside "not" it turns around. Comparisons with no side, or two sides, that depend on the state stay, and
+    so do the times for which conditions must hold, and rest.
     """
-    tree = ast.parse(condition.strip(), mode="eval").body
-    return ast.unparse(_tightened(tree, reserve))
+    return written(_tightened(parsed(condition), reserve))
 
 
 def _tightened(node: ast.expr, part: float) -> ast.expr:
@@ -27,6 +28,9 @@ def _tightened(node: ast.expr, part: float) -> ast.expr:
             sides = [left, *rights]
             each = [_nearer(a, op, b, part) for a, op, b in zip(sides, operators, rights, strict=False)]
             return each[0] if len(each) == 1 else ast.BoolOp(ast.And(), each)
+    pair = lasting_of(node)
+    if pair is not None:
+        return ast.Call(ast.Name(FOR, ast.Load()), [_tightened(pair[0], part), pair[1]], [])
     return node
 
 

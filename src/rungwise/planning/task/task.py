@@ -18,6 +18,7 @@ from rungwise.planning.task.reserve import tightened
 from rungwise.scene import InvalidScene, Scene
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.task import Task as TaskFields
+from rungwise.scene.language.expression import STACK, Programs, evaluate
 from rungwise.scene.read import load
 from rungwise.simulation import options
 from rungwise.simulation.state import State
@@ -50,6 +51,7 @@ class Task:
     of coordinates in distances, 0 for robots; numbers: of the task, by their paths; size: how far the
     largest object reaches from its centre; slides: whether all objects lie on supports; is_slow: whether
     robots push these so slowly that nothing coasts;
+    lasting: for how long some part of the goal must hold, at most;
     turns (r, 4): columns of quaternions; rates (n_v,): weights of velocities in speeds of objects;
     tolerance: of the scene, in its unit of length.
     """
@@ -71,6 +73,7 @@ class Task:
     turns: Ints
     rates: Reals
     tolerance: float
+    lasting: float
 
     @property
     def still(self) -> float:
@@ -193,6 +196,7 @@ def task_of(scene: AnyScene, parameters: Mapping[str, float] | None = None) -> T
         slides=stops is not None,
         is_slow=stops is not None and _is_slow(stops, carriers, own.size),
         turns=own.turns, rates=own.rates, tolerance=here.tolerance,
+        lasting=_lasting(scene, values),
     )  # fmt: skip
 
 
@@ -299,6 +303,19 @@ def numbers_at(scene: AnyScene, parameters: Mapping[str, float]) -> dict[str, fl
     """The numbers of the scene's task, by their paths, at these parameters."""
     fields_of(scene)
     return dict(scene.task_numbers(parameters))
+
+
+def _lasting(scene: AnyScene, parameters: Mapping[str, float]) -> float:
+    """For how long parts of the goal must hold, one within the other."""
+    code = scene.template.names().condition(scene.file.goal, "goal", "goal")
+    if not code.lasting:
+        return 0.0
+    programs, values = Programs([part.span for part in code.lasting]), np.array([*parameters.values(), 0.0])
+    spans = (
+        evaluate(programs.code, programs.constants, first, last, values, np.zeros(STACK))
+        for first, last in programs.table
+    )
+    return float(sum(spans))
 
 
 def _bounds(scene: AnyScene, fields: TaskFields, numbers: Mapping[str, float]) -> tuple[Reals, Reals, Reals]:

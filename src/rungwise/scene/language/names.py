@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rungwise.scene.errors import SceneError
-from rungwise.scene.language.expression import CONSTANTS, FUNCTIONS, Code, ExpressionError, compile_expression
+from rungwise.scene.language.compiler import compile_expression
+from rungwise.scene.language.expression import CONDITIONS, CONSTANTS, FUNCTIONS, SLOTS, TIMES, Code
+from rungwise.scene.language.lasting import REST, ExpressionError
 from rungwise.wording import choices
 
 OF_CONTACTS = ("gap", "force", "impulse")
@@ -13,8 +17,8 @@ OF_CONTACTS = ("gap", "force", "impulse")
 class Names:
     """Names of a scene and their slots among the values that programs read (see `Template`).
 
-    `velocities` are what `speed` takes, the coordinates if not given. `read` collects, for each function of
-    `OF_CONTACTS`, the contacts for which some condition calls it.
+    `velocities` are what `speed` takes, the coordinates if not given; `bodies` what `rest` takes. `read`
+    collects, for each function of `OF_CONTACTS`, the contacts for which some condition calls it.
     """
 
     def __init__(
@@ -23,12 +27,14 @@ class Names:
         coordinates: tuple[str, ...],
         contacts: tuple[tuple[str, str], ...],
         velocities: tuple[str, ...] | None = None,
+        bodies: tuple[str, ...] = (),
     ) -> None:
         for name in parameters:
             if name in FUNCTIONS or name in CONSTANTS or name in ("t", "tolerance", "speed", *OF_CONTACTS):
                 raise SceneError(f"parameters.{name}: the name is taken by the expression language")
         self.parameters, self.coordinates, self.contacts = parameters, coordinates, contacts
         self.velocities = coordinates if velocities is None else velocities
+        self.bodies = bodies
         self.read: dict[str, set[int]] = {function: set() for function in OF_CONTACTS}
 
     def number(self, text: str, path: str, timed: bool = False) -> Code:
@@ -43,18 +49,34 @@ class Names:
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
 
-    def condition(self, text: str | None, path: str) -> Code:
-        """Program of a condition on the state; an empty one where none is stated. Raises SceneError."""
+    def condition(self, text: str | None, path: str, lasts: str = "") -> Code:
+        """Program of a condition on the state; an empty one where none is stated. Where it is one of
+        `CONDITIONS`, `lasts`, its parts may be asked to hold for a time. Raises SceneError."""
         if text is None:
             return Code()
         try:
-            return compile_expression(text, self.of_state, self._state_choices, condition=True)
+            return compile_expression(
+                text, self.of_state, self._state_choices, condition=True, slots=self.slots(lasts)
+            )
         except ExpressionError as error:
             raise SceneError(f"{path}: {error}") from None
+
+    def slots(self, lasts: str) -> range:
+        """Slots of the times since when parts of one of `CONDITIONS` have held; none for other conditions."""
+        if lasts not in CONDITIONS:
+            return range(0)
+        first = self._first_of_contacts + len(OF_CONTACTS) * len(self.contacts)
+        first += TIMES * CONDITIONS.index(lasts)
+        return range(first, first + TIMES)
+
+    @property
+    def _first_of_contacts(self) -> int:
+        return len(self.parameters) + 1 + len(self.coordinates) + len(self.velocities)
 
     def _state_choices(self, given: str) -> str:
         names = [*self.parameters, "t", "tolerance", *self.coordinates, "speed(coordinate)"]
         names += [f"{f}({a}, {b})" for a, b in self.contacts for f in OF_CONTACTS]
+        names += [f"{REST}({body})" for body in self.bodies]
         return choices(given, names)
 
     def of_state(self, function: str, dotted: tuple[str, ...]) -> int | None:
@@ -70,7 +92,9 @@ class Names:
             if dotted[0] in (*self.parameters, "t"):
                 return (*self.parameters, "t").index(dotted[0])
             if dotted[0] == "tolerance":
-                return time + 1 + moving + len(OF_CONTACTS) * contacts
+                return time + 1 + moving + len(OF_CONTACTS) * contacts + SLOTS + len(self.bodies)
+        if function == REST and len(dotted) == 1 and dotted[0] in self.bodies:
+            return time + 1 + moving + len(OF_CONTACTS) * contacts + SLOTS + self.bodies.index(dotted[0])
         if function in OF_CONTACTS and len(dotted) == 2:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:
@@ -78,3 +102,15 @@ class Names:
                     self.read[function].add(index)
                     return time + 1 + moving + index + OF_CONTACTS.index(function) * contacts
         return None
+
+
+def with_times(conditions: Sequence[Code]) -> list[Code]:
+    """For each slot of these conditions, the part that must hold for a time, and the time; empty where a slot
+    is free; nothing where no part of them must."""
+    if not any(code.lasting for code in conditions):
+        return []
+    found = list[Code]()
+    for code in conditions:
+        own = [each for part in code.lasting for each in (part.held, part.span)]
+        found += own + [Code()] * (2 * TIMES - len(own))
+    return found

@@ -12,7 +12,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
-from rungwise.scene.language.expression import CONSTANTS, Code, compile_expression
+from rungwise.scene.language.compiler import compile_expression
+from rungwise.scene.language.expression import CONSTANTS, SLOTS, Code
+from rungwise.scene.language.lasting import lasting_of, parsed, written
 from rungwise.scene.language.names import OF_CONTACTS, Names
 
 
@@ -60,18 +62,26 @@ class Term:
 
 
 def terms_of(
-    text: str, names: Names, of_coordinate: tuple[Dimension, ...], of_velocity: tuple[Dimension, ...]
+    text: str,
+    names: Names,
+    of_coordinate: tuple[Dimension, ...],
+    of_velocity: tuple[Dimension, ...],
+    lasts: str = "",
 ) -> tuple[list[Term], Combination]:
     """The comparisons of a condition that compiles, and how they are combined; with the dimensions of
-    coordinates and velocities."""
+    coordinates and velocities. What must hold for a time must hold, and the time that is left of it be none,
+    if it is known (see `Names.condition`); otherwise only what must hold now counts."""
     dimensions = _of_values(names, of_coordinate, of_velocity)
     terms: list[Term] = []
+    slots = list(names.slots(lasts))
 
     def taken(node: ast.expr) -> Combination:
         if isinstance(node, ast.BoolOp):
             return ("and" if isinstance(node.op, ast.And) else "or", [taken(value) for value in node.values])
         if isinstance(node, ast.UnaryOp):
             return "not", [taken(node.operand)]
+        if isinstance(node, ast.Call):
+            return asked(node)
         assert isinstance(node, ast.Compare)
         operands, parts = [node.left, *node.comparators], []
         for i, op in enumerate(node.ops):
@@ -82,7 +92,24 @@ def terms_of(
             parts.append(len(terms) - 1)
         return parts[0] if len(parts) == 1 else ("and", list(parts))
 
-    return terms, taken(ast.parse(text.strip(), mode="eval").body)
+    def asked(node: ast.Call) -> Combination:
+        """A part that must hold for a time, or rest."""
+        pair = lasting_of(node)
+        if pair is None:
+            own = ast.unparse(node)
+            code = compile_expression(own, names.of_state, lambda _: "", condition=True)
+            terms.append(Term(own, code, LENGTH))
+            return len(terms) - 1
+        inner = taken(pair[0])
+        if not slots:
+            return inner
+        own, slot = written(node)[1:-1], slots.pop(0)
+        left = f"0 >= 0 for {ast.unparse(pair[1])}"
+        code = compile_expression(left, names.of_state, lambda _: "", condition=True, slots=[slot])
+        terms.append(Term(own, code, TIME))
+        return "and", [inner, len(terms) - 1]
+
+    return terms, taken(parsed(text))
 
 
 def _of_values(
@@ -95,6 +122,7 @@ def _of_values(
     found += [TIME, *of_coordinate, *of_velocity]
     for function in OF_CONTACTS:
         found += [of_contacts[function]] * contacts
+    found += [TIME] * SLOTS + [LENGTH] * len(names.bodies)
     return [*found, None]
 
 

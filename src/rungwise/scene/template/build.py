@@ -13,8 +13,8 @@ from rungwise.scene.fields.fields import Contact, Coordinate, Hinge, SceneFile, 
 from rungwise.scene.fields.shapes import Outline, Polygon, Shape
 from rungwise.scene.fields.task import numbers_of
 from rungwise.scene.fields.values import Number, Pair, shown
-from rungwise.scene.language.expression import STACK, Programs
-from rungwise.scene.language.names import Names
+from rungwise.scene.language.expression import CONDITIONS, STACK, Programs
+from rungwise.scene.language.names import Names, with_times
 from rungwise.scene.template import records as rec
 from rungwise.scene.template.joints import write_joint
 from rungwise.scene.template.numbers import evaluate_numbers
@@ -45,7 +45,7 @@ class _Builder:
         self.joints = tuple(scene.joints)
         self.matched = list(matched(scene))
         self.contacts = tuple(pair for pair, _, _ in self.matched)
-        self.names = Names(self.parameters, self.coordinates, self.contacts)
+        self.names = Names(self.parameters, self.coordinates, self.contacts, bodies=self.bodies)
         self.shapes = {name: list(self._convex_shapes(name)) for name in self.bodies}
         self.pairs = list(islice(shape_pairs(self.shapes, self.contacts), MAX_PAIRS + 1))
         if len(self.pairs) > MAX_PAIRS:
@@ -103,9 +103,7 @@ class _Builder:
                     f"inputs.{place}: {name} is read by no speed, target or force of a drive, nor by a"
                     " force on a body"
                 )
-        conditions = [
-            self.names.condition(getattr(self.scene, name), name) for name in ("goal", "unsafe", "doomed")
-        ]
+        conditions = [self.names.condition(getattr(self.scene, name), name, name) for name in CONDITIONS[:-1]]
         for index in self.names.read["gap"]:
             self.records.contacts[index]["watched"] = 1
         for index in self.names.read["force"]:
@@ -120,7 +118,7 @@ class _Builder:
             timed_targets=np.array([target for _, target in written.timed], np.int64),
             speeds=Programs([code for code, _ in written.speeds]),
             speeds_targets=np.array([target for _, target in written.speeds], np.int64),
-            conditions=Programs(conditions),
+            conditions=Programs([*conditions, *with_times(conditions)]),
             checks=written.checks,
             parameters=self.parameters,
             inputs=self.scene.inputs,

@@ -44,7 +44,7 @@ def check_task(task: Task, names: Names, inputs: Iterable[str], robots: Iterable
     _known("weights", "coordinate", task.weights, names.coordinates)
     names.condition(task.where, "task.where")
     for k, text in enumerate(task.keep_out):
-        names.condition(text, f"task.keep_out.{k}")
+        names.condition(text, f"task.keep_out.{k}", "unsafe")
     least, most = task.moves
     if not (least == int(least) and most == int(most) and 1 <= least <= most <= MOST_MOVES):
         raise SceneError(f"task.moves: must be two whole numbers, 1 <= least <= greatest <= {MOST_MOVES}")

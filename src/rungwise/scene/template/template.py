@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals
-from rungwise.scene.language.expression import Programs
+from rungwise.scene.language.expression import SLOTS, Programs
 from rungwise.scene.language.names import Names
 
 
@@ -52,9 +52,11 @@ class Template:
     """A scene ready to be bound: `buffer` holds the literals, programs write the expressions to `targets`.
 
     The values that programs read are laid out as parameters, t, q, v, gaps, normal forces and impulses of
-    contacts, and the goal's tolerance. `speeds` (of drives) and `timed` (all others) are the programs that
-    read t (then `reads_time`) or inputs; `readers` are the paths of the numbers that follow each input. With
-    `awaits_time` a condition reads t."""
+    contacts, times since when parts of conditions have held (see `Lasting`), how far each body goes in a
+    nominal step, and the goal's tolerance. `conditions` are goal, unsafe, doomed, and where some part
+    must hold for a time, for each slot a program of that part and one of its time. `speeds` (of drives)
+    and `timed` (all others) are the programs that read t (then `reads_time`) or inputs; `readers` are the
+    paths of the numbers that follow each input. With `awaits_time` a condition reads t."""
 
     counts: tuple[int, ...]
     buffer: NDArray[np.float64]
@@ -78,7 +80,7 @@ class Template:
 
     def names(self) -> Names:
         """The names that expressions may use."""
-        return Names(self.parameters, self.coordinates, self.contacts)
+        return Names(self.parameters, self.coordinates, self.contacts, bodies=self.bodies)
 
     @property
     def velocities(self) -> tuple[str, ...]:
@@ -87,7 +89,8 @@ class Template:
 
     @property
     def value_count(self) -> int:
-        return len(self.parameters) + 2 + 2 * len(self.coordinates) + 3 * len(self.contacts)
+        moving = 2 * len(self.coordinates) + 3 * len(self.contacts)
+        return len(self.parameters) + 2 + moving + SLOTS + len(self.bodies)
 
     def fixed_numbers(self) -> Numbers:
         """Programs of the numbers that the parameters determine."""

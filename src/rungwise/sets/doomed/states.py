@@ -11,6 +11,8 @@ from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import SceneError
 from rungwise.scene.contract import AnyScene
+from rungwise.scene.language.expression import CONDITIONS
+from rungwise.scene.language.lasting import FOR, names_in
 from rungwise.sets.doomed.macro_steps import SPEED_OF, Stated
 from rungwise.sets.store import SetError
 from rungwise.simulation.workers import names_of
@@ -46,6 +48,10 @@ def check_states(side: Stated, scene: AnyScene, model: Rung, names: Sequence[str
         raise SetError(f"over: {what}; the state of {scene.name} on {model.name} is {', '.join(allowed)}")
     if not 1 <= len(names) <= most:
         raise SetError(f"over: 1 to {most} states, and {scene.name} has {len(names)}")
+    for field in CONDITIONS[:-1]:
+        text = getattr(scene.file, field)
+        if text is not None and FOR in names_in(text):
+            raise SetError(f"{field}: for how long a condition has held is no state; ask without 'for'")
     if side.world.follows_time:
         raise SetError(f"scene: {scene.name} depends on the time t, which is no state")
     if scene.file.goal is None:

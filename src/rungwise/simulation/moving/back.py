@@ -11,6 +11,7 @@ import numpy as np
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.moving.lasting import Times
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.planar.state.inputs import LOCATED
 from rungwise.simulation.planar.state.verdicts import SIGHTS
@@ -42,13 +43,15 @@ class Begun:
 
 
 def sooner(
-    begun: Begun, values: Values, segment: int, h: float, step: float, longest: float, past: bool
-) -> float:
-    """The length of step to take instead of the one just taken, of length h, so that conditions of the scene
-    are seen to a nominal step and the one that ends the segment as well as its time is wanted; h where the
-    step may stay. `past`: whether one was taken back before."""
+    begun: Begun, values: Values, times: Times, segment: int, h: float, step: float, longest: float,
+    past: bool,
+) -> float:  # fmt: skip
+    """The length of step to take instead of the one just taken, of length h, so that conditions of the
+    scene are seen to a nominal step, parts of them turn that must hold for a time, and the one that ends
+    the segment as well as its time is wanted; h where the step may stay. `past`: whether one was taken
+    back before."""
     if h > step:
-        clear = _clear(begun.values, values, segment, h, step, longest)
+        clear = _clear(begun.values, values, times, segment, h, step, longest)
         if clear < 1.0:
             return max(min(clear, 0.5) * h if past else clear * h, step)
     after = values.until_margin(segment)
@@ -62,13 +65,18 @@ def sooner(
     return h * (min(max(part, 0.1), 0.5) if math.isfinite(part) else 0.5)
 
 
-def _clear(begun: Reals, values: Values, segment: int, h: float, step: float, longest: float) -> float:
-    """Part of the step up to which no condition holds; 1 if none holds at all."""
+def _clear(
+    begun: Reals, values: Values, times: Times, segment: int, h: float, step: float, longest: float
+) -> float:
+    """Part of the step up to which no condition holds, and no part of one turns that must hold for a time; 1
+    if there is none."""
     ended = values.all.copy()
 
     def met(part: float) -> bool:
         values.between(part, begun, ended)
-        return values.judge()[0] != Code.RUNNING or values.until_margin(segment) >= 0.0
+        if values.judge()[0] != Code.RUNNING or values.until_margin(segment) >= 0.0:
+            return True
+        return times.turned(segment)
 
     count = max(1, math.ceil(SIGHTS * h / longest - 1e-9))
     before, after = 0.0, next((k / count for k in range(1, count + 1) if met(k / count)), np.inf)

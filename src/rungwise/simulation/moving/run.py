@@ -24,11 +24,13 @@ from rungwise.simulation.moving.back import Begun, sooner
 from rungwise.simulation.moving.begin import Fault, begin_at
 from rungwise.simulation.moving.frames import Recorder
 from rungwise.simulation.moving.kind import Kind
+from rungwise.simulation.moving.lasting import Times
 from rungwise.simulation.moving.memory import memory_parts
 from rungwise.simulation.moving.prepared import Prepared
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import MANY, ModelError
+from rungwise.simulation.planar.state.lasting import DATINGS
 from rungwise.simulation.reasons.remarks import advice
 from rungwise.simulation.state import State, StateError
 from rungwise.simulation.turns import LONGEST, TURN_S, Turns
@@ -74,6 +76,7 @@ class MovingSimulation(Turns, Kind):
         self.stepper = Stepper(self.system, self.model, self.step, self.theta)
         until = [condition(scene, each.until, "until") for each in self.inputs]
         self._values = Values(scene, bound, until)
+        self._times = Times(self._values)
         before: list[Fault] | None = []
         if state is not None:
             before = self._go_on(state, self.stepper, given.inputs is None)
@@ -88,11 +91,15 @@ class MovingSimulation(Turns, Kind):
         if before is not None:
             field = "start" if state is None else "state"
             self.reason = self.misplaced(self.stepper.q, before, field)
+        self.reason = self.reason or self._times.impossible()
         if self.reason:
             self.outcome = Code.INVALID
             return
         self._values.place(self.stepper.time, self.stepper.q, self.stepper.v, self.system)
         self._values.push(self.stepper, self.system, 0.0)  # the state's impulses hold those of its last step
+        self._times.enter(self._clock.segment)
+        self._times.note(self._clock.segment)
+        self._times.end(self._clock.segment, self.stepper.time)
         self._judge()
         self._recorder.take(self.stepper.time, self.frame)
         if self.outcome != Code.RUNNING:
@@ -126,6 +133,7 @@ class MovingSimulation(Turns, Kind):
         stepper = self.stepper
         assert stepper is not None
         h = min(self._next, self.end - stepper.time, self._clock.left(stepper.time))
+        h = min(h, self._times.end(self._clock.segment) - stepper.time)
         before = float(stepper.clock["contact_work"])
         try:
             wish = self._stepped(stepper, h)
@@ -153,8 +161,9 @@ class MovingSimulation(Turns, Kind):
         """Take a step of length h, or less where a condition begins to hold within it; returns the length for
         the next. Raises InvalidScene."""
         values, segment = self._values, self._clock.segment
-        looks = values.is_guarded(segment) or (bool(values.verdicts) and h > self.step)
-        begun, solved = Begun.of(stepper, values, self.remembered()) if looks else None, 0.0
+        lasting = bool(self._times.parts(segment))
+        looks = values.is_guarded(segment) or lasting or (bool(values.verdicts) and h > self.step)
+        begun, solved, dated = Begun.of(stepper, values, self.remembered()) if looks else None, 0.0, 0
         if stepper.leapt > 0.0 and stepper.snaps_on(h):
             return h
         while True:
@@ -163,13 +172,18 @@ class MovingSimulation(Turns, Kind):
             if values.is_asked:
                 values.read(stepper, self.system)
             if begun is None or (stepper.outcome != Code.RUNNING and not solved):
+                if lasting and stepper.outcome == Code.RUNNING:
+                    self._times.ended(segment, float(stepper.clock["tried"]), values.all, exact=False)
                 return wish
             took = float(stepper.clock["tried"])
             if stepper.outcome != Code.RUNNING:  # what a longer step solves is not given up for its date
                 self._take_back(begun)
                 begun, h = None, solved
                 continue
-            h = sooner(begun, values, segment, took, self.step, self._longest, solved > 0.0)
+            h = sooner(begun, values, self._times, segment, took, self.step, self._longest, solved > 0.0)
+            if lasting and not h < took:
+                end = self._times.ended(segment, took, begun.values, dated < DATINGS)
+                h, dated = min(took, end - begun.time), dated + 1
             if not h < took:
                 return min(wish, self.step) if solved else wish
             self._take_back(begun)
@@ -219,6 +233,7 @@ class MovingSimulation(Turns, Kind):
             if same:
                 raise StateError("state.memory: is of another scene") from None
         if goes_on:
+            self._times.go_on(self._clock.segment)
             self._next, *margins, self._gained = rest[parts.own].tolist()
             self._margins = margins[0], margins[1]
             self._values.hand_on(rest[parts.values])
@@ -256,12 +271,17 @@ class MovingSimulation(Turns, Kind):
         clock, values = self._clock, self._values
         if self.outcome != Code.RUNNING:
             return
-        if not clock.go_on(self.time, values.told, values.is_over):
+        if not clock.go_on(self.time, values.told, self._is_over):
             on = self.inputs[clock.segment]
             self.outcome = Code.TIMEOUT
             self.reason = f"inputs.{clock.segment}.until: {on.until} did not hold within {on.duration:g}"
         elif self._scheduled and clock.is_over:
             self.outcome = Code.MISSED if self.scene.file.goal else Code.TIMEOUT
+
+    def _is_over(self, number: int) -> bool:
+        """Whether the condition of segment k, which is on, holds."""
+        self._times.enter(number)
+        return self._values.is_over(number)
 
     def _explain(self, stepper: Stepper) -> None:
         """Set the reason of the outcome."""

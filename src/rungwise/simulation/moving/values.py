@@ -8,7 +8,7 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
-from rungwise.scene.language.expression import STACK, Programs, evaluate, holds
+from rungwise.scene.language.expression import SLOTS, STACK, Programs, evaluate, holds
 from rungwise.scene.language.expression import Code as Program
 from rungwise.scene.language.names import OF_CONTACTS
 from rungwise.scene.stated import StatedScene
@@ -18,9 +18,10 @@ from rungwise.simulation.moving.prepared import Bodies, Numbers
 
 @dataclass
 class Values:
-    """Values (p + 2 + n_q + n_v + 3 c,) that programs read: parameters, t, q, v, gaps, normal forces and
-    impulses of pairs of bodies, tolerance (see `scene.language.names`); gaps, forces and impulses of the
-    pairs that conditions ask for."""
+    """Values that programs read: parameters, t, q, v, gaps, normal forces and impulses of pairs of bodies,
+    times since when parts of conditions have held, ways of bodies in a nominal step, tolerance (see
+    `Template`); gaps, forces and impulses of the pairs that conditions ask for, ways where they ask for
+    rest."""
 
     scene: StatedScene
     bound: Numbers
@@ -41,6 +42,9 @@ class Values:
         self.pairs = sorted(
             {index % count for index in read if index < len(OF_CONTACTS) * count} if count else ()
         )
+        self.all[self.first_time : self.first_time + SLOTS] = np.inf
+        ways = range(len(self.all) - 1 - len(template.bodies), len(self.all) - 1)
+        self._rests = any(slot in ways for program in (*stated, *self.until) for slot in program.reads)
         # Whether a condition of the scene or of its schedule reads values.
         self.is_asked = bool(self.verdicts or any(program.rows for program in self.until))
         # Parameters and t (p + 1,), to write into.
@@ -51,6 +55,21 @@ class Values:
             for index, (a, b) in enumerate(template.contacts)
             if index in self.pairs
         }
+
+    @property
+    def time(self) -> int:
+        """Where t is."""
+        return len(self.scene.template.parameters)
+
+    @property
+    def now(self) -> float:
+        """The time."""
+        return float(self.all[self.time])
+
+    @property
+    def first_time(self) -> int:
+        """Where the times since when parts of conditions have held begin."""
+        return self._first_of_contacts + len(OF_CONTACTS) * len(self.scene.template.contacts)
 
     @property
     def _first_of_contacts(self) -> int:
@@ -67,6 +86,15 @@ class Values:
         self.all[first + count : first + 2 * count] = 0.0
         for (a, b), index in self._of_pair.items():
             self.all[first + index] = system.gap(q, a, b)
+        if self._rests:
+            paces = system.paces(q, v) if hasattr(system, "paces") else self._paces(v)
+            self.all[-1 - len(paces) : -1] = self.bound.step * paces
+
+    def _paces(self, v: Reals) -> Reals:
+        """Speeds (b,) of bodies that do not turn, whose velocities are called `body.name`."""
+        template = self.scene.template
+        owners = np.array([name.split(".")[0] for name in template.velocities])
+        return np.array([np.linalg.norm(v[owners == body]) for body in template.bodies])
 
     def read(self, stepper: Stepper, system: Bodies) -> None:
         """Take over the state of a run, with the forces of its last step, and add their impulses."""
@@ -83,9 +111,10 @@ class Values:
                 self.all[first + 2 * count + index] += h * force
 
     def hand_on(self, before: Reals) -> None:
-        """Go on from the impulses of a run's values (see above)."""
+        """Go on from the impulses of a run's values (see above), and since when parts have held."""
         first, count = self._first_of_contacts, len(self.scene.template.contacts)
-        self.all[first + 2 * count : first + 3 * count] = before[first + 2 * count : first + 3 * count]
+        kept = slice(first + 2 * count, self.first_time + SLOTS)
+        self.all[kept] = before[kept]
 
     def judge(self) -> tuple[Code, float, float]:
         """The first condition of the scene that holds, RUNNING if none does; signed margins of the goal, and

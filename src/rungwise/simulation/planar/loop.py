@@ -22,14 +22,15 @@ from rungwise.simulation.core.tolerances import PAUSE, ROUNDING
 from rungwise.simulation.planar.state.drives import set_speeds
 from rungwise.simulation.planar.state.frames import record
 from rungwise.simulation.planar.state.inputs import (
-    REACHED,
     Inputs,
     is_guarded,
     shortened,
     show_inputs,
     switch_inputs,
+    until_lasts,
     until_margin,
 )
+from rungwise.simulation.planar.state.lasting import DATINGS, REACHED, clear_times, lasts, set_ways
 from rungwise.simulation.planar.state.memory import keep, restore
 from rungwise.simulation.planar.state.nearby import fastest_pair, look
 from rungwise.simulation.planar.state.passing import thinnest
@@ -42,9 +43,12 @@ from rungwise.simulation.planar.state.verdicts import (
     NOT_CONVERGED,
     RUNNING,
     TIMEOUT,
+    first_times,
     has_sunk,
     judge,
     look_back,
+    next_end,
+    note_all,
     spent,
     withholds,
 )
@@ -134,6 +138,7 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
     look(records, workspace, state.v)
     apart = _comes_apart(records, workspace)
     copy(workspace.scratch.measures, state.start[n:])
+    clear_times(0, state)
     return INVALID if apart or clock.least_gap < -slack(workspace) else RUNNING
 
 
@@ -181,6 +186,9 @@ def first_verdict(setting: Setting, workspace: Workspace) -> int:
     """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
     segment has no time left for its condition."""
     inputs, control = setting.inputs, setting.control
+    set_ways(setting.records, workspace.state)
+    if not first_times(setting.conditions, inputs, workspace):
+        return INVALID
     verdict = judge(setting.conditions, workspace.state, workspace.scratch)
     if switch_inputs(inputs, setting.buffer, 0.0, workspace):
         return TIMEOUT if verdict == RUNNING else verdict
@@ -196,13 +204,16 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     state = workspace.state
     clock = state.clock[0]
     planned = min(clock.next, control[0].longest)
-    h = min(planned, control[0].duration - clock.time, clock.switch - clock.time)
-    cut = clock.switch - clock.time < planned
+    stop, lasting, dated = clock.switch, lasts(conditions) or until_lasts(inputs), 0
+    if lasting:
+        stop = min(stop, next_end(conditions, inputs, -math.inf, workspace))
+    h = min(planned, control[0].duration - clock.time, stop - clock.time)
+    cut = stop - clock.time < planned
     past, guarded, before = False, is_guarded(inputs, state), until_margin(inputs, workspace)
     refused, nowhere = False, max(NOWHERE * control[0].tolerance, control[0].jam)
-    if h > control[0].step:
+    if h > control[0].step or lasting:
         copy(state.values, workspace.scratch.begun)
-    if guarded:
+    if guarded or lasting:
         keep(workspace, workspace.kept)
     for _ in range(MAX_HALVINGS):
         h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
@@ -213,6 +224,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             if rung[0].metric:
                 _note_leap(records, h, state)
             show_inputs(inputs, state)
+            set_ways(records, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
                 clear = look_back(verdict, conditions, inputs, control, h, workspace)
@@ -226,12 +238,22 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                 restore(records, workspace)
                 h, past = part * h, True
                 continue
+            waits = False
+            if lasting:
+                end = _ended(conditions, inputs, h, dated < DATINGS, workspace)
+                if end < clock.time:
+                    restore(records, workspace)
+                    stop, cut, dated = end, True, dated + 1
+                    h = end - clock.time
+                    continue
+                waits = end < math.inf
+                verdict = judge(conditions, state, workspace.scratch)
             clock.steps += 1
             clock.taken = h
             stalls = refused and h * max(moving, _fastest(records, rung, workspace)) < nowhere
             clock.stalled = clock.stalled + 1 if stalls else 0
             clock.next = control[0].step if past else following
-            if cut and following >= h and clock.switch - clock.time <= REACHED * h:
+            if cut and following >= h and stop - clock.time <= REACHED * h:
                 clock.next = max(clock.next, planned)
             if stalls:
                 clock.next = min(clock.next, 2.0 * h)
@@ -245,7 +267,7 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
                 return TIMEOUT
             if crawls(control, state):
                 return NOT_CONVERGED
-            return spent(records, control, workspace, moving, inputs)
+            return spent(records, control, workspace, moving, inputs, waits)
         if status == LEFT_UNSUPPORTED:
             if h <= control[0].step:
                 return NO_SUPPORT
@@ -263,6 +285,19 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             return INVALID
         h = _shorter(records, rung, control, workspace, h) if status == REFUSED else following
     return NOT_CONVERGED
+
+
+@kernel
+def _ended(conditions: Conditions, inputs: Inputs, h: float, exact: bool, workspace: Workspace) -> float:
+    """Note since when parts of conditions hold, after a step of length h; returns when the first of them will
+    have held long enough, inf if none waits. With `exact` this may be within the step, which is then to be
+    taken back."""
+    now = workspace.state.clock[0].time
+    note_all(conditions, inputs, h, workspace)
+    end = next_end(conditions, inputs, -math.inf, workspace)
+    if exact and now - h < end < now - REACHED * h:
+        return end
+    return next_end(conditions, inputs, now + REACHED * h, workspace)
 
 
 @rare_kernel

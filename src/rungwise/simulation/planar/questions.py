@@ -7,6 +7,7 @@ import math
 from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene.language.expression import evaluate
 from rungwise.scene.template.records import Records
+from rungwise.simulation.planar.state.lasting import set_ways
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.workspace import Conditions, Workspace, time_slot
 from rungwise.system.planar.manifold import ABSENT
@@ -27,8 +28,8 @@ def answer(
     poses: Reals,
 ) -> None:
     """At each state, fill in the terms' values (m, k), gaps of contacts (m, c) and poses of bodies
-    (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c + u) holds the time, forces and impulses of contacts, and the
-    inputs, which expressions read at `columns` (u,)."""
+    (m, b, 4). q, v (m, n); `rest` (m, 1 + 2 c + u + slots) holds the time, forces and impulses of contacts,
+    the inputs, which expressions read at `columns` (u,), and since when parts of conditions have held."""
     state = workspace.state
     clock, contacts = state.clock[0], gaps.shape[1]
     inputs = 1 + 2 * contacts
@@ -40,6 +41,8 @@ def answer(
         copy(rest[i, 1 + contacts : inputs], state.impulses)
         for j in range(columns.shape[0]):
             state.values[columns[j]] = rest[i, inputs + j]
+        copy(rest[i, inputs + columns.shape[0] :], state.dates)
+        set_ways(records, state)
         state.manifolds.features[:] = ABSENT
         clock.margin, clock.tried, clock.next = math.inf, 0.0, 0.0
         place(records, state.q, state.placed, False)

@@ -18,6 +18,7 @@ from rungwise.scene.fields.values import shown
 from rungwise.scene.space import SpaceBound
 from rungwise.scene.space.model import library
 from rungwise.simulation.inputs import condition
+from rungwise.simulation.moving.lasting import Times
 from rungwise.simulation.moving.schedule import Clock
 from rungwise.simulation.moving.values import Values
 from rungwise.simulation.options import positive
@@ -153,6 +154,7 @@ class _Course:
         self.clock = Clock(run.inputs, run.frames[0].time, template.inputs, columns)
         until = [condition(scene, segment.until, "until") for segment in run.inputs]
         self.values = Values(scene, self.bound, until)
+        self.times = Times(self.values)
         cone = "elliptic" if self.model.opt.cone else "pyramidal"
         self.settings = f"step {self.model.opt.timestep:g}, {cone} cones"
 
@@ -175,14 +177,25 @@ class _Course:
             m.opt.timestep = h
             mujoco.mj_step(m, d)
             d.qvel[driven] = self.bound.pace[driven]
+            self._note()
             self.clock.go_on(d.time, self.values.told, self._holds)
         m.opt.timestep = own
         return _Place(d.qpos.copy(), d.qvel.copy(), d.ctrl.copy())
+
+    def _note(self) -> None:
+        """Note since when parts of conditions hold, to a step of MuJoCo."""
+        assert self.run.space is not None
+        segment = self.clock.segment
+        if self.times.parts(segment):
+            self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
+            self.times.note(segment)
+            self.times.end(segment, self.data.time)
 
     def _holds(self, k: int) -> bool:
         """Whether the condition of segment k holds at MuJoCo's state; forces are not known there."""
         assert self.run.space is not None
         self.values.place(self.data.time, self.data.qpos.copy(), self.data.qvel.copy(), self.run.space)
+        self.times.enter(k)
         return self.values.is_over(k)
 
     def outcome(self) -> str:

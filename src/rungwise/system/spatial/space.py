@@ -32,6 +32,7 @@ from rungwise.system.spatial.nearest import Nearest
 from rungwise.system.spatial.noise import Noise
 from rungwise.system.spatial.passing import Passing, frames
 from rungwise.system.spatial.reach import fastest_point, reaches
+from rungwise.system.spatial.resting import Resting
 from rungwise.system.spatial.rims import Rims
 from rungwise.system.terms import Terms
 
@@ -112,6 +113,7 @@ class Space:
         )  # fmt: skip
         self._q = np.full(m.nq, np.nan)
         self._least: float | None = None
+        self._resting: Resting | None = None
         self._near = AHEAD * NEAR * length
         self.look_within(self._near)
         self._at(self.place)
@@ -182,6 +184,12 @@ class Space:
             for j in self._geoms_of(b):
                 least = min(least, self._mujoco.mj_geomDistance(m, self.data, i, j, far, nothing))
         return float(least)
+
+    def paces(self, q: Reals, v: Reals) -> Reals:
+        """Speeds (b,) of the farthest points of bodies: of their centres of mass, and of turns about them."""
+        if self._resting is None:
+            self._resting = Resting(self.model)
+        return self._resting.paces(q, v)
 
     def pushes(self, force: Reals) -> list[tuple[int, int, float]]:
         """Two bodies and the normal force of each contact, from forces by slot (s, d), normal first."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.scene import Scene
-from rungwise.scene.language.expression import STACK, holds
+from rungwise.scene.language.expression import SLOTS, STACK, holds
 from rungwise.system.planar.corners import allocate_course
 from rungwise.system.planar.gap import find_contacts
 from rungwise.system.planar.manifold import allocate_manifolds
@@ -56,6 +56,7 @@ class Space:
         gaps = self.gaps(q)
         values[at : at + n], values[at + n : at + 2 * n] = q, 0.0
         values[at + 2 * n : at + 2 * n + len(gaps)], values[-1] = gaps, tolerance
+        values[at + 2 * n + 3 * len(gaps) :][:SLOTS] = -np.inf  # what must hold for a time has held
         stack = np.zeros(STACK)
         return last > first and holds(program.code, program.constants, first, last, values, stack)
 

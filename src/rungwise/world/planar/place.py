@@ -13,7 +13,7 @@ from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene
 from rungwise.scene.fields.values import shown
-from rungwise.scene.language.expression import Programs
+from rungwise.scene.language.expression import SLOTS, Programs
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension, Term
 from rungwise.simulation.planar.loop import begin, slack
 from rungwise.simulation.planar.questions import answer
@@ -24,8 +24,9 @@ from rungwise.system.planar.place import start, turns
 
 
 class Rows(NamedTuple):
-    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c + u), times, forces, impulses and inputs;
-    `overlaps` (m, c) of contacts in the states' own runs."""
+    """States as kernels take them: q, v (m, n); `rest` (m, 1 + 2 c + u + slots), times, forces, impulses,
+    inputs, and since when parts of conditions have held; `overlaps` (m, c) of contacts in the states' own
+    runs."""
 
     q: Reals
     v: Reals
@@ -112,19 +113,23 @@ class PlanarPlace:
             rows.q[i], rows.v[i], rows.rest[i, 0] = state.q, state.v, state.time
             memory = memory_of(state, own, like)
             if memory is not None:
-                gaps, pushes, impulses, values = (
+                gaps, pushes, impulses, values, dates = (
                     in_memory(like, name, memory.values[None])[0]
-                    for name in ("gaps", "pushes", "impulses", "values")
+                    for name in ("gaps", "pushes", "impulses", "values", "dates")
                 )
-                rows.rest[i, 1 : 1 + 2 * len(pushes)] = np.concatenate([pushes, impulses])
+                inputs = slice(1 + 2 * len(pushes), 1 + 2 * len(pushes) + len(self.columns))
+                rows.rest[i, 1 : inputs.start] = np.concatenate([pushes, impulses])
+                rows.rest[i, inputs.stop :] = dates
                 if memory.inputs:
-                    rows.rest[i, 1 + 2 * len(pushes) :] = values[self.columns]
+                    rows.rest[i, inputs] = values[self.columns]
                 rows.overlaps[i] = np.maximum(-gaps, 0.0)
         return rows
 
     def _at_rest(self, m: int) -> Rows:
         """m states without forces, with the inputs of the scene's start."""
         n, contacts = len(self.scene.template.coordinates), len(self.bound.records.contacts)
-        rest = np.zeros((m, 1 + 2 * contacts + len(self.columns)))
-        rest[:, 1 + 2 * contacts :] = self.bound.values[self.columns]
+        inputs = slice(1 + 2 * contacts, 1 + 2 * contacts + len(self.columns))
+        rest = np.full((m, inputs.stop + SLOTS), np.inf)
+        rest[:, : inputs.start] = 0.0
+        rest[:, inputs] = self.bound.values[self.columns]
         return Rows(np.zeros((m, n)), np.zeros((m, n)), rest, np.zeros((m, contacts)))

@@ -6,15 +6,16 @@ import math
 
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
-from rungwise.scene.language.expression import evaluate
+from rungwise.scene.language.expression import SLOTS, TIMES, evaluate
 from rungwise.scene.template.numbers import evaluate_numbers
 from rungwise.scene.template.template import Numbers
+from rungwise.simulation.planar.state.lasting import REACHED, clear_times, note_times, times_end
 from rungwise.simulation.planar.state.workspace import State, Workspace, time_slot
 
 LOCATED = 1e-3
 """Part of the nominal step to which the time is known at which a segment's condition begins to hold."""
-REACHED = 1e-9
-"""Part of a step that is rounding between its end and a switch."""
+OWN = SLOTS - TIMES
+"""Slots of times since when parts of the scene's own conditions have held, before those of a segment's."""
 
 
 class Inputs(Block):
@@ -28,7 +29,9 @@ class Inputs(Block):
     durations  (s,)    lengths of the segments; time-outs of segments that end with a condition
     levels     (s, u)  inputs in a segment, or at its end where it ramps; nan: as before
     ramps      (s,)    whether the inputs of a segment go to their levels linearly
-    code, constants, table (s, 2)  programs of the conditions that end segments; empty for the others
+    code, constants, table (s, 2)  programs of the conditions that end segments; empty for the others; where
+               some part of them must hold for a time, for each of `TIMES` slots of each segment a program of
+               that part and one of its time
     """
 
     speeds: Numbers
@@ -84,6 +87,10 @@ def _enter(inputs: Inputs, buffer: Reals, looks: bool, workspace: Workspace) -> 
         for j in range(inputs.columns.shape[0]):
             state.levels[j] = state.values[inputs.columns[j]]
         state.values[time_slot(state)] = clock.time
+        if until_lasts(inputs):
+            clear_times(OWN, state)
+            note_until(inputs, 0.0, workspace)
+            until_end(inputs, clock.time, workspace)
         held = looks and until_margin(inputs, workspace) >= 0.0
         if clock.switch > clock.time and not held:
             break
@@ -159,6 +166,36 @@ def is_guarded(inputs: Inputs, state: State) -> bool:
     """Whether a condition ends the present segment."""
     k = state.clock[0].segment
     return bool(k < inputs.durations.shape[0] and inputs.table[k, 1] > inputs.table[k, 0])
+
+
+@inner_kernel
+def until_lasts(inputs: Inputs) -> bool:
+    """Whether some part of a segment's condition must hold for a time."""
+    return bool(inputs.table.shape[0] > inputs.durations.shape[0])
+
+
+@inner_kernel
+def until_row(inputs: Inputs, state: State) -> int:
+    """Where the programs of such parts begin in the table, of the present segment or, after the last one, of
+    that."""
+    s = inputs.durations.shape[0]
+    return int(s + 2 * TIMES * min(state.clock[0].segment, s - 1))
+
+
+@kernel
+def note_until(inputs: Inputs, h: float, workspace: Workspace) -> None:
+    """Note since when parts of the segment's condition hold, after a step of length h (see `note_times`)."""
+    state, row = workspace.state, until_row(inputs, workspace.state)
+    note_times(inputs.code, inputs.constants, inputs.table, row, OWN, TIMES, h, state, workspace.scratch)
+
+
+@kernel
+def until_end(inputs: Inputs, reached: float, workspace: Workspace) -> float:
+    """When the first part of the segment's condition will have held long enough (see `times_end`)."""
+    state, row = workspace.state, until_row(inputs, workspace.state)
+    return times_end(
+        inputs.code, inputs.constants, inputs.table, row, OWN, TIMES, reached, state, workspace.scratch
+    )
 
 
 @kernel

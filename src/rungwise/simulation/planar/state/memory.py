@@ -35,6 +35,7 @@ def restore(records: Records, workspace: Workspace) -> None:
     copy(kept.force, state.force)
     copy(kept.impulse, state.impulse)
     copy(kept.impulses, state.impulses)
+    copy(kept.dates, state.dates)
     copy(kept.recent, state.recent)
     copy(kept.limited_mode, workspace.scratch.limited_mode)
     bring_back(records, workspace, kept)

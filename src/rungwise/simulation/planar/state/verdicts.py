@@ -6,10 +6,27 @@ import math
 
 from rungwise.kernel import RecordArray, copy, inner_kernel, kernel
 from rungwise.outcome import Code
-from rungwise.scene.language.expression import evaluate, holds
+from rungwise.scene.language.expression import TIMES, evaluate, holds
 from rungwise.scene.template.records import FORCE, SERVO, Records
 from rungwise.simulation.core.tolerances import SINKING
-from rungwise.simulation.planar.state.inputs import Inputs, until_margin
+from rungwise.simulation.planar.state.inputs import (
+    OWN,
+    Inputs,
+    note_until,
+    until_end,
+    until_lasts,
+    until_margin,
+    until_row,
+)
+from rungwise.simulation.planar.state.lasting import (
+    STATED,
+    has_turned,
+    interpolate,
+    is_possible,
+    lasts,
+    note_times,
+    times_end,
+)
 from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.passing import thickness
 from rungwise.simulation.planar.state.workspace import Conditions, Scratch, State, Workspace, time_slot
@@ -75,7 +92,7 @@ def look_back(
     workspace: Workspace,
 ) -> float:
     """Part of the step just taken, of length h, up to which no condition holds, neither one of the scene nor
-    the one that ends the present segment; 1 if none holds at all.
+    the one that ends the present segment, and no part turns that must hold for a time; 1 if there is none.
 
     `verdict` is that of its end; `scratch.begun` holds the values that conditions read at its start. Between
     start and end places and gaps are linear in time, looked at `SIGHTS` times in a step of the greatest
@@ -86,8 +103,9 @@ def look_back(
     count = max(1, math.ceil(SIGHTS * h / control[0].longest - 1e-9))
     before, after = 0.0, 1.0
     found = verdict != RUNNING or until_margin(inputs, workspace) >= 0.0
+    found |= _turns(conditions, inputs, state, scratch)
     for k in range(1, count):
-        _interpolate(k / count, h, state, scratch)
+        interpolate(k / count, h, state, scratch)
         if _is_met(conditions, inputs, workspace):
             after, found = k / count, True
             break
@@ -96,7 +114,7 @@ def look_back(
         middle = 0.5 * (before + after)
         if not before < middle < after:
             break
-        _interpolate(middle, h, state, scratch)
+        interpolate(middle, h, state, scratch)
         if _is_met(conditions, inputs, workspace):
             after = middle
         else:
@@ -107,22 +125,65 @@ def look_back(
 
 @kernel
 def _is_met(conditions: Conditions, inputs: Inputs, workspace: Workspace) -> bool:
-    met = _verdict(conditions, workspace.state, workspace.scratch) != RUNNING
-    return met or until_margin(inputs, workspace) >= 0.0
+    state, scratch = workspace.state, workspace.scratch
+    met = _verdict(conditions, state, scratch) != RUNNING
+    return met or until_margin(inputs, workspace) >= 0.0 or _turns(conditions, inputs, state, scratch)
 
 
 @kernel
-def _interpolate(part: float, h: float, state: State, scratch: Scratch) -> None:
-    """Places, gaps and time at a part of the last step; speeds and forces are those of its end."""
-    n, contacts, at = state.q.shape[0], state.manifolds.gaps.shape[0], time_slot(state)
-    state.values[at] = state.clock[0].time - (1.0 - part) * h
-    for i in range(at + 1, at + 1 + n):
-        state.values[i] = part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
-    for i in range(at + 1 + 2 * n, at + 1 + 2 * n + contacts):
-        far = math.isinf(scratch.ended[i]) or math.isinf(scratch.begun[i])
-        state.values[i] = (
-            scratch.ended[i] if far else part * scratch.ended[i] + (1.0 - part) * scratch.begun[i]
+def _turns(conditions: Conditions, inputs: Inputs, state: State, scratch: Scratch) -> bool:
+    """Whether some part that must hold for a time turned on the way of the step."""
+    code, constants, table = conditions
+    if lasts(conditions) and has_turned(code, constants, table, STATED, 0, OWN, state, scratch):
+        return True
+    return until_lasts(inputs) and has_turned(
+        inputs.code, inputs.constants, inputs.table, until_row(inputs, state), OWN, TIMES, state, scratch
+    )
+
+
+@kernel
+def first_times(conditions: Conditions, inputs: Inputs, workspace: Workspace) -> bool:
+    """Note at the beginning of a run what holds; returns whether times to hold for are possible."""
+    state, scratch, now = workspace.state, workspace.scratch, workspace.state.clock[0].time
+    code, constants, table = conditions
+    state.values[time_slot(state)] = now
+    if lasts(conditions):
+        if not is_possible(code, constants, table, STATED, OWN, state, scratch):
+            return False
+        note_times(code, constants, table, STATED, 0, OWN, 0.0, state, scratch)
+        times_end(code, constants, table, STATED, 0, OWN, now, state, scratch)
+    if until_lasts(inputs):
+        s = inputs.durations.shape[0]
+        if not is_possible(inputs.code, inputs.constants, inputs.table, s, TIMES * s, state, scratch):
+            return False
+        note_until(inputs, 0.0, workspace)
+        until_end(inputs, now, workspace)
+    return True
+
+
+@kernel
+def note_all(conditions: Conditions, inputs: Inputs, h: float, workspace: Workspace) -> None:
+    """Note, after a step of length h, since when parts hold that must hold for a time."""
+    state, scratch = workspace.state, workspace.scratch
+    if lasts(conditions):
+        note_times(conditions[0], conditions[1], conditions[2], STATED, 0, OWN, h, state, scratch)
+    if until_lasts(inputs):
+        note_until(inputs, h, workspace)
+
+
+@kernel
+def next_end(conditions: Conditions, inputs: Inputs, reached: float, workspace: Workspace) -> float:
+    """When the first part will have held long enough, inf if none waits; those that have by the time
+    `reached` do from now on."""
+    state, scratch = workspace.state, workspace.scratch
+    soonest = math.inf
+    if lasts(conditions):
+        soonest = times_end(
+            conditions[0], conditions[1], conditions[2], STATED, 0, OWN, reached, state, scratch
         )
+    if until_lasts(inputs):
+        soonest = min(soonest, until_end(inputs, reached, workspace))
+    return soonest
 
 
 @inner_kernel
@@ -177,16 +238,18 @@ def spent(
     workspace: Workspace,
     moving: float,
     inputs: Inputs,
+    waits: bool,
 ) -> int:
-    """Verdict of a state that no condition decides: out of time, at rest with all inputs spent, or at the end
-    of the schedule with which the run ends."""
+    """Verdict of a state that no condition decides: out of time, at rest with all inputs spent, unless some
+    part of a condition `waits` to have held long enough, or at the end of the schedule with which the run
+    ends."""
     state = workspace.state
     clock = state.clock[0]
     left = inputs.durations.shape[0] - clock.segment
     if control[0].ends and left == 0:
         return MISSED
     driven, others = clock.free < state.q.shape[0], clock.varies + left + records.potentials.shape[0]
-    others += joints.any_driven(records) + inputs.timed[1]
+    others += joints.any_driven(records) + inputs.timed[1] + waits
     over = clock.time >= control[0].duration * (1.0 - 1e-12)
     if over:
         return MISSED if driven and moving == 0.0 else TIMEOUT

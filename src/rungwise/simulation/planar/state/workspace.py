@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.contact.step import STICK, ContactProblem, allocate_problem
 from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, record_type
-from rungwise.scene.language.expression import STACK
+from rungwise.scene.language.expression import SLOTS, STACK
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
@@ -65,7 +65,9 @@ ROOM = 1_000_000
 
 class State(core.State):
     """q (n,); levels (u,) are the inputs before the present segment; the gaps of
-    the manifolds, `pushes` and `impulses` (contacts,) are what conditions read, `recent` (2, contacts) the
+    the manifolds, `pushes` and `impulses` (contacts,) are what conditions read, and so are `dates` (slots,),
+    the times since when parts of them have held (see `Lasting`), and `ways` (bodies,), how far each body goes
+    in a nominal step; `recent` (2, contacts) the
     normal forces of the last two steps. Slots are two for each pair of shapes, then two travel limits for
     each coordinate and for each measure of a joint; the deformations and modes of the first ones are those of
     the manifolds, in the same memory. `prefer` (n,): preferred velocities in multiples of the pace (see
@@ -80,6 +82,8 @@ class State(core.State):
     q: Reals
     pushes: Reals
     impulses: Reals
+    dates: Reals
+    ways: Reals
     recent: Reals
     start: Reals
     levels: Reals
@@ -136,6 +140,7 @@ class Snapshot(Block):
     force: Reals
     impulse: Reals
     impulses: Reals
+    dates: Reals
     recent: Reals
 
 
@@ -182,8 +187,9 @@ def trial_in(rung: RecordArray, h: float, contacts: int, workspace: Workspace) -
 
 @inner_kernel
 def time_slot(state: State) -> int:
-    """Where expressions read t: values are parameters, t, q, v, gaps, forces, impulses, tolerance."""
-    return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0])
+    """Where expressions read t (see `Template` for the order of values)."""
+    after = state.dates.shape[0] + state.ways.shape[0]
+    return int(state.values.shape[0] - 2 - 2 * state.q.shape[0] - 3 * state.manifolds.gaps.shape[0] - after)
 
 
 def recorded(workspace: Workspace, name: str) -> NDArray[Any]:
@@ -198,12 +204,12 @@ def in_memory(state: State, name: str, memories: Reals) -> NDArray[Any]:
     if name in (CLOCK.names or ()):
         return np.asarray(in_memory(state, "clock", memories)[:, 0][name])
     m, values = state.manifolds, state.values
-    first = (
-        len(values) - 1 - sum(part.size for part in (state.q, state.v, m.gaps, state.pushes, state.impulses))
-    )
+    told = (state.q, state.v, m.gaps, state.pushes, state.impulses, state.dates, state.ways)
+    first = len(values) - 1 - sum(part.size for part in told)
     fields = {
         "clock": state.clock, "before": values[:first], "q": state.q, "v": state.v, "gaps": m.gaps,
-        "pushes": state.pushes, "impulses": state.impulses, "after": values[-1:], "start": state.start,
+        "pushes": state.pushes, "impulses": state.impulses, "dates": state.dates,
+        "ways": state.ways, "after": values[-1:], "start": state.start,
         "levels": state.levels, "recent": state.recent, "features": m.features, "points": m.points,
         "deformation": state.deformation,
         "modes": state.modes, "force": state.force,
@@ -243,6 +249,7 @@ def _snapshot(memory: Reals, carried: dict[str, NDArray[Any]], at: int, n: int) 
         force=carried["force"],
         impulse=np.zeros_like(carried["force"]),
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
+        dates=values[at + 2 * n + 3 * contacts :][:SLOTS],
         recent=carried["recent"],
     )
 
@@ -288,6 +295,8 @@ def allocate(
         q=values[at : at + n],
         pushes=values[at + 2 * n + contacts : at + 2 * n + 2 * contacts],
         impulses=values[at + 2 * n + 2 * contacts : at + 2 * n + 3 * contacts],
+        dates=values[at + 2 * n + 3 * contacts :][:SLOTS],
+        ways=values[at + 2 * n + 3 * contacts + SLOTS : -1],
         recent=carried["recent"],
         start=carried["start"],
         levels=carried["levels"],
