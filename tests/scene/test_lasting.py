@@ -97,7 +97,7 @@ def test_what_is_wrong_is_said_in_one_line_with_the_field(text: str) -> None:
 def test_for_stands_in_conditions_of_runs_alone(fields: dict[str, Any], path: str) -> None:
     with pytest.raises(rw.SceneError, match=f"^{path}: "):
         scene(**fields)
-    with pytest.raises(rw.SceneError, match="^condition: 'for' stands at most"):
+    with pytest.raises(rw.SceneError, match=r"^condition: 'for' stands at most"):
         rw.ask(scene(), "part.x < 1 for 0.2", np.zeros((1, 3)))
 
 

@@ -89,6 +89,20 @@ def test_inputs_over_time_and_conditions(scene: ParticleScene) -> None:
     assert run.final["finger"]["x"] == pytest.approx(-0.1, abs=2e-3)
 
 
+@pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
+@pytest.mark.parametrize("tol", [None, 1e-3])
+def test_conditions_that_must_hold_for_a_time(scene: ParticleScene, rung: rw.Rung, tol: float | None) -> None:
+    """The finger comes to -0.3 at 0.25; it rests where its speed times the step is within the tolerance."""
+    made = scene.changed(goal="finger.x >= -0.3 for 0.2", unsafe=None)
+    assert rw.simulate(made, rung, tol=tol).time == pytest.approx(0.45, abs=1e-9)
+    assert not rw.simulate(scene.changed(goal="abs(finger.x + 0.3) <= 0.04 for 0.11"), rung, tol=tol).ok
+    rest = scene.changed(goal="rest(finger) for 0.25", tolerance=1e-4)
+    assert rw.simulate(rest, rung, tol=tol, parameters={"vx": 0.09}).time == pytest.approx(0.25, abs=1e-9)
+    assert not rw.simulate(rest, rung, tol=tol, parameters={"vx": 0.11}).ok
+    until = [rw.Segment({"vx": 0.8}, 1.0, "finger.x >= -0.3 for 0.1"), rw.Segment({"vx": 0.0}, 0.05)]
+    assert rw.simulate(scene, rung, tol=tol, inputs=until).time == pytest.approx(0.4, abs=1e-9)
+
+
 def test_runs_at_many_points_and_from_states(scene: ParticleScene) -> None:
     found = rw.Batch(scene, rw.KINEMATIC, ("vx", "vy")).run(np.array([[0.8, 0.0], [0.1, 0.0], [9.0, 0.0]]))
     assert found.outcomes.tolist() == ["goal", "timeout", "invalid"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
@@ -80,18 +81,38 @@ def rested(moves: Moves, predictor: Predictor, ends: Ends, levels: Reals) -> Res
 def held_out(moves: Moves, predictor: Predictor, so_far: Rested) -> Rested:
     """The same, where robots stand still for as long as the goal must hold, if it does, and if it is reached
     so."""
-    ends, task = so_far.ends, moves.task
-    on = np.isin(ends.outcome, GOES_ON)
-    rows = np.flatnonzero(on)[moves.hopes(ends.places.q[on], ends.places.v[on])]
-    if not len(rows):
+    rows = np.flatnonzero(np.isin(so_far.ends.outcome, GOES_ON))
+    rows, more, held = _held(moves, predictor, so_far.ends.places, so_far.levels, rows)
+    reached = np.flatnonzero(more.outcome == Code.GOAL) if more is not None else rows[:0]
+    if more is None or not len(reached):
         return so_far
-    held, lasting = task.held(so_far.levels[rows]), (1.0 + HELD) * task.lasting
-    more = predictor.run(ends.places.take(rows), held[:, None], np.full((len(rows), 1), lasting))
-    reached = np.flatnonzero(more.outcome == Code.GOAL)
     rows, waits, levels = rows[reached], so_far.waits.copy(), so_far.levels.copy()
-    waits[rows] += more.places.time[reached] - ends.places.time[rows]
+    waits[rows] += more.places.time[reached] - so_far.ends.places.time[rows]
     levels[rows] = held[reached]
-    return so_far._replace(ends=_put(ends, rows, more, reached), levels=levels, waits=waits)
+    return so_far._replace(ends=_put(so_far.ends, rows, more, reached), levels=levels, waits=waits)
+
+
+def comes_to_hold(moves: Moves, predictor: Predictor, places: Places, levels: Reals) -> NDArray[np.bool_]:
+    """Whether a goal that must hold for a time is reached where robots stand still at m places, after inputs
+    `levels` (m, u)."""
+    found = np.zeros(len(places.q), bool)
+    rows, more, _ = _held(moves, predictor, places, levels, np.arange(len(places.q)))
+    if more is not None:
+        found[rows] = more.outcome == Code.GOAL
+    return found
+
+
+def _held(
+    moves: Moves, predictor: Predictor, places: Places, levels: Reals, rows: Ints
+) -> tuple[Ints, Ends | None, Reals]:
+    """Those of the rows where the goal holds and must go on to hold, what comes of standing still there, and
+    the inputs (r, u) meanwhile."""
+    rows = rows[moves.hopes(places.q[rows], places.v[rows])]
+    held = moves.task.held(levels[rows])
+    if not len(rows):
+        return rows, None, held
+    lasting = np.full((len(rows), 1), (1.0 + HELD) * moves.task.lasting)
+    return rows, predictor.run(places.take(rows), held[:, None], lasting), held
 
 
 def _drawn_off(moves: Moves, ends: Ends, left: Left) -> Ints:

@@ -18,7 +18,7 @@ from rungwise.planning.motion.early_stops import best_stops, parts_of, stops_of
 from rungwise.planning.motion.moves import Moves, Segments
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Ends, Places, Predictor
-from rungwise.planning.motion.settle import run_to_rest
+from rungwise.planning.motion.settle import comes_to_hold, run_to_rest
 
 UNFIT = 1e3
 """Score added for each move that could not be made."""
@@ -62,7 +62,7 @@ def run_moves(
             break
         ends, levels[going], *_ = run_to_rest(moves, predictor, begun, segments)
         if cuts > 1:
-            ends, own = _cut_short(moves, aim, chosen[fits], segments, ends, cuts)
+            ends, own = _cut_short(moves, predictor, aim, chosen[fits], segments, ends)
             vectors[going, k] = own
         last = _put(last, going, ends.places)
         work[going] += ends.work
@@ -79,14 +79,16 @@ def run_moves(
 
 
 def _cut_short(
-    moves: Moves, aim: Aim, vectors: Reals, segments: Segments, ends: Ends, cuts: int
+    moves: Moves, predictor: Predictor, aim: Aim, vectors: Reals, segments: Segments, ends: Ends
 ) -> tuple[Ends, Reals]:
     """The ends of moves, and their vectors (m, d), with pushes cut short where less is lacking on the way."""
     on = np.isin(ends.outcome, GOES_ON)
     lacks = np.where(on, aim.lack(ends.places), np.where(ends.outcome == Code.GOAL, 0.0, np.inf))
+    cuts = parts_of(moves, predictor)
     stops, _ = best_stops(aim, stops_of(moves, vectors, segments, ends, cuts), lacks)
     vectors, outcome = vectors.copy(), ends.outcome.copy()
-    vectors[stops.rows], outcome[stops.rows] = stops.vectors, Code.MISSED
+    held = comes_to_hold(moves, predictor, stops.places, segments.levels[stops.rows, -1])
+    vectors[stops.rows], outcome[stops.rows] = stops.vectors, np.where(held, Code.GOAL, Code.MISSED)
     places = Places(*(field.copy() for field in ends.places))
     for old, new in zip(places, stops.places, strict=True):
         old[stops.rows] = new

@@ -19,7 +19,7 @@ from rungwise.planning.motion.early_stops import best_stops, parts_of, stops_of
 from rungwise.planning.motion.moves import Moves
 from rungwise.planning.motion.objective import Aim
 from rungwise.planning.motion.propagate import GOES_ON, Places, Predictor
-from rungwise.planning.motion.settle import run_to_rest
+from rungwise.planning.motion.settle import comes_to_hold, run_to_rest
 
 POPULATION = 96
 """Moves that are run together."""
@@ -186,7 +186,9 @@ def _expanded(
     if note is not None:
         note(stops.vectors, tree.q[parents[stops.rows]], stops.places.q)
     best, own = best_stops(aim, stops, lacks)
-    own = own if aim.partial else np.maximum(own, TINY)
+    if not aim.partial:
+        holds = comes_to_hold(moves, predictor, best.places, levels[best.rows])
+        own = np.where(holds, 0.0, np.maximum(own, TINY))
     return _with(tree, best.places, levels[best.rows], parents[best.rows], best.vectors, own)
 
 

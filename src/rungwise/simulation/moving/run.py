@@ -233,7 +233,8 @@ class MovingSimulation(Turns, Kind):
             if same:
                 raise StateError("state.memory: is of another scene") from None
         if goes_on:
-            self._times.go_on(self._clock.segment)
+            if same_inputs:
+                self._times.go_on(self._clock.segment)
             self._next, *margins, self._gained = rest[parts.own].tolist()
             self._margins = margins[0], margins[1]
             self._values.hand_on(rest[parts.values])
