@@ -39,6 +39,10 @@ def check_states(side: Stated, scene: AnyScene, model: Rung, names: Sequence[str
     else changes in time."""
     if model.compliant:
         raise SetError("model: compliant contacts have a state of their own; take a rigid rung")
+    for field in CONDITIONS[:-1]:
+        text = getattr(scene.file, field)
+        if text is not None and FOR in names_in(text):
+            raise SetError(f"{field}: for how long a condition has held is no state; ask without 'for'")
     if len(set(names)) < len(names):
         raise SetError("over: a state is given twice")
     needed, allowed = side.needed(model), side.allowed(model)
@@ -48,10 +52,6 @@ def check_states(side: Stated, scene: AnyScene, model: Rung, names: Sequence[str
         raise SetError(f"over: {what}; the state of {scene.name} on {model.name} is {', '.join(allowed)}")
     if not 1 <= len(names) <= most:
         raise SetError(f"over: 1 to {most} states, and {scene.name} has {len(names)}")
-    for field in CONDITIONS[:-1]:
-        text = getattr(scene.file, field)
-        if text is not None and FOR in names_in(text):
-            raise SetError(f"{field}: for how long a condition has held is no state; ask without 'for'")
     if side.world.follows_time:
         raise SetError(f"scene: {scene.name} depends on the time t, which is no state")
     if scene.file.goal is None:

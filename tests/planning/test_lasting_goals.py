@@ -44,7 +44,8 @@ def test_a_goal_without_robots_that_are_led() -> None:
     part = robot | {"role": "object", "mass": 1.0, "pose": {"x": 0.4}, "coordinates": {"s": {"damping": 1.0}}}
     scene = rw.load(
         {
-            "name": "led", "parameters": {"u": {"default": 0.0}}, "inputs": ["u"], "duration": 1.0, "step": 1e-2,
+            "name": "led", "parameters": {"u": {"default": 0.0}}, "inputs": ["u"],
+            "duration": 1.0, "step": 1e-2,
             "bodies": {"robot": robot, "part": part}, "contacts": [{"between": ["robot", "part"]}],
             "goal": "part.s >= 0.3 for 0.8",
             "task": {"inputs": {"u": {"range": [0.1, 1.0]}}, "moves": [1, 2], "duration": [0.3, 1.0]},
