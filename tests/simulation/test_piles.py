@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
@@ -23,10 +23,12 @@ from rungwise.contact.step import (
 )
 from rungwise.contact.step.proximal import exertion
 from rungwise.contact.step.residual import residual
-from rungwise.simulation.core.step import CROWDED
+from rungwise.kernel import Ints
+from rungwise.system.entries import CROWDED
 
 from .test_stacks import box, on_ground, pyramid
 
+Spans: TypeAlias = tuple[Ints, Ints]
 DYNAMIC = [rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT]
 
 
@@ -41,8 +43,10 @@ def heap(count: int, seed: int) -> list[dict[str, Any]]:
     return bodies
 
 
-def problem_of(model: rw.Rung, bodies: list[dict[str, Any]], steps: int) -> tuple[ContactProblem, Unknowns]:
-    """A step's problem on the way of a run, and the answer of the run to it."""
+def problem_of(
+    model: rw.Rung, bodies: list[dict[str, Any]], steps: int
+) -> tuple[ContactProblem, Unknowns, Spans]:
+    """A step's problem on the way of a run, the answer of the run to it, and where it has entries."""
     run = rw.Simulation(on_ground(bodies, duration=10.0, step=2e-3), model)
     run.advance(steps)
     assert run.workspace is not None
@@ -52,21 +56,29 @@ def problem_of(model: rw.Rung, bodies: list[dict[str, Any]], steps: int) -> tupl
         scratch.mode[: k + b].copy(), scratch.x[:n].copy(), scratch.contact_force[: 2 * k].copy(),
         scratch.limited_force[:b].copy(),
     )  # fmt: skip
-    return trim(run.workspace.problem, n, k, b), answer
+    p, entries = trim(run.workspace.problem, n, k, b), run.workspace.terms.entries
+    full = np.tile(np.array([0, n, n, n]), (k, 1)), np.tile(np.array([0, n]), (n, 1))
+    spans = (entries.columns[:k].copy(), entries.couplings.copy()) if n >= CROWDED else full
+    return p, answer, spans
 
 
 def sizes_of(p: ContactProblem) -> Sizes:
     return Sizes(len(p.c), len(p.mu), len(p.F))
 
 
-def solved(p: ContactProblem, sparse: bool, start: Unknowns | None = None) -> tuple[int, float, Unknowns]:
+def solved(
+    p: ContactProblem, spans: Spans | None, start: Unknowns | None = None
+) -> tuple[int, float, Unknowns]:
     n, k, b = sizes_of(p)
     size = matrix_size(n, k, b)
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
     found = Unknowns(np.zeros(k + b, np.int64), np.zeros(n), np.zeros(2 * k), np.zeros(b))
     if start is not None:
         found = Unknowns(*(part.copy() for part in start))
-    status, error, _ = (solve_sparse if sparse else solve_planar)(p, sizes_of(p), found, room)
+    if spans is not None:
+        status, error, _ = solve_sparse(p, sizes_of(p), found, *spans)
+    else:
+        status, error, _ = solve_planar(p, sizes_of(p), found, room)
     return status, error, found
 
 
@@ -74,11 +86,11 @@ def solved(p: ContactProblem, sparse: bool, start: Unknowns | None = None) -> tu
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:
     for seed, steps in ((0, 150), (1, 250), (2, 350)):
-        p, answer = problem_of(model, heap(bodies, seed), steps)
+        p, answer, spans = problem_of(model, heap(bodies, seed), steps)
         assert len(p.mu) > 0
         for start in (None, answer):
-            status, _, dense = solved(p, False, start)
-            same, error, sparse = solved(p, True, start)
+            status, _, dense = solved(p, None, start)
+            same, error, sparse = solved(p, spans, start)
             assert status == same == SOLVED
             assert error == residual(p, sizes_of(p), sparse)
             np.testing.assert_allclose(sparse.v, dense.v, rtol=0.0, atol=1e-7 * (1.0 + abs(dense.v).max()))
@@ -87,8 +99,8 @@ def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:
 def test_the_judge_agrees_to_the_last_digit() -> None:
     rng = np.random.default_rng(3)
     for seed in range(3):
-        p, answer = problem_of(rw.DYNAMIC_COMPLIANT, heap(24, seed), 300)
-        whole = compress(p, sizes_of(p))
+        p, answer, spans = problem_of(rw.DYNAMIC_COMPLIANT, heap(24, seed), 300)
+        whole = compress(p, sizes_of(p), *spans)
         for size in (0.0, 1e-9, 1e-3, 1.0, 1e6):
             for part in (answer.v, answer.force, answer.tau):
                 part += size * rng.standard_normal(len(part))

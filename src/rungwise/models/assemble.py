@@ -23,7 +23,9 @@ import math
 from typing import NamedTuple
 
 from rungwise.contact.step import ContactProblem
-from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, RecordArray, inner_kernel, kernel, rare_kernel
+from rungwise.models.entries import fill_entries, take_entries
+from rungwise.system.entries import is_crowded, rate, spans
 from rungwise.system.terms import JOINT, Terms
 
 
@@ -57,7 +59,10 @@ def assemble(
     """
     h, theta, eps, ease = step
     problem.quantum[0] = terms.rounding[0] / h
-    if rung[0].metric:
+    crowded = is_crowded(terms.entries)
+    if crowded:
+        fill_entries(rung, h * theta, eps, terms, free, n, v, speed, problem)
+    elif rung[0].metric:
         _fill_metric(terms, free, n, problem)
     else:  # (1) balance
         _fill_balance(rung, h * theta, eps, terms, free, n, v, speed, problem)
@@ -65,7 +70,10 @@ def assemble(
     d = terms.contact_stiffness.shape[1]
     for k in range(contacts):
         problem.mu[k] = terms.friction[k] if rung[0].friction else 0.0  # (3) friction
-        _take_rows(terms.rows, k * d, k * d + d, free, n, problem.W)
+        if crowded:
+            take_entries(k, d, terms, problem)
+        else:
+            _take_rows(terms.rows, k * d, k * d + d, free, n, problem.W)
         if rung[0].compliant and math.isfinite(terms.contact_stiffness[k, 0, 0]):
             _soften(k, d, h, theta, terms, problem)  # (2) Signorini, (3) friction
         else:
@@ -84,7 +92,7 @@ def assemble(
                     bounced = True
         if driven:
             for r in range(k * d, k * d + d):
-                problem.w[r] += carried(terms.rows, r, speed)
+                problem.w[r] += rate(terms.entries, terms.rows, r, d, speed)
     for r in range(limited):
         stiff, damp = terms.gains[r, 0], terms.gains[r, 1]
         resist = theta * h * stiff + damp
@@ -205,17 +213,34 @@ def carried(rows: Reals, r: int, speed: Reals) -> float:
 def approach(r: int, terms: Terms, v: Reals, speed: Reals, free: Ints, n: int, eps: float) -> float:
     """Rate of the gap at the start of the step, or 0 when it is no faster than loads cause in a pause, and no
     faster than in a fall from a height that counts as zero."""
-    g = carried(terms.rows, r, speed)
+    d = terms.contact_stiffness.shape[1]
+    g = rate(terms.entries, terms.rows, r, d, speed)
     loaded = 0.0
-    for i in range(n):
-        a = free[i]
-        g += terms.rows[r, a] * v[a]
-        if eps > 0.0:
-            loaded += terms.rows[r, a] * terms.fall[a] / eps
+    if is_crowded(terms.entries):
+        g, loaded = _approach(r, d, g, terms, v, eps)
+    else:
+        for i in range(n):
+            a = free[i]
+            g += terms.rows[r, a] * v[a]
+            if eps > 0.0:
+                loaded += terms.rows[r, a] * terms.fall[a] / eps
     rest = abs(loaded) * terms.pause[0]
     if math.isfinite(terms.low[0]):
         rest = min(rest, math.sqrt(2.0 * abs(loaded) * terms.low[0]))
     return 0.0 if g >= -rest else g
+
+
+@rare_kernel
+def _approach(r: int, d: int, g: float, terms: Terms, v: Reals, eps: float) -> tuple[float, float]:
+    """The rate `g` of row r with that of the free coordinates, and the rate per time that loads cause."""
+    entries, loaded = terms.entries, 0.0
+    place, columns = entries.place, spans(entries.rows, r // d)
+    for side in range(2):
+        for a in range(columns[2 * side], columns[2 * side + 1]):
+            if place[a + 1] > place[a]:
+                g += terms.rows[r, a] * v[a]
+                loaded += terms.rows[r, a] * terms.fall[a] / eps if eps > 0.0 else 0.0
+    return g, loaded
 
 
 @kernel

@@ -11,6 +11,7 @@ import math
 
 from rungwise.kernel import Ints, Reals, RecordArray, kernel, rare_kernel
 from rungwise.models.assemble import carried
+from rungwise.system.entries import rate
 from rungwise.system.terms import INERTIA, METRIC, Terms
 
 LIMIT = 1e-8
@@ -153,7 +154,7 @@ def _demanded_pace(
     """Fastest motion, as a length per time, by which a free body alone would meet the demand of one row."""
     fastest, d = 0.0, terms.contact_stiffness.shape[1]
     for r in range(contacts * d):
-        demanded = abs(carried(terms.rows, r, speed))
+        demanded = abs(rate(terms.entries, terms.rows, r, d, speed))
         if r % d == 0 and (landing or terms.gap[r // d] < -terms.rounding[0]):
             demanded = max(demanded, abs(terms.gap[r // d]) / h)
         fastest = max(fastest, demanded * _answer(terms.rows, r, terms, n, free))

@@ -105,6 +105,7 @@ class Simulation(Turns):
         stride = given.stride
         if stride is None:
             steps = self.end / float(self._control[0]["step"])
+            frames = len(self.workspace.frames.memory)
             stride = 1 if given.tol is not None else math.ceil(min(steps / frames, MANY))
         self.workspace.state.prefer[:] = preferred
         conditions, records = self.scene.template.conditions, self._bound.records

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.block import Block
+from rungwise.system.entries import Entries, allocate_entries
 
 DRIVE, SUPPORT, JOINT = 0, 1, 2
 """Accounts of energy that the work of a limited row may belong to."""
@@ -48,6 +49,7 @@ class Terms(Block):
     rounding   (1,)      length below which positions are rounding
     pause      (1,)      time: an approach no faster than loads cause within it is rest, not impact
     low        (1,)      height: an approach after which loads let nothing bounce higher is rest
+    entries              where rows and matrices of many bodies have entries
     """
 
     inertia: NDArray[np.float64]
@@ -74,10 +76,13 @@ class Terms(Block):
     rounding: NDArray[np.float64]
     pause: NDArray[np.float64]
     low: NDArray[np.float64]
+    entries: Entries
 
 
-def allocate_terms(coordinates: int, contacts: int, limited: int, directions: int = 2) -> Terms:
-    """Zeroed terms for at most so many contacts and force-limited rows."""
+def allocate_terms(
+    coordinates: int, contacts: int, limited: int, directions: int = 2, crowded: bool = False
+) -> Terms:
+    """Zeroed terms for at most so many contacts and force-limited rows; `crowded`: with places of entries."""
     n, c, d, b = coordinates, contacts, directions, limited
     return Terms(
         inertia=np.zeros((n, n)),
@@ -104,4 +109,5 @@ def allocate_terms(coordinates: int, contacts: int, limited: int, directions: in
         rounding=np.zeros(1),
         pause=np.zeros(1),
         low=np.zeros(1),
+        entries=allocate_entries(n, c, crowded),
     )

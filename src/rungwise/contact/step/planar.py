@@ -32,13 +32,13 @@ GUESS, PROXIMAL, PIVOTING, ENUMERATION = 0, 1, 2, 3
 _OPPOSITE = 1e-12
 """Two rows are opposite, and demands in conflict, to this relative error: about ten thousand roundings of
 double precision. Chosen by trial, to a decade."""
-_SPARE = 8
+SPARE = 8
 """Rows of the scratch matrix for vectors, beside the rows of the largest system."""
 
 
 def matrix_size(n: int, contacts: int, limited: int) -> int:
     """Side of the scratch matrix that a step's chain needs, one more in columns."""
-    return n + 2 * contacts + limited + _SPARE
+    return n + 2 * contacts + limited + SPARE
 
 
 @kernel

@@ -292,7 +292,7 @@ class SceneFile(Strict):
     parameters: dict[Name, Parameter] = {}
     inputs: tuple[Name, ...] = ()
     gravity: Pair = (0.0, 0.0)
-    bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=500)]
+    bodies: Annotated[dict[Name, Body], Field(min_length=1, max_length=2000)]
     joints: Annotated[dict[Name, Joint], Field(max_length=500)] = {}
     contacts: tuple[Contact, ...] = ()
     potentials: tuple[Potential, ...] = ()

@@ -25,7 +25,7 @@ from rungwise.scene.template.template import Template, block_of
 from rungwise.scene.template.writer import INF, Writer
 from rungwise.wording import choices, listed
 
-MAX_PAIRS = 100_000
+MAX_PAIRS = 600_000
 """Most pairs of shapes that may touch: with more pairs, a small file would need all memory."""
 
 

@@ -5,6 +5,8 @@ All fields are 8 bytes wide, so that binding needs only a number's place in the 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -120,8 +122,15 @@ def views(buffer: NDArray[np.float64], counts: tuple[int, ...]) -> Records:
 
 def slot(counts: tuple[int, ...], kind: str, index: int, field: str) -> int:
     """Place in the buffer of `field` of record `index` of the array `kind`."""
+    first, size = _first_slot(counts, kind, field)
+    return first + index * size
+
+
+@lru_cache(maxsize=256)
+def _first_slot(counts: tuple[int, ...], kind: str, field: str) -> tuple[int, int]:
+    """Place of `field` of the first record, and how far it is from there to the next."""
     place = list(Records.__annotations__).index(kind)
     before = sum(n * d.itemsize // 8 for n, d in zip(counts[:place], DTYPES[:place], strict=True))
     dtype = DTYPES[place]
     offset = int(dtype.fields[field][1])  # type: ignore[index]
-    return before + (index * dtype.itemsize + offset) // 8
+    return before + offset // 8, dtype.itemsize // 8

@@ -8,6 +8,7 @@ from rungwise.contact.step import OPEN
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel, summing_kernel
 from rungwise.models.assemble import deform
 from rungwise.simulation.core.state import State, Trial
+from rungwise.system.entries import Entries, is_crowded, spans
 from rungwise.system.terms import DRIVE, SUPPORT, Terms
 
 
@@ -105,8 +106,8 @@ def account(trial: Trial) -> None:
                 support += force
             else:
                 joint += force
-        elastic = -theta * h * _product(terms.stiffness[i], scratch.v_new)
-        support -= _product(terms.damping[i], scratch.v_new)
+        elastic = -theta * h * _row_product(terms.entries, terms.stiffness, i, scratch.v_new)
+        support -= _row_product(terms.entries, terms.damping, i, scratch.v_new)
         drive = terms.load[i] - state.passive[i] + elastic + limited
         if state.prescribed[i]:
             inertial = 0.0
@@ -130,10 +131,27 @@ def account(trial: Trial) -> None:
 def _push(terms: Terms, rows: int, force: Reals, push: Reals) -> None:
     """Write what forces along the first rows do to each coordinate into `push` (n,)."""
     push[:] = 0.0
+    crowded, d = is_crowded(terms.entries), terms.contact_stiffness.shape[1]
     for r in range(rows):
-        if force[r] != 0.0:
+        if force[r] != 0.0 and crowded:
+            begin, middle, second, last = spans(terms.entries.rows, r // d)
+            for i in range(begin, middle):
+                push[i] += terms.rows[r, i] * force[r]
+            for i in range(second, last):
+                push[i] += terms.rows[r, i] * force[r]
+        elif force[r] != 0.0:
             for i in range(push.shape[0]):
                 push[i] += terms.rows[r, i] * force[r]
+
+
+@inner_kernel
+def _row_product(entries: Entries, matrix: Reals, i: int, v: Reals) -> float:
+    if not is_crowded(entries):
+        return _product(matrix[i], v)
+    total = 0.0
+    for j in range(entries.matrices[i, 0], entries.matrices[i, 1]):
+        total += matrix[i, j] * v[j]
+    return total
 
 
 @summing_kernel

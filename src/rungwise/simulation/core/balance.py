@@ -9,8 +9,8 @@ dry friction: what balances only against others got there by momentum, which the
 from __future__ import annotations
 
 from rungwise.kernel import Reals, kernel
-from rungwise.models.assemble import carried
 from rungwise.simulation.core.state import Scratch
+from rungwise.system.entries import fill_span, rate
 from rungwise.system.terms import Terms
 
 NEAR = 1e-4
@@ -36,7 +36,7 @@ def keep_near(h: float, near: float, contacts: int, speed: Reals, terms: Terms, 
 
 @kernel
 def _is_near(k: int, d: int, h: float, near: float, speed: Reals, terms: Terms) -> bool:
-    return bool(terms.gap[k] <= max(near, -h * carried(terms.rows, d * k, speed)))
+    return bool(terms.gap[k] <= max(near, -h * rate(terms.entries, terms.rows, d * k, d, speed)))
 
 
 @kernel
@@ -52,3 +52,4 @@ def _put(k: int, at: int, d: int, terms: Terms, scratch: Scratch) -> None:
             terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
         for j in range(terms.rows.shape[1]):
             terms.rows[d * at + i, j] = terms.rows[d * k + i, j]
+    fill_span(terms.entries, at, terms.rows.shape[1])

@@ -116,10 +116,12 @@ def state_arrays(n: int, slots: int, d: int = 2) -> dict[str, NDArray[Any]]:
 
 
 def scratch_arrays(
-    n: int, contacts: int, limited: int, notes: int = 0, d: int = 2
+    n: int, contacts: int, limited: int, notes: int = 0, d: int = 2, side: int | None = None
 ) -> dict[str, NDArray[Any]]:
-    """Fields of `Scratch` for at most so many contacts and limited rows, and so many numbers of notes."""
+    """Fields of `Scratch` for at most so many contacts and limited rows, and so many numbers of notes; `side`
+    is the size of the matrix where it is not that of the solver in the plane."""
     size = matrix_size(n, contacts, limited) if d == 2 else 0  # only `solve_planar` works in it
+    size = size if side is None else side
     return {
         "x": np.zeros(n),
         "v_new": np.zeros(n),

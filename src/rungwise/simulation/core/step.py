@@ -11,14 +11,9 @@ from rungwise.contact.step import (
     SOLVED,
     STICK,
     ContactProblem,
-    Elimination,
-    Sizes,
-    Unknowns,
-    correct_velocities,
-    solve_planar,
     start_associated,
 )
-from rungwise.kernel import Reals, RecordArray, copy, imported_kernel, kernel, rare_kernel
+from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.models.assemble import Step, assemble, lean
 from rungwise.models.limit import (
     LIMIT,
@@ -29,8 +24,9 @@ from rungwise.models.limit import (
     noticed_load,
     resting_inertia,
 )
+from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_spatial
 from rungwise.simulation.core.notes import note
-from rungwise.simulation.core.state import State, Trial, elimination_in, sizes_in, unknowns_in
+from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
 from rungwise.simulation.core.support import solve_supported
 from rungwise.system.terms import APART, METRIC, Terms
 
@@ -48,24 +44,8 @@ from Newton's method. Chosen by trial, to a decade."""
 _ROUNDING = 1e-6
 """Loads that are `_UNBALANCED` of this part of the greatest may be rounding, and need no support: ten times
 the part that `limit_inertia` leaves to inertia. Chosen by trial, to a decade."""
-CROWDED = 60
-"""Velocities from which on a step in the plane is solved by its few entries, which is faster then."""
 SLOWER = 0.1
 """Pace over another beside which the other is far faster. Chosen by trial, to a decade."""
-
-
-@imported_kernel("rungwise.contact.solvers.plane.chain")
-def solve_sparse(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination
-) -> tuple[int, float, int]:
-    """Solve the step's problem of many bodies in the plane, as `solve_planar`."""
-    raise NotImplementedError
-
-
-@imported_kernel("rungwise.contact.solvers.space.chain")
-def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> tuple[int, float, int]:
-    """Solve the step's problem where contacts have three directions; v holds velocities to start from."""
-    raise NotImplementedError
 
 
 @kernel
@@ -207,7 +187,7 @@ def _solve_in_turn(trial: Trial, convex: bool) -> int:
             break
     clock.bounced = bounced
     if status == SOLVED and rung[0].inertia == 0.0 and state.force.shape[1] == 2:
-        correct_velocities(problem, sizes, unknowns_in(scratch), elimination_in(scratch))
+        correct_in_plane(problem, sizes, terms, scratch)
     return status
 
 
@@ -259,10 +239,8 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
         return NO_SOLUTION
     if state.clock[0].surfaces:
         status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
-    elif d == 2 and sizes.n >= CROWDED:
-        status, found, stage = solve_sparse(problem, sizes, unknowns, elimination_in(scratch))
     elif d == 2:
-        status, found, stage = solve_planar(problem, sizes, unknowns, elimination_in(scratch))
+        status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
     else:
         status, found, stage = solve_spatial(problem, sizes, unknowns)
     state.clock[0].residual = found

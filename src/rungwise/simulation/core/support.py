@@ -26,11 +26,11 @@ from rungwise.contact.step import (
     STICK,
     ContactProblem,
     Sizes,
-    solve_planar,
     trim,
 )
 from rungwise.kernel import Ints, Reals, Record, kernel, rare_kernel
-from rungwise.simulation.core.state import Scratch, State, elimination_in, unknowns_in
+from rungwise.simulation.core.chains import solve_in_plane
+from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import APART, Terms
 
 STUCK, SLIPS, YIELDS = 0, 1, 2
@@ -69,7 +69,7 @@ def solve_supported(
     unsettled, until, spell = False, DIRECTIONS, TURNS
     for turn in range(ROUNDS):
         _fill(contacts, limited, n, terms, state, scratch, problem)
-        status, found, stage = solve_planar(problem, sizes, unknowns_in(scratch), elimination_in(scratch))
+        status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
         if status != SOLVED:
             if loosened or not _loosen(limited, terms, scratch):
                 break

@@ -190,6 +190,8 @@ class Assembly:
         k = len(order)
         gap = terms.gap[order].copy()
         terms.rows[: 2 * k] = terms.rows[at]
+        n = terms.rows.shape[1]
+        terms.entries.rows[:k] = (0, n, n, n)
         terms.deformation[: 2 * k] = terms.deformation[at]
         for field in (terms.friction, terms.restitution, terms.contact_stiffness, terms.contact_damping):
             field[:k] = field[order]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
-from rungwise.contact.step import Elimination, Sizes, Unknowns, solve_planar, trim
+from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar, trim
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
@@ -220,7 +220,8 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
     n, limited = int(clock["free"]), int(clock["limited"])
     # Where forces vanish in a limit they were set to zero; the pieces need the forces that were found.
     unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
-    room = Elimination(scratch.matrix, scratch.order)
+    size = matrix_size(n, count, limited)
+    room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
     solve_planar(work.problem, Sizes(n, count, limited), unknowns, room)
     problem = trim(work.problem, n, count, limited)
     contact = Sensitivity(

@@ -57,6 +57,7 @@ from rungwise.simulation.planar.step.attempt import LEFT_UNSUPPORTED, REFUSED, T
 from rungwise.simulation.planar.step.blame import crawls
 from rungwise.simulation.planar.step.controlled import LEAPT, controlled_step, until_contact
 from rungwise.simulation.planar.step.midpoint_rows import is_centred
+from rungwise.system.entries import is_crowded
 from rungwise.system.planar import joints
 from rungwise.system.planar import terms as planar
 from rungwise.system.planar.place import place
@@ -112,6 +113,8 @@ def begin(records: Records, rung: RecordArray, control: RecordArray, workspace: 
         terms.metric[i, i] = terms.heft[i, METRIC] = records.coordinates[i].metric
     for r in range(clock.limited):
         clock.surfaces |= terms.surface[r] != APART
+    if is_crowded(terms.entries):
+        planar.couple(terms)
     clock.drives = clock.limited
     clock.limited = joints.constants(records, rung[0].metric, clock.drives, terms)
     clock.centred = is_centred(rung, control[0].error, terms, state)

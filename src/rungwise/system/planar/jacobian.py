@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rungwise.kernel import Reals, Record, RecordArray, inner_kernel, kernel
+from rungwise.system.entries import Entries, clear_rows, is_crowded, set_spans
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, POINT_X, POINT_Y
 from rungwise.system.planar.place import coordinate_count, lever
 
@@ -18,12 +19,26 @@ def contact_rows(
     """
     rows[first, :] = 0.0
     rows[first + 1, :] = 0.0
-    _add(bodies[a], pose[a], point, 1.0, rows, first)
-    _add(bodies[b], pose[b], point, -1.0, rows, first)
+    add_rows(bodies[a], pose[a], point, 1.0, rows, first)
+    add_rows(bodies[b], pose[b], point, -1.0, rows, first)
+
+
+@inner_kernel
+def enter_rows(
+    a: int, b: int, bodies: RecordArray, pose: Reals, point: Reals, rows: Reals, k: int, entries: Entries
+) -> None:
+    """Write the rows of contact k, whose entries are told, as `contact_rows`."""
+    clear_rows(entries, k, rows)
+    if is_crowded(entries):
+        i, j = bodies[a].coordinate, bodies[b].coordinate
+        set_spans(entries.rows, k, i, i + coordinate_count(bodies[a]), j, j + coordinate_count(bodies[b]))
+    add_rows(bodies[a], pose[a], point, 1.0, rows, 2 * k)
+    add_rows(bodies[b], pose[b], point, -1.0, rows, 2 * k)
 
 
 @kernel
-def _add(body: Record, pose: Reals, point: Reals, sign: float, rows: Reals, first: int) -> None:
+def add_rows(body: Record, pose: Reals, point: Reals, sign: float, rows: Reals, first: int) -> None:
+    """Add what the motion of one body adds to rows `first` and `first + 1`."""
     nx, ny = point[NORMAL_X], point[NORMAL_Y]
     for i in range(coordinate_count(body)):
         vx, vy = lever(body, pose, i, point[POINT_X], point[POINT_Y])

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Ints, Reals, Record, RecordArray, kernel
+from rungwise.kernel import Ints, Reals, Record, RecordArray, inner_kernel, kernel, rare_kernel
 from rungwise.scene.template.records import FORCE, FREE, HINGE, SERVO, SLIDE, SPEED, Records
-from rungwise.system.planar.jacobian import contact_rows
+from rungwise.system.entries import clear_rows, fill_span, is_crowded, set_spans
+from rungwise.system.planar.jacobian import enter_rows
 from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
 from rungwise.system.planar.place import COS, SIN, X, Y
 from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
+
+FULL = -1
+"""More contacts than there is room for."""
 
 
 @kernel
@@ -47,6 +51,17 @@ def constants(records: Records, terms: Terms) -> int:
                 if a.acts and b.acts:
                     terms.stiffness[i, j] += potentials[p].stiffness * a.factor * b.factor
     return count
+
+
+@rare_kernel
+def couple(terms: Terms) -> None:
+    """Tell where the matrices have entries: on the diagonal, and where potentials join coordinates."""
+    for i in range(terms.load.shape[0]):
+        first, end = i, i + 1
+        for j in range(terms.load.shape[0]):
+            if terms.stiffness[i, j] != 0.0:
+                first, end = min(first, j), max(end, j + 1)
+        terms.entries.matrices[i, 0], terms.entries.matrices[i, 1] = first, end
 
 
 @kernel
@@ -194,17 +209,20 @@ def gather(
     slots: Ints,
 ) -> int:
     """Terms of the contacts nearer than `margin` or still deformed, then of travel limits; returns how many,
-    with their `slots`."""
+    with their `slots`, or FULL where there is no room for so many."""
     pairs, coordinates = records.pairs, records.coordinates
+    most = slots.shape[0] - 2 * coordinates.shape[0] - 2 * records.measures.shape[0]
     points, deformation = manifolds.points, manifolds.deformation
     count = 0
     for p in range(pairs.shape[0]):
         for slot in range(2 * p, 2 * p + 2):
             strained = deformation[slot, 0] != 0.0 or deformation[slot, 1] != 0.0
             if manifolds.features[slot] != ABSENT and (points[slot, GAP] <= margin or strained):
+                if count == most:
+                    return FULL
                 contact = records.contacts[pairs[p].contact]
                 a, b = contact.body_a, contact.body_b
-                contact_rows(a, b, records.bodies, pose, points[slot], terms.rows, 2 * count)
+                enter_rows(a, b, records.bodies, pose, points[slot], terms.rows, count, terms.entries)
                 terms.lever[count] = 1.0
                 terms.gap[count] = points[slot, GAP]
                 terms.friction[count] = contact.friction
@@ -227,14 +245,23 @@ def gather(
             if math.isfinite(coordinates[i].lower):
                 stop(lever * (q[i] - coordinates[i].lower), lever, count, terms)
                 terms.rows[2 * count, i] = lever
+                _hold_at(i, count, terms)
                 slots[count] = slot
                 count += 1
             if math.isfinite(coordinates[i].upper):
                 stop(lever * (coordinates[i].upper - q[i]), lever, count, terms)
                 terms.rows[2 * count, i] = -lever
+                _hold_at(i, count, terms)
                 slots[count] = slot + 1
                 count += 1
     return count
+
+
+@inner_kernel
+def _hold_at(i: int, count: int, terms: Terms) -> None:
+    """The travel limit that was added has an entry for coordinate i alone."""
+    if is_crowded(terms.entries):
+        set_spans(terms.entries.rows, count, i, i + 1, i + 1, i + 1)
 
 
 @kernel
@@ -242,8 +269,8 @@ def stop(gap: float, lever: float, count: int, terms: Terms) -> None:
     """Add a travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to
     fill."""
     terms.lever[count] = lever
-    terms.rows[2 * count, :] = 0.0
-    terms.rows[2 * count + 1, :] = 0.0
+    clear_rows(terms.entries, count, terms.rows)
+    fill_span(terms.entries, count, terms.load.shape[0])
     terms.gap[count] = gap
     terms.friction[count] = terms.restitution[count] = 0.0
     for d in range(2):

@@ -11,18 +11,28 @@ import numpy as np
 from rungwise.contact.solvers.plane.judge import exertion_of, residual_of
 from rungwise.contact.solvers.plane.part import Part, compress, cut, guess, hand_back, island
 from rungwise.contact.solvers.plane.proximal import solve_part
-from rungwise.contact.step.planar import ENOUGH, PROXIMAL, SOLVED, TOLERANCE, WEDGED, solve_planar
+from rungwise.contact.step.planar import (
+    ENOUGH,
+    PROXIMAL,
+    SOLVED,
+    SPARE,
+    TOLERANCE,
+    WEDGED,
+    solve_planar,
+)
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
-from rungwise.kernel import allocating_kernel
+from rungwise.contact.step.steady import correct_velocities
+from rungwise.kernel import Ints, allocating_kernel
 
 
 @allocating_kernel
 def solve_sparse(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints
 ) -> tuple[int, float, int]:
-    """Solve as `solve_planar`, with the same arguments and results."""
+    """Solve as `solve_planar`, with the same results. Contact k has entries in the columns of two spans,
+    `columns` (k, 4), a row of H in the stretch `couplings` (n, 2)."""
     n, contacts, limited = sizes
-    whole = compress(problem, sizes)
+    whole = compress(problem, sizes, columns, couplings)
     found = Unknowns(
         unknowns.mode[: contacts + limited].copy(), np.zeros(n), unknowns.force[: 2 * contacts].copy(),
         unknowns.tau[:limited].copy(),
@@ -34,7 +44,19 @@ def solve_sparse(
             unknowns.v[:n], unknowns.force[: 2 * contacts] = found.v, found.force
             unknowns.tau[:limited] = found.tau
             return SOLVED, error, PROXIMAL
-    return solve_planar(problem, sizes, unknowns, room)
+    return solve_planar(problem, sizes, unknowns, _room(sizes))
+
+
+@allocating_kernel
+def correct_many(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
+    """Correct velocities as `correct_velocities`."""
+    correct_velocities(problem, sizes, unknowns, _room(sizes))
+
+
+@allocating_kernel
+def _room(sizes: Sizes) -> Elimination:
+    size = sizes.n + 2 * sizes.contacts + sizes.limited + SPARE
+    return Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
 
 
 @allocating_kernel

@@ -48,40 +48,38 @@ class Cut(NamedTuple):
 
 
 @allocating_kernel
-def compress(p: ContactProblem, sizes: Sizes) -> Part:
-    """The problem's rows in use, without their zeros."""
+def compress(p: ContactProblem, sizes: Sizes, columns: Ints, couplings: Ints) -> Part:
+    """The problem's rows in use, where they have entries: contact k in the columns of two spans, `columns`
+    (k, 4), a row of H in the stretch `couplings` (n, 2), limited rows where they are not zero."""
     n, contacts, limited = sizes
     H_first, first = np.zeros(n + 1, np.int64), np.zeros(contacts + limited + 1, np.int64)
     for i in range(n):
-        count = 0
-        for j in range(n):
-            count += p.H[i, j] != 0.0
-        H_first[i + 1] = H_first[i] + count
-    for g in range(contacts + limited):
+        H_first[i + 1] = H_first[i] + couplings[i, 1] - couplings[i, 0]
+    for k in range(contacts):
+        first[k + 1] = first[k] + columns[k, 1] - columns[k, 0] + columns[k, 3] - columns[k, 2]
+    for r in range(limited):
         count = 0
         for i in range(n):
-            if g < contacts:
-                count += p.W[2 * g, i] != 0.0 or p.W[2 * g + 1, i] != 0.0
-            else:
-                count += p.S[g - contacts, i] != 0.0
-        first[g + 1] = first[g] + count
+            count += p.S[r, i] != 0.0
+        first[contacts + r + 1] = first[contacts + r] + count
     H_column, H_value = np.empty(H_first[n], np.int64), np.empty(H_first[n])
     column, normal = np.empty(first[-1], np.int64), np.empty(first[-1])
-    tangential, diagonal = np.zeros(first[-1]), np.empty(n)
-    at = 0
+    tangential, diagonal, at = np.zeros(first[-1]), np.empty(n), 0
     for i in range(n):
         diagonal[i] = p.H[i, i]
-        for j in range(n):
-            if p.H[i, j] != 0.0:
-                H_column[at], H_value[at] = j, p.H[i, j]
-                at += 1
+        for j in range(couplings[i, 0], couplings[i, 1]):
+            H_column[at], H_value[at] = j, p.H[i, j]
+            at += 1
     at = 0
-    for g in range(contacts + limited):
+    for k in range(contacts):
+        for side in range(0, 4, 2):
+            for i in range(columns[k, side], columns[k, side + 1]):
+                column[at], normal[at], tangential[at] = i, p.W[2 * k, i], p.W[2 * k + 1, i]
+                at += 1
+    for r in range(limited):
         for i in range(n):
-            a = p.W[2 * g, i] if g < contacts else p.S[g - contacts, i]
-            b = p.W[2 * g + 1, i] if g < contacts else 0.0
-            if a != 0.0 or b != 0.0:
-                column[at], normal[at], tangential[at] = i, a, b
+            if p.S[r, i] != 0.0:
+                column[at], normal[at] = i, p.S[r, i]
                 at += 1
     return Part(
         H_first, H_column, H_value, diagonal, p.c[:n], first, column, normal, tangential, p.R[:contacts],

@@ -7,6 +7,7 @@ import math
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import Records
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
+from rungwise.system.entries import stretch
 from rungwise.system.planar import joints
 from rungwise.system.planar.terms import potential_energy
 
@@ -65,7 +66,8 @@ def _scalars(records: Records, rung: RecordArray, workspace: Workspace, out: Rea
     clock = state.clock[0]
     kinetic = 0.0
     for i in range(state.v.shape[0]):
-        for j in range(state.v.shape[0]):
+        first, end = stretch(terms.entries, i, state.v.shape[0])
+        for j in range(first, end):
             kinetic += 0.5 * rung[0].inertia * terms.inertia[i, j] * state.v[i] * state.v[j]
     elastic = 0.0
     if rung[0].compliant:

@@ -47,19 +47,33 @@ def widen(records: Records, workspace: Workspace, margin: float) -> None:
 
 @kernel
 def gather(records: Records, workspace: Workspace) -> int:
-    """Fill the rows that depend on where the bodies are; returns how many contacts there are."""
+    """Fill the rows that depend on where the bodies are; returns how many contacts there are.
+
+    Where more are near than there is room for, `clock.near` is less afterwards.
+    """
     if records.supports.shape[0] > 0:
         planar.turn_supports(records, workspace.state.placed.pose, workspace.terms)
     state, scratch, n = workspace.state, workspace.scratch, workspace.state.q.shape[0]
-    contacts = planar.gather(
-        records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,
-        workspace.terms, scratch.slots,
-    )  # fmt: skip
+    contacts = _gather(records, workspace)
+    while contacts == planar.FULL and state.clock[0].near > 0.0:
+        near = 0.5 * state.clock[0].near
+        state.clock[0].near = near if near > workspace.terms.rounding[0] else 0.0
+        contacts = _gather(records, workspace)
+    contacts = max(contacts, 0)
     if records.joints.shape[0] == 0:
         return contacts
     return joints.stops(
         records, state.placed.pose, state.q, contacts, 2 * records.pairs.shape[0] + 2 * n, workspace.terms,
         scratch.slots, scratch.row,
+    )  # fmt: skip
+
+
+@inner_kernel
+def _gather(records: Records, workspace: Workspace) -> int:
+    state = workspace.state
+    return planar.gather(
+        records, state.placed.pose, state.manifolds, state.q, state.prescribed, state.clock[0].near,
+        workspace.terms, workspace.scratch.slots,
     )  # fmt: skip
 
 

@@ -15,6 +15,7 @@ from rungwise.scene.language.expression import SLOTS, STACK
 from rungwise.scene.template.records import Records
 from rungwise.scene.template.template import Template
 from rungwise.simulation.core import state as core
+from rungwise.system.entries import CROWDED
 from rungwise.system.planar.corners import Course, allocate_course
 from rungwise.system.planar.manifold import ABSENT, Manifolds, allocate_manifolds
 from rungwise.system.planar.place import Placement, allocate_placement
@@ -59,6 +60,11 @@ steps); tolerance: the goal's; error: allowed per step, 0 for steps of fixed len
 step without solution that counts as a jam."""
 
 
+RECORDED = 100_000_000
+"""Numbers (800 MB) in the frames of a crowded run, at most, but for three frames: each has a place for each
+pair of shapes that may touch."""
+NEAR_EACH = 8
+"""Contacts near each shape that a crowded step has room for."""
 ROOM = 1_000_000
 """Numbers (8 MB) for the notes of hard steps between two looks at them; more if one might not fit."""
 
@@ -108,12 +114,14 @@ class Scratch(core.Scratch):
 
 
 class Early(Block):
-    """What a step began with: rows, gap and feature of each slot (ABSENT where nothing was near), the rows of
-    joints and of their measures, the load without and with the forces in joints, the passive load; `v` is the
-    first solution, `yielded` half of what contacts yield in it; `trial` (2, n) are rows at its end."""
+    """What a step began with: rows of each contact, gap and feature of each slot (ABSENT where nothing was
+    near) and the number of its contact, the rows of joints and of their measures, the load without and with
+    the forces in joints, the passive load; `v` is the first solution, `yielded` half of what contacts yield
+    in it; `trial` (2, n) are rows at its end."""
 
     rows: Reals
     gap: Reals
+    number: Ints
     features: Ints
     limited: Reals
     measures: Reals
@@ -254,6 +262,18 @@ def _snapshot(memory: Reals, carried: dict[str, NDArray[Any]], at: int, n: int) 
     )
 
 
+def most_contacts(records: Records) -> int:
+    """Contacts that a crowded step has room for, travel limits among them: of convex bodies in the plane each
+    touches less than six others on average. Where more are near, a step looks less far."""
+    stops = 2 * len(records.coordinates) + 2 * len(records.measures)
+    return NEAR_EACH * len(records.shapes) + stops
+
+
+def _side(records: Records, limited: int) -> int:
+    """Side of the matrix in which velocities are led along joints, if there are any."""
+    return len(records.coordinates) + limited if len(records.measures) > 0 else 0
+
+
 def allocate(
     records: Records, values: Reals, template: Template, frames: int, noted: bool = False
 ) -> Workspace:
@@ -264,7 +284,8 @@ def allocate(
     """
     n, contacts, pairs = len(records.coordinates), len(records.contacts), len(records.pairs)
     slots = 2 * pairs + 2 * n + 2 * len(records.measures)
-    rows, limited, d = slots, 2 * n + 3 * len(records.measures), 2
+    limited, d, crowded = 2 * n + 3 * len(records.measures), 2, n >= CROWDED
+    rows = min(slots, most_contacts(records)) if crowded else slots
     at, inputs = len(template.parameters) + 1, len(template.inputs)
     problem = allocate_problem(n, rows, limited)
     notes = max(ROOM, (n + 4) * (n + 2 * rows + limited) + 16) if noted else 0
@@ -312,7 +333,7 @@ def allocate(
         ),
     )
     scratch = Scratch(
-        **core.scratch_arrays(n, rows, limited, notes)
+        **core.scratch_arrays(n, rows, limited, notes, side=_side(records, limited) if crowded else None)
         | {name: carried[name] for name in ("limited_mode", "limited_force")},
         slowest=np.zeros(n),
         held=np.zeros(n, np.int64),
@@ -324,10 +345,13 @@ def allocate(
         ended=np.zeros(len(values)),
         undefined=np.full(1, -1, np.int64),
     )
+    if crowded:
+        frames = min(frames, max(3, RECORDED // (len(memory) + 2 * slots)))
     before, kept, whole = (_snapshot(*_in_one_array(fields), at, n) for _ in range(3))
     early = Early(
-        rows=np.zeros((2 * slots, n)),
+        rows=np.zeros((2 * rows, n)),
         gap=np.zeros(slots),
+        number=np.zeros(slots, np.int64),
         features=np.full(slots, ABSENT, np.int64),
         limited=np.zeros((limited, n)),
         measures=np.zeros((len(records.measures), n)),
@@ -348,7 +372,7 @@ def allocate(
     )
     return Workspace(
         state=state,
-        terms=allocate_terms(n, rows, limited),
+        terms=allocate_terms(n, rows, limited, crowded=crowded),
         seams=allocate_seams(records),
         course=allocate_course(records),
         problem=problem,

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from rungwise.contact.step import OPEN, SOLVED
 from rungwise.kernel import RecordArray, inner_kernel, kernel, rare_kernel
-from rungwise.models.assemble import carried
 from rungwise.models.limit import greatest_load
 from rungwise.scene.template.records import Records
 from rungwise.simulation.core.step import SUPPORTED, is_balanced, solve_assembled
@@ -18,6 +17,7 @@ from rungwise.simulation.planar.state.nearby import NEAR, gather
 from rungwise.simulation.planar.state.workspace import Workspace, trial_in
 from rungwise.simulation.planar.step.leaps import HEAVIER, LEFT, displacement, solve_again
 from rungwise.simulation.planar.step.preferred_motion import choose_motion
+from rungwise.system.entries import fill_span, rate
 
 
 @kernel
@@ -83,7 +83,7 @@ def _is_within(h: float, k: int, workspace: Workspace) -> bool:
     state, gap = workspace.state, workspace.terms.gap[k]
     if gap <= NEAR * state.clock[0].reach or state.modes[workspace.scratch.slots[k]] != OPEN:
         return True
-    return bool(gap <= -h * carried(workspace.terms.rows, 2 * k, state.speed))
+    return bool(gap <= -h * rate(workspace.terms.entries, workspace.terms.rows, 2 * k, 2, state.speed))
 
 
 @rare_kernel
@@ -100,3 +100,4 @@ def _put(k: int, at: int, workspace: Workspace) -> None:
             terms.contact_damping[at, i, j] = terms.contact_damping[k, i, j]
         for j in range(terms.rows.shape[1]):
             terms.rows[2 * at + i, j] = terms.rows[2 * k + i, j]
+    fill_span(terms.entries, at, terms.rows.shape[1])

@@ -20,6 +20,7 @@ from rungwise.kernel import RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import HINGE, Records
 from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.workspace import State, Workspace
+from rungwise.system.entries import fill_span
 from rungwise.system.planar import joints
 from rungwise.system.planar.jacobian import contact_rows
 from rungwise.system.planar.manifold import ABSENT
@@ -59,10 +60,11 @@ def note_early(records: Records, contacts: int, workspace: Workspace) -> None:
         slot = workspace.scratch.slots[k]
         early.features[slot] = _feature(slot, state)
         early.gap[slot] = terms.gap[k]
+        early.number[slot] = k
         if clock.centred:
             for i in range(state.v.shape[0]):
-                early.rows[2 * slot, i] = terms.rows[2 * k, i]
-                early.rows[2 * slot + 1, i] = terms.rows[2 * k + 1, i]
+                early.rows[2 * k, i] = terms.rows[2 * k, i]
+                early.rows[2 * k + 1, i] = terms.rows[2 * k + 1, i]
     if not clock.centred:
         return
     for r in range(clock.limited):
@@ -135,6 +137,7 @@ def _slot_now(first: int, workspace: Workspace) -> int:
 def _turns(first: int, slot: int, turned: float, records: Records, workspace: Workspace) -> bool:
     """Whether the rows of the contact that began in slot `first` and is in `slot` now differ."""
     state, early = workspace.state, workspace.early
+    row = 2 * early.number[first]
     contact = records.contacts[records.pairs[slot // 2].contact]
     contact_rows(
         contact.body_a, contact.body_b, records.bodies, state.placed.pose, state.manifolds.points[slot],
@@ -142,7 +145,7 @@ def _turns(first: int, slot: int, turned: float, records: Records, workspace: Wo
     )  # fmt: skip
     for d in range(2):
         for i in range(state.v.shape[0]):
-            change = abs(early.trial[d, i] - early.rows[2 * first + d, i])
+            change = abs(early.trial[d, i] - early.rows[row + d, i])
             if change > turned * swing(records, state, i):
                 return True
     return False
@@ -200,10 +203,11 @@ def take_means(contacts: int, workspace: Workspace) -> None:
         first = early_slot(workspace.scratch.slots[k], workspace)
         _yield_half(k, first, workspace)
         if first >= 0:
+            fill_span(terms.entries, k, state.v.shape[0])
             for d in range(2):
+                other = 2 * early.number[first] + d
                 for i in range(state.v.shape[0]):
-                    row = terms.rows[2 * k + d, i]
-                    terms.rows[2 * k + d, i] = 0.5 * (row + early.rows[2 * first + d, i])
+                    terms.rows[2 * k + d, i] = 0.5 * (terms.rows[2 * k + d, i] + early.rows[other, i])
     for r in range(clock.limited):
         for i in range(state.v.shape[0]):
             terms.limited[r, i] = 0.5 * (terms.limited[r, i] + early.limited[r, i])
