@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from typing import Any
 
@@ -179,12 +180,31 @@ def test_fingers_of_a_task_are_led_as_those_of_transit() -> None:
     assert found.replay().outcome == rw.Outcome.GOAL
 
 
-def test_what_failed_is_said_where_no_finger_can() -> None:
-    """Without friction a finger cannot tip the block, and no plan is claimed."""
-    scene = block_at_a_wall(friction=0.0, tilt=2.5)
-    found = rw.plan(scene, to="quasistatic-rigid", seed=0, limit=4.0, budget=None)
+def _impossible() -> dict[str, tuple[rw.Scene, str]]:
+    """Tasks without a solution, with the object: no friction; fingers that go the wrong way only."""
+    smooth = block_at_a_wall(friction=0.0, tilt=2.5)
+    slow = rw.load("push").file.model_dump(mode="json", exclude_none=True)
+    slow["task"]["inputs"] = {"ux": {"range": [-1, 0]}, "uy": {"range": [-1, 1]}}
+    slow["parameters"]["goal_x"]["default"] = 0.4
+    slow["task"]["moves"] = [1, 1]
+    return {"smooth": (smooth, "part"), "backwards": (rw.load(slow), "box")}
+
+
+@pytest.mark.parametrize("name", _impossible())
+def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
+    """Or that nothing came nearer than the start; no plan is said to lack nothing."""
+    scene, part = _impossible()[name]
+    found = rw.plan(scene, to="quasistatic-rigid", seed=0, budget=2000)
     assert not found.found
-    assert "by contact modes most failed by" in found.reason
+    near = re.search(r"the nearest plan lacks (\S+) of the goal, with (.*)", found.reason)
+    start = re.search(
+        r"no plan ended nearer to the goal than the start, which lacks (\S+) of it", found.reason
+    )
+    said = near or start
+    assert said is not None, found.reason
+    assert float(said[1]) > 1e-6
+    assert near is None or f"{part}.x = " in near[2]
+    assert name == "backwards" or "by contact modes most failed by" in found.reason
 
 
 def test_saved_plans_are_read_again(tmp_path: Any) -> None:

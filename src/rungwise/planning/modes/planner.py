@@ -170,7 +170,7 @@ class ModePlanner:
         after = self.scene.run(self.predictor, node, begun, manner)
         if after is None:
             return None
-        self.work.nearest = min(self.work.nearest, after.lack) if after.lack > 0.0 else self.work.nearest
+        self.work.came_near(after.lack, after.places.q[0])
         if after.grasps > self.work.task.moves[1]:
             self.work.failures["more moves than the task allows"] += 1
             return None

@@ -26,6 +26,9 @@ from rungwise.world.contract import OBJECT, SOLIDS
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
+LEAST = 1e-9
+"""What plans lack that counts as lacking something."""
+
 
 class Found(NamedTuple):
     """A course that comes to the goal, and its moves (k, d)."""
@@ -43,11 +46,11 @@ class Group(NamedTuple):
 
 @dataclass
 class Work:
-    """What all stages of one planning share. nearest: what the best plan so far lacks; unlaid: plans that
-    came to the goal where robots were placed by hand, and not when they were laid out; trees: how many were
-    grown on each stage; seen: what pushes did on each; path (p, n): places on the way of the object, if some
-    are given; failures: why proposals by contact modes came to
-    nothing; kept: what searches keep for when they go on."""
+    """What all stages of one planning share. nearest: what the best plan so far lacks; nearest_at: where it
+    ends (n,); unlaid: plans that came to the goal where robots were placed by hand, and not when they were
+    laid out; trees: how many were grown on each stage; seen: what pushes did on each; path (p, n): places on
+    the way of the object, if some are given; failures: why proposals by contact modes came to nothing; kept:
+    what searches keep for when they go on."""
 
     task: Task
     moves: Moves
@@ -60,6 +63,7 @@ class Work:
     rng: np.random.Generator
     seed: int
     nearest: float = np.inf
+    nearest_at: Reals | None = None
     unlaid: int = 0
     trees: Counter[str] = field(default_factory=Counter)
     seen: dict[str, Pushes] = field(default_factory=dict)
@@ -87,6 +91,11 @@ class Work:
             scene, stage, stage.tol * self.size, self.task.parameters, self.budget, self.threads,
             span=self.task.span,
         )  # fmt: skip
+
+    def came_near(self, lack: float, q: Reals) -> None:
+        """Remember how near a plan came to the whole goal, and where it ended (n,)."""
+        if LEAST < lack < self.nearest:
+            self.nearest, self.nearest_at = lack, q.copy()
 
     def lack(self, places: Places) -> Reals:
         """How much of the goal plans lack at their ends (m,)."""
@@ -166,12 +175,27 @@ def known(work: Work) -> str:
     """What is known where nothing was found."""
     outcomes = work.budget.outcomes
     parts = ", ".join(f"{name} {count / outcomes.total():.0%}" for name, count in outcomes.most_common(4))
-    nearest = f"; the nearest plan lacks {work.nearest:.3g} of the goal" if np.isfinite(work.nearest) else ""
     ended = f"{work.budget.ended}; " if work.budget.ended else ""
     unlaid = f"; {work.unlaid} came to the goal and could not be laid out" if work.unlaid else ""
     most = ", ".join(f"{why} {count}" for why, count in work.failures.most_common(4))
     failed = f"; by contact modes most failed by: {most}" if most else ""
-    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){nearest}{unlaid}{failed}"
+    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){_nearest(work)}{unlaid}{failed}"
+
+
+def _nearest(work: Work) -> str:
+    """How near plans came to the goal, and where; or that none came nearer than the start."""
+    begun = float(work.lack(work.start)[0])
+    if work.nearest_at is None or work.nearest >= begun:
+        lacks = f", which lacks {begun:.3g} of it" if LEAST < begun < np.inf else ""
+        return f"; no plan ended nearer to the goal than the start{lacks}"
+    bodies = {name for groups in work.groups for group in groups for name in group.bodies}
+    names = work.task.scene.template.coordinates
+    at = ", ".join(
+        f"{name} = {value:.4g}"
+        for name, value in zip(names, work.nearest_at.tolist(), strict=False)
+        if name.partition(".")[0] in bodies
+    )
+    return f"; the nearest plan lacks {work.nearest:.3g} of the goal{at and f', with {at}'}"
 
 
 def laid(work: Work, predictor: Predictor, vectors: Reals) -> Course:

@@ -139,7 +139,7 @@ def _plans(work: Work, predictor: Predictor, begun: Begun, aim: Aim, deepest: in
     )
     if len(way):
         yield way
-    _note(work, aim, float(tree.lack.min()))
+    _note(work, aim, tree.lack, tree.q)
     yield from _composed(work, predictor, begun, aim, deepest)
     for count in range(1, deepest + 1):
         if tree.least(count) <= PROMISING * float(tree.lack.min()) and work.budget.left:
@@ -164,7 +164,7 @@ def _finished(work: Work, predictor: Predictor, begun: Begun, aim: Aim, seeds: R
     """Of these plans (r, k, d) those that come to their aim, and the best of the others with the last move
     varied."""
     trials = run_moves(work.moves, predictor, begun.places, seeds, aim, begun.levels)
-    _note(work, aim, float(trials.score.min()))
+    _note(work, aim, trials.score, trials.places.q)
     order = np.argsort(trials.score, kind="stable")
     for k in order[trials.reached[order] > 0]:
         yield trials.vectors[k, : trials.reached[k]]
@@ -187,16 +187,17 @@ def _about(
         work.moves, predictor, begun.places, seeds.shape[1], aim, work.rng, how, seeds=seeds,
         spread=spread, before=begun.levels,
     )  # fmt: skip
-    _note(work, aim, float(trials.score[0]))
+    _note(work, aim, trials.score, trials.places.q)
     for vectors, reached in zip(trials.vectors, trials.reached, strict=True):
         if reached:
             yield vectors[:reached]
 
 
-def _note(work: Work, aim: Aim, lack: float) -> None:
-    """Remember how near plans came to the whole goal."""
-    if not aim.partial and lack > 0.0:
-        work.nearest = min(work.nearest, lack)
+def _note(work: Work, aim: Aim, lacks: Reals, q: Reals) -> None:
+    """Remember how near plans came to the whole goal (m,), and where the nearest ended (m, n)."""
+    if not aim.partial:
+        best = int(lacks.argmin())
+        work.came_near(float(lacks[best]), q[best])
 
 
 def _laid_out(work: Work, predictor: Predictor, candidates: Iterator[Reals]) -> Found | None:
