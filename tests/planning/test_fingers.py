@@ -262,6 +262,15 @@ def test_a_search_refuses_what_cannot_be_a_finger() -> None:
         rw.plan(lifter(servo=False, fingers={"*": FINGER | {"press": [1, 2]}}), budget=10)
 
 
+@pytest.mark.parametrize(("more", "told"), [({"over": True}, "pass over objects"), ({"contacts": 2}, "at 2")])
+def test_a_search_refuses_fingers_that_are_to_do_what_no_plan_does(more: dict[str, Any], told: str) -> None:
+    """`check` still lists them."""
+    scene = lifter(fingers={"finger2": FINGER, "finger1": FINGER | more})
+    with pytest.raises(TaskError, match=f"task.fingers: finger1 may .*{told}"):
+        rw.plan(scene, budget=10)
+    assert len(fingers_of(task_of(rw.load(scene)))) == 2
+
+
 def test_looking_at_drives_leaves_the_scene_as_it_was() -> None:
     scene = rw.load(lifter(fingers={"*": FINGER}))
     here = world_of(scene).at()

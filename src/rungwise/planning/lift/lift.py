@@ -28,7 +28,7 @@ from rungwise.planning.plan import Plan, Record, installed, with_record
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import Course, is_by_modes
 from rungwise.planning.search.problem import Found, Work, begin, known, laid
-from rungwise.planning.task.fingers import fingers_of
+from rungwise.planning.task.fingers import demand_known
 from rungwise.planning.task.task import fields_of, instances, task_of
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import finite
@@ -103,7 +103,7 @@ def plan(
     if task_seed is not None:
         given = instances(loaded, task_seed)[0] | given
     task = task_of(loaded, given)
-    fingers_of(task)
+    demand_known(task)
     chosen = stages(usual(task, to) if schedule is None else schedule, from_, to)
     if rate is not None:
         _provable(loaded, rate, count("samples", samples, 1))

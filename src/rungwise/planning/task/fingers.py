@@ -97,6 +97,21 @@ def fingers_of(task: Task) -> tuple[Finger, ...]:
     return taken(task).fingers
 
 
+def demand_known(task: Task) -> None:
+    """Raises TaskError where a finger is to do what no plan makes it do, and as `fingers_of`."""
+    for finger in fingers_of(task):
+        if finger.over:
+            raise TaskError(
+                f"task.fingers: {finger.name} may pass over objects, and no plan leads it so: runs in the plane"
+                " know no height; leave over out, and it goes around them"
+            )
+        if finger.contacts > 1:
+            raise TaskError(
+                f"task.fingers: {finger.name} may touch objects at {finger.contacts} places, and plans place it"
+                " at one; leave contacts out"
+            )
+
+
 def taken(task: Task) -> Taken:
     """What robots of a task are to a planner by contact modes. Raises TaskError as `fingers_of`."""
     here, found, others = world_of(task.scene).at(task.parameters), list[tuple[Finger, _Said]](), {}
