@@ -67,7 +67,7 @@ def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
 
 def anew_on(work: Work, predictor: Predictor) -> Found | None:
     """A new plan on a stage: by contact modes and by pushes that are tried, in turns; by pushes first where
-    supports carry all objects, unless the task says which robots are fingers or there is a path to follow."""
+    supports carry all objects, unless it names fingers on servos or there is a path to follow."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)

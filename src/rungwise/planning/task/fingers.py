@@ -102,13 +102,13 @@ def demand_known(task: Task) -> None:
     for finger in fingers_of(task):
         if finger.over:
             raise TaskError(
-                f"task.fingers: {finger.name} may pass over objects, and no plan leads it so: runs in the plane"
-                " know no height; leave over out, and it goes around them"
+                f"task.fingers: {finger.name} may pass over objects, and no plan leads it so: runs in the"
+                " plane know no height; leave over out, and it goes around them"
             )
         if finger.contacts > 1:
             raise TaskError(
-                f"task.fingers: {finger.name} may touch objects at {finger.contacts} places, and plans place it"
-                " at one; leave contacts out"
+                f"task.fingers: {finger.name} may touch objects at {finger.contacts} places, and plans place"
+                " it at one; leave contacts out"
             )
 
 

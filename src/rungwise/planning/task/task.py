@@ -124,8 +124,9 @@ class Task:
 
     @property
     def is_led(self) -> bool:
-        """Whether robots lead objects: where no support holds these, or the task says which are fingers."""
-        by_fingers = not self.slides or bool(fields_of(self.scene).fingers)
+        """Whether robots lead objects: where no support holds these, or the task says which are fingers, and
+        servos drive these; given speeds push."""
+        by_fingers = not self.slides or (self.by_place and bool(fields_of(self.scene).fingers))
         return bool(self.carriers) and by_fingers and world_of(self.scene).shapes == OUTLINES
 
     @property
