@@ -344,6 +344,21 @@ FAULTS = (
         ("tests/scene/test_expression.py",), "a condition on what is not a number holds",
     ),
     Fault(
+        "time-left-sign", "src/rungwise/scene/language/expression.py",
+        "min(now - since - span, -5e-324)", "min(since - now - span, -5e-324)",
+        ("tests/simulation/test_lasting.py",), "a condition that holds lacks more and more of its time",
+    ),
+    Fault(
+        "times-of-other-segments", "src/rungwise/simulation/planar/state/inputs.py",
+        "            clear_times(OWN, state)\n", "", ("tests/simulation/test_lasting.py",),
+        "a segment counts the time for which its condition held before",
+    ),
+    Fault(
+        "noted-in-vain", "src/rungwise/simulation/planar/state/memory.py",
+        "    copy(kept.dates, state.dates)\n", "", ("tests/simulation/test_lasting.py",),
+        "a step that is taken back leaves the times that it noted",
+    ),
+    Fault(
         "push-arc-start", "src/rungwise/world/planar/boundary.py",
         "turn = (angles[k] - angles[k - 1]) % (2.0 * math.pi)",
         "turn = (angles[k - 1] - angles[k]) % (2.0 * math.pi)", ("tests/planning/test_choices.py",),

@@ -241,3 +241,50 @@ def test_long_steps_see_what_holds_on_their_way() -> None:
         gap = "X < 0.5 or X > 0.53"
         run = rw.simulate(led(1.0, f"{gap} for 0.6", step=1e-3), rung, tol=1e-2)
         assert run.ok and run.time == pytest.approx(1.13, abs=1e-9)
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-3])
+@pytest.mark.parametrize("y", [1.5, 1.31, 1.1])
+def test_long_steps_are_shortened_where_something_begins_to_hold(tol: float, y: float) -> None:
+    """A ball in free fall is on its parabola at the ends of centred steps: the time of its entry is known to
+    the bend of its way within a nominal step, however long steps are."""
+    run = rw.simulate(ball(f"part.y <= {y} for 0.05", 0.0, 2.0, step=2e-3), rw.DYNAMIC_RIGID, tol=tol)
+    enters = math.sqrt(2.0 * (2.1 - y) / G)
+    assert run.time == pytest.approx(enters + 0.05, abs=3e-6)
+    assert run.steps < 40
+
+
+@pytest.mark.parametrize("tol", TOLS)
+def test_steps_that_are_taken_back_take_back_what_they_noted(tol: float | None) -> None:
+    """In one step a part leaves a place where it was for long enough, and comes to another: the step is taken
+    back to where it has been there for a moment, which is before it leaves."""
+    run = rw.simulate(led(1.0, "(X <= 0.505 for 0.2) and (X >= 0.501 for 0.001)"), rw.KINEMATIC, tol=tol)
+    assert run.ok and run.time == pytest.approx(0.502, abs=1e-9)
+    run = rw.simulate(led(1.0, "(X <= 0.505 for 0.5) and (X >= 0.501 for 0.001)"), rw.KINEMATIC, tol=tol)
+    assert run.ok and run.time == pytest.approx(0.502, abs=1e-9)
+    run = rw.simulate(led(1.0, "(X <= 0.5015 for 0.2) and (X >= 0.501 for 0.001)"), rw.KINEMATIC, tol=tol)
+    assert not run.ok
+
+
+@pytest.mark.parametrize("tol", TOLS)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_box_that_slides_to_rest(sign: float, tol: float | None) -> None:
+    """It is slower than tolerance / step from (v - tolerance / step) / (mu g) on, and rests for as long as
+    asked; a region that it crosses faster than T is none, one in which it comes to rest is."""
+    v, mu, lasts = 1.0, 0.4, 0.2
+    box = {"role": "object", "shape": {"kind": "box", "width": 0.4, "height": 0.1}, "mass": 1.0}
+    box |= {"motion": {"kind": "free"}, "pose": {"y": 0.05}, "coordinates": {"x": {"speed": sign * v}}}
+    data = {"name": "box", "bodies": {"part": box, "floor": FLOOR}, "gravity": [0, -G], "duration": 1.0}
+    data |= {"contacts": [{"between": ["part", "floor"], "friction": mu}], "step": 1e-3, "tolerance": 1e-4}
+
+    def met(goal: str) -> float | None:
+        run = rw.simulate(data | {"goal": goal.replace("X", f"({sign} * part.x)")}, rw.DYNAMIC_RIGID, tol=tol)
+        return run.time if run.ok else None
+
+    slow, at = (v - 0.1) / (mu * G), 0.5 * v**2 / (mu * G)
+    assert met(f"rest(part) for {lasts}") == pytest.approx(slow + lasts, abs=2e-3)
+    assert met(f"X >= {0.4 * at} and X <= {0.6 * at} for {lasts}") is None
+    enters = (v - math.sqrt(v**2 - 2.0 * mu * G * 0.8 * at)) / (mu * G)
+    assert met(f"X >= {0.8 * at} for {lasts}") == pytest.approx(
+        enters + lasts, abs=3e-3 if tol is None else 2e-2
+    )

@@ -14,7 +14,11 @@ from rungwise.system.moving import System
 
 
 class Bodies(System, Protocol):
-    """A system whose bodies a scene speaks of by their numbers; it may be run again and again."""
+    """A system whose bodies a scene speaks of by their numbers; it may be run again and again.
+
+    Where bodies turn, `paces(q, v)` gives the speed (b,) of the farthest point of each, which conditions of
+    rest read; otherwise it is that of the body's coordinates.
+    """
 
     def forget(self) -> None:
         """Know no contact, as before the first step."""
