@@ -4,6 +4,7 @@
 #   make test     lint, compile the kernels, run the tests
 #   make bench    run the benchmarks
 #   make mutants  put deliberate faults into a copy one by one; say which of them the nearest tests miss
+#   make wheel    build a wheel in dist/ that brings its kernels, compiled for any processor of this platform
 #   make docs     build the documentation in out/docs/VERSION; warnings are errors
 #   make lint     formatting, style, types, layers; changes nothing
 #   make format   rewrite the sources in the project's format
@@ -27,7 +28,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test runs problems bench mutants docs clean lint format
+.PHONY: demo test runs problems bench mutants wheel docs clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
@@ -51,6 +52,12 @@ bench: $(INSTALLED)
 # Goes on where it was interrupted; some alone: make mutants FAULTS="witness-farthest fall-without-2"
 mutants: $(INSTALLED_DEV)
 	$(BIN)/python benchmarks/mutants.py $(FAULTS)
+
+wheel: $(INSTALLED_DEV)
+	rm -rf build/kernels
+	NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES= RUNGWISE_CACHE=build/kernels \
+		$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation
+	RUNGWISE_KERNELS=build/kernels $(BIN)/python -m hatchling build -t wheel -d dist
 
 # Links between pages are checked, too. A folder for each version, so that one can be published beside another.
 docs: $(INSTALLED_DOCS)

@@ -71,6 +71,15 @@ except KeyboardInterrupt:
     callee.seldom.__dict__["inside"] = kept
     print(outer(np.ones(3), False))
 """
+FOR_ANY_PROCESSOR = """
+import os
+os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = "generic", ""
+"""
+AS_FROM_A_WHEEL = """
+import pathlib
+import rungwise.compilation.cache as cache
+cache._SHIPPED = pathlib.Path("shipped")
+"""
 Run = Callable[..., list[str]]
 
 
@@ -79,7 +88,8 @@ def start(tmp_path: Path) -> Callable[[str], subprocess.Popen[str]]:
     """A process that runs code beside the two modules, with a cache of its own; words are what it prints."""
     (tmp_path / "caller.py").write_text(CALLER)
     (tmp_path / "callee.py").write_text(CALLEE)
-    environment = os.environ | {"RUNGWISE_CACHE": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}
+    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"RUNGWISE_CACHE": str(tmp_path / "cache"), "PYTHONPATH": paths}
     environment.pop("NUMBA_DISABLE_JIT", None)
 
     def begin(code: str) -> subprocess.Popen[str]:
@@ -165,3 +175,39 @@ def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> N
     hurry = "import rungwise.compilation.progress as p\np.compiling._next = p.SHORT_S = 1e-9\n"
     _, err = start(hurry + USE).communicate(timeout=120)
     assert err.startswith("rungwise: compiling kernels, once (")
+
+
+@pytest.fixture
+def shipped(run: Run, tmp_path: Path) -> Path:
+    """Kernels as a wheel brings them; the user's own cache is empty."""
+    run(FOR_ANY_PROCESSOR + USE)
+    return (tmp_path / "cache").rename(tmp_path / "shipped")
+
+
+@pytest.mark.usefixtures("shipped")
+def test_kernels_of_a_wheel_are_not_compiled_again(run: Run, tmp_path: Path) -> None:
+    assert run(AS_FROM_A_WHEEL + USE + HEAR) == ["6.0", "-8.0", "0"]
+    assert not kept(tmp_path)
+
+
+def _flip(file: Path) -> None:
+    code = bytearray(file.read_bytes())
+    code[len(code) // 2] ^= 1
+    file.write_bytes(code)
+
+
+def _swap(file: Path) -> None:
+    """Takes the place of another kernel, as a whole file."""
+    for other in file.parent.iterdir():
+        other.write_bytes(file.read_bytes())
+
+
+@pytest.mark.parametrize("harm", [_flip, _swap, Path.unlink, lambda file: os.truncate(file, 40)])
+def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
+    harm: Callable[[Path], None], run: Run, shipped: Path
+) -> None:
+    files = [file for file in sorted(shipped.rglob("*")) if file.is_file()]
+    for file in files[:1] if harm is _swap else files:
+        harm(file)
+    *said, compiled = run(AS_FROM_A_WHEEL + USE + HEAR)
+    assert said == ["6.0", "-8.0"] and int(compiled) == (len(files) - 1 if harm is _swap else len(files))

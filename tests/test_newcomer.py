@@ -27,33 +27,53 @@ NOTEBOOKS = ROOT / "docs" / "notebooks"
 MARK = "-- next block --"
 
 
+SOLVE = """
+import rungwise as rw
+print(rw.solve(rw.Problem.lcp([[2.0, 1.0], [1.0, 2.0]], [-1.0, -1.0])).status.value)
+from rungwise.compilation.progress import compiling
+print(compiling.kernels, rw.__file__)
+"""
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the programs of an environment with nothing of rungwise but its wheel, built from a copy of
-    what is kept. What rungwise needs comes from the environment of the tests: no network is asked."""
-    folder = tmp_path_factory.mktemp("newcomer")
+    wheel, programs = _installed(tmp_path_factory.mktemp("newcomer"))
+    assert wheel == f"rungwise-{rw.__version__}-py3-none-any.whl"
+    return programs
+
+
+def _installed(folder: Path, **named: str) -> tuple[str, Path]:
+    """Name of a wheel, built from a copy of what is kept, and folder of the programs of an environment with
+    nothing of rungwise but this wheel. What rungwise needs comes from the environment of the tests: no
+    network is asked."""
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    subprocess.run(build, cwd=ROOT, check=True, capture_output=True)
+    subprocess.run(build, cwd=ROOT, check=True, capture_output=True, env=os.environ | named)
     (wheel,) = folder.glob("rungwise-*.whl")
-    assert wheel.name == f"rungwise-{rw.__version__}-py3-none-any.whl"
     venv.create(folder / "env", with_pip=False, symlinks=True)
     programs = folder / "env" / "bin"
     (site,) = (folder / "env").glob("lib/python*/site-packages")
-    pip = [
-        sys.executable,
-        "-m",
-        "pip",
-        "--python",
-        str(programs / "python"),
-        "install",
-        "--no-deps",
-        "--no-index",
-    ]
-    subprocess.run([*pip, str(wheel)], check=True, capture_output=True)
+    pip = [sys.executable, "-m", "pip", "--python", str(programs / "python"), "install"]
+    subprocess.run([*pip, "--no-deps", "--no-index", str(wheel)], check=True, capture_output=True)
     needed = {Path(path) for path in sys.path if path.endswith("site-packages")}
-    lines = [str(path) for path in needed]
-    (site / "needed.pth").write_text("\n".join(lines) + "\n")
-    return programs
+    (site / "needed.pth").write_text("".join(f"{path}\n" for path in needed))
+    return wheel.name, programs
+
+
+def test_a_wheel_with_kernels_compiles_nothing(tmp_path: Path) -> None:
+    """It brings the kernels of one question; a fresh environment with an empty cache has its answer."""
+    apart = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    any_processor = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+    build = os.environ | any_processor | {"RUNGWISE_CACHE": str(tmp_path / "kernels")}
+    subprocess.run([sys.executable, "-c", SOLVE], check=True, capture_output=True, env=build)
+    wheel, programs = _installed(tmp_path, RUNGWISE_KERNELS=str(tmp_path / "kernels"))
+    assert not wheel.endswith("-any.whl")
+    fresh = apart | {"RUNGWISE_CACHE": str(tmp_path / "cache")}
+    said = subprocess.run(
+        [programs / "python", "-c", SOLVE], capture_output=True, text=True, env=fresh, cwd=tmp_path
+    )
+    status, compiled, where = said.stdout.split()
+    assert (status, compiled) == ("solved", "0") and where.startswith(str(programs.parent)), said.stderr
+    assert not any(file.is_file() for file in (tmp_path / "cache").rglob("*"))
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md"])

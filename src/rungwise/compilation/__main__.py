@@ -1,10 +1,11 @@
 """Compile and keep kernels, before many processes need them at once.
 
-    python -m rungwise.compilation [runs] [problems] [space]
+    python -m rungwise.compilation [runs] [problems] [space] [answers]
 
 Runs: begins each shipped scene on each rung, at fixed and controlled steps, alone and in a batch. Problems:
 solves contact problems of each kind, small and large, in the plane and in space. Space: takes steps of scenes
-in space on each rung, if MuJoCo is installed. Without a name: all.
+in space on each rung, if MuJoCo is installed. Answers: asks of shipped scenes what the commands ask, plans,
+diagnoses, comparisons, sets and designs, for some minutes. Without a name: all.
 """
 
 from __future__ import annotations
@@ -13,11 +14,15 @@ import importlib
 import importlib.util
 import sys
 import time
+from contextlib import suppress
 
 import numpy as np
 
 from rungwise.compilation.cache import cache_folder
 from rungwise.compilation.progress import compiling
+
+PLAN_S = 10.0
+"""Seconds after which a plan is given up: it has called by then what a plan calls. Chosen by trial."""
 
 
 def main() -> None:
@@ -69,7 +74,25 @@ def _space() -> None:
                 package.simulate(name, model, duration=0.01)
 
 
-_PARTS = {"runs": _runs, "problems": _problems, "space": _space}
+def _answers() -> None:
+    package = importlib.import_module("rungwise")
+    scenes = [*package.shipped(), *(package.shipped_in_space() if importlib.util.find_spec("mujoco") else ())]
+    for name in scenes:
+        for model in package.LADDER[1:]:
+            with suppress(package.InputError):
+                package.simulate(name, model, duration=0.05)
+        for aim in (package.DYNAMIC_COMPLIANT, package.QUASISTATIC_RIGID):
+            with suppress(package.InputError):
+                package.plan(name, to=aim, limit=PLAN_S)
+    package.diagnose("gripper", "kinematic", "quasistatic-rigid")
+    package.to_html(package.simulate("gripper", package.DYNAMIC_RIGID))
+    package.compare("two_finger", samples=1)
+    for model in package.LADDER[1:]:
+        package.feasible_set("two_finger", model, ("v1", "v2"), tol=0.5)
+        package.design("two_finger", ("v2",), model=model, box={"v2": (0.1, 0.4)}, budget=10)
+
+
+_PARTS = {"runs": _runs, "problems": _problems, "space": _space, "answers": _answers}
 
 if __name__ == "__main__":
     main()

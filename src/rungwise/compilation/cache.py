@@ -1,4 +1,8 @@
-"""Where compiled kernels are kept: folders named by a hash of the sources that matter."""
+"""Where compiled kernels are kept: folders named by a hash of the sources that matter.
+
+A file is the digest of its own name and content, then the compressed content. A wheel may bring files
+(`make wheel`), compiled for any processor of its platform; they are looked for in the package alone.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,8 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -25,6 +30,10 @@ from numba.core.serialize import dumps
 from rungwise.compilation.progress import compiling
 
 _PACKAGE = Path(__file__).parent.parent
+_SHIPPED = _PACKAGE / "kernels"
+_ANY_PROCESSOR = ("generic", "")
+"""What numba calls the processor and its features under NUMBA_CPU_NAME=generic NUMBA_CPU_FEATURES=."""
+_DIGEST_BYTES = hashlib.sha256().digest_size
 _COMPILER = ("rungwise.compilation.calls", "rungwise.compilation.blocks")
 """Modules that kernels need and name, but do not import."""
 _IMPORT = re.compile(r"^ *from (rungwise[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
@@ -36,11 +45,8 @@ def cache_folder(module: str) -> Path:
 
     Falls back to the temporary folder where the user's cache cannot be written.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(_sources(module)):
-        digest.update(_digest(source))
     for root in _roots():
-        folder = root / digest.hexdigest()[:16]
+        folder = root / _version(module)
         try:
             folder.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=folder):
@@ -48,6 +54,15 @@ def cache_folder(module: str) -> Path:
         except OSError:
             continue
     return Path(tempfile.mkdtemp(prefix="rungwise-"))
+
+
+@cache
+def _version(module: str) -> str:
+    """Name of the compiled code of exactly these sources of `module`, by this version of numba."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(_sources(module)):
+        digest.update(_digest(source))
+    return digest.hexdigest()[:16]
 
 
 def _roots() -> tuple[Path, Path]:
@@ -100,6 +115,20 @@ def _file(module: str) -> Path | None:
     return next((file for file in known if file.is_file()), None)
 
 
+def _read(file: Path) -> bytes | None:
+    """Content of a file of the cache; None where it is missing, damaged or written under another name."""
+    try:
+        kept = file.read_bytes()
+        content = zlib.decompress(kept[_DIGEST_BYTES:])
+    except (OSError, zlib.error):
+        return None
+    return content if _sealed(file, content) == kept[:_DIGEST_BYTES] else None
+
+
+def _sealed(file: Path, content: bytes) -> bytes:
+    return hashlib.sha256(f"{file.parent.name}/{file.name} ".encode() + content).digest()
+
+
 def _names_only(described: Any) -> bytes:
     """In the place of bitcode to copy into callers, the names of the functions to be called."""
     names = (described.llvm_func_name, described.llvm_cpython_wrapper_name)
@@ -115,7 +144,8 @@ class KernelCache(_Cache):
     """
 
     def __init__(self, function: Callable[..., object], kind: str, allocates: bool, is_linked: bool) -> None:
-        self._folder = cache_folder(function.__module__)
+        self._module = function.__module__
+        self._folder = cache_folder(self._module)
         self._allocates, self._is_linked = allocates, is_linked
         self._name = f"{function.__module__}.{function.__qualname__}.{kind}"
 
@@ -126,28 +156,35 @@ class KernelCache(_Cache):
     def load_overload(self, signature: Any, target: Any) -> Any:
         if self._allocates:
             target.refresh()  # starts numba's memory manager, and loads all that compilation needs
-        try:
-            return CompileResult._rebuild(target, *pickle.loads(self._file(signature, target).read_bytes()))
-        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-            compiling.begin()
-            return None
+        for file in self._files(signature, target):
+            content = _read(file)
+            if content is not None:
+                return CompileResult._rebuild(target, *pickle.loads(content))
+        compiling.begin()
+        return None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
         compiling.end()
-        file = self._file(signature, compiled.target_context)
+        file = next(self._files(signature, compiled.target_context))
         (name, how, (code, bitcode)), *others = compiled._reduce()
         if not self._is_linked:
             bitcode = _names_only(compiled.fndesc)
-        code = dumps(((name, how, (code, bitcode)), *others))
+        content = dumps(((name, how, (code, bitcode)), *others))
         draft = file.with_name(f"{file.name}.{os.getpid()}.{threading.get_ident()}")
         with suppress(OSError):
-            draft.write_bytes(code)
+            draft.write_bytes(_sealed(file, content) + zlib.compress(content))
             draft.replace(file)
 
-    def _file(self, signature: Any, target: Any) -> Path:
-        """The file named by the keys of numba's own cache: the types, and the processor."""
-        key = f"{self._name} {signature} {target.codegen().magic_tuple()}"
-        return self._folder / f"{self._name.removeprefix('rungwise.')}.{_short(key)}"
+    def _files(self, signature: Any, target: Any) -> Iterator[Path]:
+        """The user's own file, then the shipped one: named by the keys of numba's own cache, which are the
+        types, and the processor."""
+        platform, *processor = target.codegen().magic_tuple()
+        for root, built_for in (
+            (self._folder, processor),
+            (_SHIPPED / _version(self._module), _ANY_PROCESSOR),
+        ):
+            key = f"{self._name} {signature} {(platform, *built_for)}"
+            yield root / f"{self._name.removeprefix('rungwise.')}.{_short(key)}"
 
     def enable(self) -> None:
         pass

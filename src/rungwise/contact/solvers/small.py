@@ -69,7 +69,10 @@ def try_at_once(problem: Problem, start: Array | None, tol: float) -> Answer | N
     n = len(problem.b)
     if not 0 < n <= LARGEST:
         return None
-    A = problem.A.toarray() if sp.issparse(problem.A) else problem.A
+    A = problem.A
+    if sp.issparse(A):
+        A = A.toarray()
+        A.flags.writeable = False  # as dense problems are: one compiled form for both
     x, y, found = np.empty(n), np.empty(n), np.empty(8)
     given = _REST[:n] if start is None else start
     laws = problem.mu, problem.directions, problem.lower, problem.upper
