@@ -156,9 +156,9 @@ def test_a_plan_that_holds_is_not_led_anew(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_searches_go_on_until_the_budget_is_spent() -> None:
     """Where no plan is found, all steps are taken, in turns of the stages."""
-    none = rw.plan("push", task_seed=1003, parameters={"near": 1e-6, "aligned": 1e-6}, budget=40_000)
+    none = rw.plan("push", task_seed=1003, parameters={"near": 1e-6, "aligned": 1e-6}, budget=10_000)
     assert not none.found and none.reason.count("the budget is spent") == 1
-    assert sum(record.steps for record in none.records) >= 40_000
+    assert sum(record.steps for record in none.records) >= 10_000
     assert [record.stage for record in none.records] == [
         str(stage) for stage in schedule.stages("quasistatic", None, rw.DYNAMIC_COMPLIANT)
     ]

@@ -255,10 +255,10 @@ def test_a_push_that_falls_short_is_planned_anew(make: Make) -> None:
     plan = rw.plan(scene, schedule=COARSE, threads=1)
     assert plan.found
     open_loop, anew = (
-        rw.verify(plan, samples=2, mode=mode, threads=1, tol=5e-4) for mode in ("open loop", "re-planning")
+        rw.verify(plan, samples=1, mode=mode, threads=1, tol=5e-4) for mode in ("open loop", "re-planning")
     )
     assert open_loop.successes == 0
-    assert anew.successes == 2
+    assert anew.successes == 1
     assert anew.mode == "re-planning"
     replanner = Replanner(plan, rw.Stage(rw.DYNAMIC_COMPLIANT, 1e-2), 5e-4, 1)
     outcome, executed = replanner.execute(plan.parameters, {}, 0)
