@@ -78,7 +78,7 @@ FAST = {"v": 0.5, "near": 0.0, "post1_x": 9.0, "post2_x": 9.0}
 FREE = ("doomed",)
 HARD = {"v2": 0.55, "restitution": 1.0}
 CLOSE = (rw.Segment({"x1": -0.02, "x2": 0.02}, 4.0, ramp=True),)
-PLANNED = {"corner_pivot": 1, "book": 1, "card": 0, "corridor": 0}
+PLANNED = {"corner_pivot": 1, "book": 1, "card": 0, "corridor": 0, "planar_hand": 1}
 """Scenes that are shown as planned, and the seeds of their plans."""
 
 

@@ -37,7 +37,9 @@ def test_a_block_in_a_corner_is_not_raised_without_friction() -> None:
     assert still.final["finger"]["y"] == pytest.approx(0.05, abs=1e-12)
 
 
-@pytest.mark.parametrize(("name", "seed"), [("corner_pivot", 1), ("book", 1), ("card", 1), ("corridor", 0)])
+@pytest.mark.parametrize(
+    ("name", "seed"), [("corner_pivot", 1), ("book", 1), ("card", 1), ("corridor", 0), ("planar_hand", 1)]
+)
 def test_a_scene_with_fingers_is_planned_and_lifted(name: str, seed: int) -> None:
     """On the quasistatic rung, then on the richest one, where it holds at a tenth of the error."""
     found = rw.plan(name, seed=seed)

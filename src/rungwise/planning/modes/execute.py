@@ -102,7 +102,7 @@ class Scene:
         for f, finger in enumerate(self.fingers):
             used = bool(leg.way.used[f])
             part = ground.part(first, f)[0] if used and first.held[f] >= 0 else 0.0
-            found += [float(leg.changes[f]), float(used), part, *first.q[finger.columns]]
+            found += [float(leg.changes[f]), float(used), part, *finger.drives(first.q)]
         return np.array(found)
 
     def leg(self, q: Reals, vector: Reals, manner: Manner) -> Begun | None:
@@ -113,14 +113,14 @@ class Scene:
         target[ground.columns] = vector[2:k]
         changes, used = (np.zeros(len(self.fingers), np.int64) for _ in range(2))
         for f, finger in enumerate(self.fingers):
-            width = 3 + len(finger.columns)
+            width = 3 + len(finger.carrier.columns)
             own = vector[k + width * f : k + width * (f + 1)]
             changes[f], used[f] = int(own[0]), int(own[1])
             if used[f] and not changes[f] and seen.held[f] < 0:
                 changes[f] = 1
             if not changes[f]:
                 continue
-            begun[finger.columns] = own[3:]
+            begun = finger.put(begun, own[3:])
             if used[f]:
                 place = ground.placed(begun, f, float(own[2]))
                 if place is None:
@@ -212,7 +212,7 @@ class Scene:
             carrier = finger.carrier
             if carrier.by_place:
                 own = laid.levels[count - 1][list(carrier.columns)]
-                aims[finger.columns] = carrier.matrix @ own + carrier.zero
+                aims = finger.put(aims, carrier.matrix @ own + carrier.zero)
         return aims
 
 
@@ -221,7 +221,7 @@ def aims_at(scene: Scene, node: Node) -> Reals:
     aims = node.aims.copy()
     for finger in scene.fingers:
         if not finger.carrier.by_place:
-            aims[finger.columns] = node.places.q[0, finger.columns]
+            aims[finger.moved] = node.places.q[0, finger.moved]
     return aims
 
 

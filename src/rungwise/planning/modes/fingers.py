@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.arms import Arm, arm_of
+from rungwise.planning.task.fingers import Finger as Stated
 from rungwise.planning.task.fingers import fingers_of as stated
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Carrier
@@ -21,7 +23,7 @@ class Finger:
     """A robot that touches objects: its carrier; its body's number; the columns (k,) of its coordinates;
     numbers of the objects that it may touch; forces with which it presses, at least and at most, of which the
     least is 0 where it is chosen for the object; the part of its friction that it keeps; and the least and
-    the greatest places (2, k) to which its inputs lead it."""
+    the greatest places (2, k) to which its inputs lead it; its arm, if joints lead it."""
 
     carrier: Carrier
     body: int
@@ -30,18 +32,45 @@ class Finger:
     press: tuple[float, float]
     reserve: float
     bounds: Reals
+    arm: Arm | None = None
+
+    @property
+    def moved(self) -> Ints:
+        """The columns (m,) of coordinates that its drives move."""
+        return self.columns if self.arm is None else self.arm.columns
+
+    def drives(self, q: Reals) -> Reals:
+        """What its inputs drive (k,) at a place (n,): x and y, or joints."""
+        return q[self.columns] if self.arm is None else self.arm.joints(q)
+
+    def put(self, q: Reals, drives: Reals) -> Reals:
+        """The place (n,) with these (k,)."""
+        if self.arm is not None:
+            return self.arm.posed(q, drives)
+        found = q.copy()
+        found[self.columns] = drives
+        return found
+
+    def rates(self, q: Reals) -> Reals:
+        """Changes (m, k) of its coordinates per unit of what is driven."""
+        return np.eye(len(self.columns)) if self.arm is None else self.arm.rates(q)
 
     def reaches(self, q: Reals) -> bool:
         """Whether its inputs lead it to a place (n,)."""
+        if self.arm is not None:
+            joints, (low, high) = self.arm.joints(q), self.arm.bounds
+            if (joints < low).any() or (joints > high).any():
+                return False
         own = q[self.columns]
         return bool((own >= self.bounds[0]).all() and (own <= self.bounds[1]).all())
 
 
 def fingers_of(task: Task) -> tuple[Finger, ...]:
-    """The fingers of a task that are led by their x and y, in the order of its carriers."""
+    """The fingers of a task: those that are led by their x and y, in the order of its carriers, and arms."""
     names, said = list(task.scene.template.bodies), {each.name: each for each in stated(task)}
-    found = []
-    for carrier in task.carriers:
+    found, arms = [], {each.name: arm_of(task, each.driven) for each in said.values() if each.is_arm}
+    led = [_arms_carrier(said[name]) for name, arm in arms.items() if arm is not None]
+    for carrier in (*task.carriers, *led):
         own = said.get(carrier.body)
         if own is None:
             continue
@@ -51,7 +80,14 @@ def fingers_of(task: Task) -> tuple[Finger, ...]:
                 carrier=carrier, body=names.index(carrier.body),
                 columns=np.array(carrier.places, np.int64),
                 objects=frozenset(names.index(name) for name in own.objects),
-                press=press, reserve=own.reserve, bounds=own.within,
+                press=press, reserve=own.reserve, bounds=own.within, arm=arms.get(own.name),
             )
         )  # fmt: skip
     return tuple(found)
+
+
+def _arms_carrier(finger: Stated) -> Carrier:
+    """An arm as what is led; it is not led to push."""
+    return Carrier(
+        **vars(finger.driven), speed=finger.speed, clearance=finger.clearance, push=(0.0, 0.0), lean=0.0
+    )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.arms import Arm
 from rungwise.planning.modes.fingers import Finger
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches
@@ -25,6 +26,11 @@ EXACT = 1e-3
 """Gap, in parts of those that count as closed, that is left after correction."""
 EDGE = 0.08
 """How near to a corner of the outline a finger may be, in parts of half the edge."""
+BEGUN = (0.25, 0.75, 0.5)
+"""Parts of the ranges of joints from which places of arms are sought; of every other joint, what is left."""
+REACHES, LEAP, DAMPED = 30, 0.3, 0.02
+"""Steps of damped least squares; the greatest change of a joint in one, in radians; damping, in parts of the
+size."""
 AROUND = 240
 """Places on the outline among which those that are opposite of others are sought."""
 
@@ -161,26 +167,59 @@ class Ground:
         return found
 
     def placed(self, q: Reals, f: int, part: float) -> Reals | None:
-        """The place (n,) with a finger that touches the object at this part of its outline."""
+        """The place (n,) with a finger that touches the object at this part of its outline; None where it
+        does not come there."""
         finger, found = self.fingers[f], q.copy()
         x, y, angle = self.around.poses(q)[self.body]
         point, normal = (rows[0] for rows in self.around.outline(self.body)(np.array([part])))
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
         normal = turn @ normal
+        if finger.arm is not None:
+            return self._reached(q, f, finger.arm, np.array([x, y]) + turn @ point)
         found[finger.columns] = [x, y] + turn @ point + 2.0 * self.task.size * normal
         for _ in range(CORRECTIONS):
             gap = self.around.touches(found, 0.0).least[self.own[f]]
             found[finger.columns] -= gap * normal
         return found if self.look(found).held[f] >= 0 else None
 
+    def _reached(self, q: Reals, f: int, arm: Arm, point: Reals) -> Reals | None:
+        """The place (n,) with an arm that touches the object at a point (2,), or elsewhere on the line along
+        the normal: damped least squares on its joints, from where they are and from others."""
+        low, high = (np.clip(bound, -np.pi, np.pi) for bound in arm.bounds)
+        size, pair = self.task.size, self.own[f]
+        odd = np.arange(len(low)) % 2
+        begun = [arm.joints(q), *(low + np.abs(odd - part) * (high - low) for part in BEGUN)]
+        for joints in begun:
+            found, off = arm.posed(q, joints), np.full(2, np.inf)
+            for _ in range(REACHES):
+                touches = self.around.touches(found, np.inf)
+                rows = np.flatnonzero(touches.pairs == pair)
+                k = rows[touches.gaps[rows].argmin()]
+                normal = touches.normals[k]
+                along = np.array([normal[1], -normal[0]])
+                off = np.array([touches.gaps[k], (touches.points[k] - point) @ along])
+                if np.abs(off).max() < EXACT * self.closed:
+                    break
+                rates = arm.rates(found)
+                own = touches.rows[k][:, arm.columns] @ rates
+                step = own.T @ np.linalg.solve(own @ own.T + (DAMPED * size) ** 2 * np.eye(2), -off)
+                largest = float(np.abs(step).max())
+                joints = np.clip(arm.joints(found) + step * min(1.0, LEAP / max(largest, 1e-12)), low, high)
+                found = arm.posed(q, joints)
+            if np.abs(off).max() < self.closed and self.look(found).held[f] >= 0:
+                return found
+        return None
+
     def moved(self, seen: Seen, change: Reals, used: Ints) -> Reals:
         """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
         q = seen.q.copy()
         q[self.columns] += change
         for f in np.flatnonzero(used):
-            rows, own = seen.touches.rows[seen.held[f]], self.fingers[f].columns
-            q[own] += np.linalg.lstsq(rows[:, own], -rows[:, self.columns] @ change, rcond=None)[0]
+            rows, finger = seen.touches.rows[seen.held[f]], self.fingers[f]
+            own = rows[:, finger.moved] @ finger.rates(q)
+            along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=None)[0]
+            q = finger.put(q, finger.drives(q) + along)
         return q
 
     def corrected(self, q: Reals, kept: set[int], used: Ints) -> Seen:
@@ -199,7 +238,9 @@ class Ground:
                 seen = self.look(q)
             q = q.copy()
             for f in np.flatnonzero(held * (seen.held >= 0)):
-                own = self.fingers[f].columns
-                normal = seen.touches.rows[seen.held[f], 0, own]
-                q[own] -= normal * seen.touches.gaps[seen.held[f]] / (normal @ normal)
+                finger = self.fingers[f]
+                normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
+                q = finger.put(
+                    q, finger.drives(q) - normal * seen.touches.gaps[seen.held[f]] / (normal @ normal)
+                )
         return self.look(q)

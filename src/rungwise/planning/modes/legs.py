@@ -10,6 +10,7 @@ import numpy as np
 from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.balance import rests
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.modes.reach import arms_way
 from rungwise.planning.modes.tree import Leg
 from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.motion.transit import Transit
@@ -81,13 +82,19 @@ class Writer:
         self._rows.append(Row(last, HELD * ground.task.size / speed, HOLD))
         return self._written(aims, levels)
 
-    def offsets(self, q: Reals, pushes: Reals) -> Reals:
-        """How far ahead (n,) of their places servos aim to press so, and to carry their own weight."""
+    def aimed(self, q: Reals, pushes: Reals) -> Reals:
+        """The place (n,) to which servos aim to press so at a place, and to carry their own weight: where
+        fingers would be if nothing held them."""
         ground = self.ground
         stiffness = ground.around.stiffness
         wanted = pushes - ground.around.loads(q)
         safe = np.where(stiffness > 0.0, stiffness, 1.0)
-        return np.where(stiffness > 0.0, wanted / safe, 0.0)
+        found = q + np.where(stiffness > 0.0, wanted / safe, 0.0)
+        for finger in ground.fingers:
+            if finger.arm is not None and finger.carrier.by_place:
+                torques = wanted[finger.moved] @ finger.rates(q)
+                found = finger.put(found, finger.drives(q) + torques / finger.carrier.stiffness)
+        return found
 
     def _put(self, aims: Reals, label: str, pace: float = 1.0) -> None:
         took = 0.0
@@ -104,9 +111,9 @@ class Writer:
         by_place = self.ground.fingers[0].carrier.by_place
         if pushes is None or not staying.any() or not by_place:
             return
-        aims, own = self._aims.copy(), seen.q + self.offsets(seen.q, pushes)
+        aims, own = self._aims.copy(), self.aimed(seen.q, pushes)
         for f in np.flatnonzero(staying):
-            columns = self.ground.fingers[f].columns
+            columns = self.ground.fingers[f].moved
             aims[columns] = own[columns]
         self._put(aims, LEAVE)
 
@@ -124,10 +131,10 @@ class Writer:
     def _beside(self, q: Reals, f: int, seen: Seen) -> Reals | None:
         """The place (n,) with a finger away from where it touches, along the normal."""
         finger, ground = self.ground.fingers[f], self.ground
-        normal = seen.touches.rows[seen.held[f], 0, finger.columns]
+        normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
         for part in BACK:
-            found = q.copy()
-            found[finger.columns] += part * finger.carrier.clearance * normal / float(normal @ normal)
+            back = part * finger.carrier.clearance * normal / float(normal @ normal)
+            found = finger.put(q, finger.drives(q) + back)
             if finger.reaches(found):
                 least = ground.look(found).touches.least
                 names = ground.task.scene.template.contacts
@@ -141,7 +148,7 @@ class Writer:
         first = self.ground.look(leg.way.places[0])
         q = now.copy()
         for f in np.flatnonzero(leg.changes):
-            columns = self.ground.fingers[f].columns
+            columns = self.ground.fingers[f].moved
             q[columns] = first.q[columns]
         for f in np.flatnonzero(leg.changes * leg.way.used):
             if first.held[f] < 0:
@@ -153,6 +160,8 @@ class Writer:
         return q
 
     def _way(self, a: Reals, b: Reals, moving: Ints, seed: int, budget: Budget) -> Reals | None:
+        if any(self.ground.fingers[f].arm is not None for f in moving):
+            return arms_way(self.ground, a, b, moving, seed, budget.is_in_time)
         carriers = tuple(self.ground.fingers[f].carrier for f in moving)
         transit = Transit(replace(self.ground.task, carriers=carriers), self._question)
         return transit.way(a, b, seed, budget.is_in_time)
@@ -160,19 +169,19 @@ class Writer:
     def _to(self, place: Reals, moving: Ints, label: str) -> None:
         """Lead fingers through free space to a place (n,)."""
         aims = self._aims.copy()
-        free = place + self.offsets(place, np.zeros(len(place)))
+        free = self.aimed(place, np.zeros(len(place)))
         for f in moving:
-            columns = self.ground.fingers[f].columns
+            columns = self.ground.fingers[f].moved
             aims[columns] = free[columns]
         self._put(aims, label)
 
     def _follow(self, leg: Leg) -> None:
         """Touch and lead the object along the way."""
         way = leg.way
-        rows = np.array([q + self.offsets(q, push) for q, push in zip(way.places, way.pushes, strict=True)])
+        rows = np.array([self.aimed(q, push) for q, push in zip(way.places, way.pushes, strict=True)])
         free = np.ones(len(self._aims), bool)
         for f in np.flatnonzero(way.used):
-            free[self.ground.fingers[f].columns] = False
+            free[self.ground.fingers[f].moved] = False
         rows[:, free] = self._aims[free]
         self._put(rows[0], TOUCH)
         for k in _turns(rows, STRAIGHT * self.ground.task.size):
@@ -185,9 +194,9 @@ class Writer:
         for row in self._rows:
             now = now.copy()
             for finger in self.ground.fingers:
-                own = finger.columns
-                speeds = (row.aims - before)[None, own] / row.duration
-                now[list(finger.carrier.columns)] = finger.carrier.levels(speeds, row.aims[None, own])[0]
+                own = finger.drives(row.aims)
+                speeds = (own - finger.drives(before)) / row.duration
+                now[list(finger.carrier.columns)] = finger.carrier.levels(speeds[None], own[None])[0]
             found.append(now)
             before = row.aims
         every = np.array(found)

@@ -8,14 +8,14 @@ from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
+from rungwise.planning.modes.goals import inner_goals
 from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.tree import propose
-from rungwise.planning.motion.placements import GOALS, NEAREST, Placing, placed_part
+from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor, TimeOver
 from rungwise.planning.search.problem import Found, Work
 from rungwise.planning.search.search import search, search_once
-from rungwise.planning.task.reserve import tightened
 from rungwise.world.contract import OUTLINES
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
@@ -35,10 +35,10 @@ OTHERS = 0.1
 ROUND = 100
 """Simulated steps that a round of a tree counts as, so that a budget bounds searches that run little. Chosen
 by trial, to a factor of three of the time that either takes."""
+GOAL_PLACES = "places at the goal"
+"""By which these are kept."""
 IDLE = 8
 """Turns in a row in which nothing was run after which no more follow."""
-INNER = (0.7, 0.4)
-"""Reserves of the goal with which places well within it are sought, the first with which there are some."""
 
 
 def suits(work: Work) -> bool:
@@ -46,11 +46,19 @@ def suits(work: Work) -> bool:
     task = work.task
     return (
         world_of(task.scene).shapes == OUTLINES
-        and bool(task.carriers)
+        and (bool(task.carriers) or task.is_led)
         and bool(fingers_of(task))
         and placed_part(task.scene.file.goal or "") is not None
-        and len(work.goals) > 0
+        and len(_goals(work)) > 0
     )
+
+
+def _goals(work: Work) -> Reals:
+    """Places (g, n) at the goal, sought once."""
+    if GOAL_PLACES not in work.kept:
+        work.kept[GOAL_PLACES] = inner_goals(work)
+    found: Reals = work.kept[GOAL_PLACES]
+    return found
 
 
 def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
@@ -100,7 +108,7 @@ class ModePlanner:
         goal = placed_part(work.task.search.file.goal or "")
         assert goal is not None
         self._goal = Question(work.task.search, goal, work.task.parameters)
-        self._places = _inner(work)
+        self._places = _goals(work)
         self._courses: dict[int, Reals] = {}
 
     def search(self, attempts: int) -> Found | None:
@@ -213,15 +221,3 @@ class ModePlanner:
 
     def _reached(self, q: Reals) -> bool:
         return bool(self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).holds[0])
-
-
-def _inner(work: Work) -> Reals:
-    """Places (g, n) well within the goal; at least those of the task."""
-    task, q = work.task, work.start.q[0]
-    for reserve in INNER:
-        scene = task.scene.changed(goal=tightened(task.scene.file.goal or "", reserve))
-        rng = np.random.default_rng(work.seed)
-        found = Placing(task, scene, q).goals(rng, work.budget.is_in_time, count=GOALS).places
-        if len(found):
-            return found[:NEAREST]
-    return work.goals

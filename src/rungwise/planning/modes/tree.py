@@ -274,8 +274,10 @@ def _idle(
     if draw < 0.3 and not used[f]:
         return found
     if draw < 0.6:
-        found[finger.columns] = home[finger.columns]
+        found[finger.moved] = home[finger.moved]
         return found
+    if finger.arm is not None:
+        return finger.put(q, rng.uniform(*(np.clip(bound, -math.pi, math.pi) for bound in finger.arm.bounds)))
     turn, far = rng.uniform(0.0, 2.0 * math.pi), ground.task.size * rng.uniform(1.2, 3.0)
     about = ground.around.poses(seen.q)[ground.body, :2]
     found[finger.columns] = np.clip(about + far * np.array([math.cos(turn), math.sin(turn)]), *finger.bounds)

@@ -78,7 +78,13 @@ class Task:
     @property
     def still(self) -> float:
         """Speed below which objects count as at rest."""
-        return STILL * min(carrier.speed for carrier in self.carriers)
+        return STILL * min(self._speeds)
+
+    @property
+    def _speeds(self) -> list[float]:
+        """The speeds of robots that are led: of carriers, else of the fingers that the task names."""
+        named = [self.numbers[f"task.fingers.{pattern}.speed"] for pattern in fields_of(self.scene).fingers]
+        return [carrier.speed for carrier in self.carriers] or named
 
     @property
     def at_rest(self) -> str:
@@ -93,7 +99,8 @@ class Task:
     @property
     def patience(self) -> float:
         """How long robots wait at most for objects to rest."""
-        return WAITS * max(carrier.push[1] / carrier.speed for carrier in self.carriers)
+        farthest = PUSHES[1] * self.size / min(self._speeds)
+        return WAITS * max((carrier.push[1] / carrier.speed for carrier in self.carriers), default=farthest)
 
     @property
     def span(self) -> float | None:
@@ -125,9 +132,10 @@ class Task:
     @property
     def is_led(self) -> bool:
         """Whether robots lead objects: where no support holds these, or the task says which are fingers, and
-        servos drive these; given speeds push."""
-        by_fingers = not self.slides or (self.by_place and bool(fields_of(self.scene).fingers))
-        return bool(self.carriers) and by_fingers and world_of(self.scene).shapes == OUTLINES
+        servos or joints drive these; given speeds push."""
+        named = bool(fields_of(self.scene).fingers) and (self.by_place or not self.carriers)
+        leads = named or (bool(self.carriers) and not self.slides)
+        return leads and world_of(self.scene).shapes == OUTLINES
 
     @property
     def by_place(self) -> bool:

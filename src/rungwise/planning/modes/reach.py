@@ -1,0 +1,68 @@
+"""Ways of arms through free space, over their joints, by OMPL."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from rungwise.kernel import Ints, Reals
+from rungwise.planning.modes.ground import Ground
+from rungwise.planning.motion.free_paths import CHECKS, grown, shortened
+
+NEAR = 0.25
+"""Part of the clearance that arms keep on their way."""
+TURN = 0.02
+"""Greatest change of joints, in radians, between places of a way that are looked at."""
+
+
+def arms_way(
+    ground: Ground, a: Reals, b: Reals, moving: Ints, seed: int, in_time: Callable[[], bool]
+) -> Reals | None:  # fmt: skip
+    """Places (k, n) on the way of fingers (f,), some of them arms, from a (n,) to b (n,), both included; None
+    where no way was found. All else holds still."""
+    fingers = [ground.fingers[f] for f in moving]
+    names, bodies = ground.task.scene.template.contacts, {finger.carrier.body for finger in fingers}
+    own = [k for k, pair in enumerate(names) if bodies & set(pair)]
+    low = np.concatenate([_range(ground, int(f))[0] for f in moving])
+    high = np.concatenate([_range(ground, int(f))[1] for f in moving])
+
+    def place(values: Reals) -> Reals:
+        q, at = a, 0
+        for finger in fingers:
+            size = len(finger.carrier.columns)
+            q, at = finger.put(q, values[at : at + size]), at + size
+        return q
+
+    def gap(values: Reals) -> float:
+        return float(ground.around.touches(place(values), 0.0).least[own].min(initial=math.inf))
+
+    ends = [np.concatenate([finger.drives(q) for finger in fingers]) for q in (a, b)]
+    clear = NEAR * min(finger.carrier.clearance for finger in fingers)
+    least = min(clear, 0.5 * min(gap(end) for end in ends))
+    if least <= 0.0:
+        return None
+
+    def is_free(one: Reals, other: Reals) -> bool:
+        count = max(1, math.ceil(float(np.abs(other - one).max(initial=0.0)) / TURN))
+        return all(gap(one + part * (other - one)) >= least for part in np.linspace(0.0, 1.0, count + 1))
+
+    way: Reals | None = np.array(ends)
+    if not is_free(*ends):
+        way = grown(
+            ends[0], ends[1][None], list(range(len(low))), np.minimum(low, np.minimum(*ends)),
+            np.maximum(high, np.maximum(*ends)), is_free, seed,
+            lambda asked: asked <= CHECKS and in_time(),
+        )  # fmt: skip
+        way = None if way is None else shortened(way, is_free)
+    return None if way is None else np.array([place(values) for values in way])
+
+
+def _range(ground: Ground, f: int) -> tuple[Reals, Reals]:
+    """Least and greatest values (k,) of what drives a finger."""
+    finger = ground.fingers[f]
+    low, high = finger.bounds if finger.arm is None else finger.arm.bounds
+    return np.maximum(low, -10.0 * ground.task.size if finger.arm is None else -math.pi), np.minimum(
+        high, 10.0 * ground.task.size if finger.arm is None else math.pi
+    )
