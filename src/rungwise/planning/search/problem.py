@@ -46,11 +46,12 @@ class Group(NamedTuple):
 
 @dataclass
 class Work:
-    """What all stages of one planning share. nearest: what the best plan so far lacks; nearest_at: where it
-    ends (n,); unlaid: plans that came to the goal where robots were placed by hand, and not when they were
-    laid out; trees: how many were grown on each stage; seen: what pushes did on each; path (p, n): places on
-    the way of the object, if some are given; failures: why proposals by contact modes came to nothing; kept:
-    what searches keep for when they go on."""
+    """What all stages of one planning share. nearest: what the best plan so far lacks; nearest_at: where
+    it ends (n,); was_there: whether a plan came to what the goal asks for and did not hold it; unlaid:
+    plans that came to the goal where robots were placed by hand, and not when they were laid out; trees:
+    how many were grown on each stage; seen: what pushes did on each; path (p, n): places on the way of
+    the object, if some are given; failures: why proposals by contact modes came to nothing; kept: what
+    searches keep for when they go on."""
 
     task: Task
     moves: Moves
@@ -64,6 +65,7 @@ class Work:
     seed: int
     nearest: float = np.inf
     nearest_at: Reals | None = None
+    was_there: bool = False
     unlaid: int = 0
     trees: Counter[str] = field(default_factory=Counter)
     seen: dict[str, Pushes] = field(default_factory=dict)
@@ -94,6 +96,7 @@ class Work:
 
     def came_near(self, lack: float, q: Reals) -> None:
         """Remember how near a plan came to the whole goal, and where it ended (n,)."""
+        self.was_there |= lack <= LEAST
         if LEAST < lack < self.nearest:
             self.nearest, self.nearest_at = lack, q.copy()
 
@@ -184,6 +187,8 @@ def known(work: Work) -> str:
 
 def _nearest(work: Work) -> str:
     """How near plans came to the goal, and where; or that none came nearer than the start."""
+    if work.was_there and work.task.lasting:
+        return f"; plans came to what the goal asks for, and did not hold it for {work.task.lasting:g}"
     begun = float(work.lack(work.start)[0])
     if work.nearest_at is None or work.nearest >= begun:
         lacks = f", which lacks {begun:.3g} of it" if LEAST < begun < np.inf else ""
