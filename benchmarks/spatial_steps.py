@@ -189,7 +189,9 @@ class Space:
         tau = self.tau.copy() if len(self.tau) == len(p.F) else np.zeros(len(p.F))
         start = flat.copy(), tau.copy()
         began = time.perf_counter() - linking_time()
-        status, found, stage = solve_spatial(p, Sizes(m.nv, k, len(p.F)), Unknowns(modes, v, flat, tau))
+        status, found, stage = solve_spatial(
+            p, Sizes(m.nv, k, len(p.F)), Unknowns(modes, v, flat, tau), np.zeros(1, np.int64)
+        )
         t = self.tally
         t.seconds.append(time.perf_counter() - linking_time() - began)
         t.residuals.append(found)

@@ -117,14 +117,15 @@ def _run(
     modes = np.ones(contacts + limited, np.int64) if mode is None else np.array(mode, np.int64)
     force, tau = forces or (np.zeros(2 * contacts), np.zeros(limited))
     out = Unknowns(modes, np.zeros(n), force.copy(), tau.copy())
+    halt = np.zeros(1, np.int64)
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
     status = 0
     if solver == "planar":
-        status, _, _ = solve_planar(p, sizes, out, room)
+        status, _, _ = solve_planar(p, sizes, out, room, halt)
     elif solver == "lemke":
-        status = 0 if solve_by_pivoting(p, sizes, out, False) else 1
+        status = 0 if solve_by_pivoting(p, sizes, out, False, halt) else 1
     elif solver == "proximal":
-        found = solve_proximal(p, sizes, out, room, 0.1 * TOLERANCE)
+        found = solve_proximal(p, sizes, out, room, 0.1 * TOLERANCE, halt)
         status = int(found > TOLERANCE)
     elif solver == "modes":
         solve_by_modes(p, sizes, out, room, solves)

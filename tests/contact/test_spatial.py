@@ -41,7 +41,7 @@ def solve(
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan) if v is None else v.copy()
     sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
-    status, found, stage = solve_spatial(p, sizes, unknowns)
+    status, found, stage = solve_spatial(p, sizes, unknowns, np.zeros(1, np.int64))
     if status == SOLVED:
         assert found == residual_in_space(p, sizes, unknowns) <= TOLERANCE
     else:

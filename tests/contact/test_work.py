@@ -69,7 +69,7 @@ def test_hopeless_problems_end_within_the_work_that_is_allowed(
     """A fiftieth of what is allowed at most; beyond it go only factors that were begun, and the first few
     of the interior point method."""
     most, made = LIMIT / 50, list[Work]()
-    monkeypatch.setattr(SOLVE, "Work", lambda _: made.append(Work(most)) or made[-1])
+    monkeypatch.setattr(SOLVE, "Work", lambda *_: made.append(Work(most)) or made[-1])
     problem = PROBLEMS[name](np.random.default_rng(1))
     found = rw.solve(problem)
     assert len(made) == 1

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.deadline import TimeOver
 from rungwise.planning.lift import lift as climb
-from rungwise.planning.motion.propagate import Budget, TimeOver
+from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.search.problem import Work
 from tests.planning.members import push
 

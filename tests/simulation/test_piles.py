@@ -76,9 +76,9 @@ def solved(
     if start is not None:
         found = Unknowns(*(part.copy() for part in start))
     if spans is not None:
-        status, error, _ = solve_sparse(p, sizes_of(p), found, *spans)
+        status, error, _ = solve_sparse(p, sizes_of(p), found, *spans, np.zeros(1, np.int64))
     else:
-        status, error, _ = solve_planar(p, sizes_of(p), found, room)
+        status, error, _ = solve_planar(p, sizes_of(p), found, room, np.zeros(1, np.int64))
     return status, error, found
 
 

@@ -18,8 +18,11 @@ _TIE = 1e-12
 
 
 @kernel
-def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints) -> tuple[bool, int]:
-    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made.
+def lemke(
+    M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints, halt: Ints
+) -> tuple[bool, int]:
+    """Fill z (n,) with 0 <= z _|_ M z + q >= 0; whether it ended there, and the pivots made. It gives up when
+    halt (1,) is set.
 
     Unknowns are w (0 .. n - 1), z (n .. 2 n - 1) and z0 (2 n) of w - M z - covering z0 = q. Scratch:
     a (n, n + 2), for each basic one the coefficients of those that are zero, and its value; place (4 n + 2,),
@@ -40,6 +43,8 @@ def lemke(M: Reals, q: Reals, covering: Reals, z: Reals, a: Reals, place: Ints) 
         return True, 0
     idle[n], place[2 * n], column = 2 * n, n, n
     for pivots in range(1, 50 + 20 * n):
+        if halt[0] != 0:
+            return False, pivots
         _exchange(a, row, column)
         leaving, entering = basic[row], idle[column]
         basic[row], idle[column], place[leaving], place[entering] = entering, leaving, column, -1 - row

@@ -53,7 +53,8 @@ class ContactSolution:
 
     `certificate` is there when the status is JAMMED or UNSUPPORTED; x is then the least violation met.
     `massless`: judged beside the demanded rates, for inertia is next to zero (see `system`); the certificate
-    is then a certificate of `scaled(problem, massless=True)`.
+    is then a certificate of `scaled(problem, massless=True)`. `unfinished`: the time
+    was over.
     """
 
     problem: Problem
@@ -65,6 +66,7 @@ class ContactSolution:
     attempts: tuple[Attempt, ...]
     certificate: Infeasible | None = None
     massless: bool = False
+    unfinished: bool = False
 
     __repr__ = brief
 
@@ -100,6 +102,9 @@ class ContactSolution:
     @property
     def reason(self) -> str:
         """What the status means, and what to do where it says that no answer was found."""
+        if self.status == Status.NOT_CONVERGED and self.unfinished:
+            last = f" ({self.chain[-1]} was the last solver)" if self.attempts else ""
+            return f"the time is over, before any solver came within tolerance{last}: see the residual"
         is_local = self.problem.rows > 0 and self.problem.velocities == 0
         if self.status == Status.NOT_CONVERGED and is_local:
             return f"{ADVICE[self.status]}; {FORCES_ALONE}"

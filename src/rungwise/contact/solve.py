@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rungwise.contact.chain import run_chain
 from rungwise.contact.judge.farkas import Infeasible, proves
 from rungwise.contact.judge.verdict import Residuals, is_plain, judged, misses
 from rungwise.contact.prepare.even import in_even_units
-from rungwise.contact.prepare.islands import islands
 from rungwise.contact.prepare.system import System, scaled, uneliminated
 from rungwise.contact.prepare.units import settle
 from rungwise.contact.problem import Array, Problem, vector
@@ -32,6 +32,7 @@ from rungwise.contact.solvers.polish.settled import calmed, clip
 from rungwise.contact.solvers.small import MARGIN, try_at_once
 from rungwise.contact.solvers.work import Work, allowed
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 
 SOLVERS: tuple[ModuleType, ...] = (gauss_seidel, pivoting, interior_point, homotopy, proximal_point)
@@ -51,8 +52,6 @@ Chosen by trial."""
 _NEAR = 1e-3
 """Residual below which patience is worth its time, without unit, as `TOLERANCE`; chosen by trial, to a
 decade."""
-_WORTH = 60
-"""Unknowns from which on it takes less time to solve islands one by one; chosen by trial."""
 
 
 @keywords
@@ -62,6 +61,7 @@ def solve(
     tol: float = TOLERANCE,
     start: Array | None = None,
     solvers: tuple[str, ...] | None = None,
+    limit: float | None = None,
 ) -> ContactSolution:
     """Solve a contact problem of any kind; see `Problem` for the kinds.
 
@@ -69,7 +69,7 @@ def solve(
     UNSUPPORTED carry a certificate that has been checked; everything else is NOT_CONVERGED. `start` (N,)
     begins from a known x; `solvers` names the chain, in order, instead of the default. The problem of a step,
     given as assembled, is first solved as in a run. However hard a problem is, solvers do no more work than
-    `allowed` for its size.
+    `allowed` for its size, and after `limit` seconds the best answer so far is judged.
 
     Raises ValueError naming the argument that is wrong.
     """
@@ -77,11 +77,19 @@ def solve(
     problem = Problem.of(problem)
     if not isinstance(tol, int | float | np.number) or not 0.0 < tol < 1.0:
         raise ValueError(f"tol: must be between 0 and 1, not {tol!r}")
-    chain = _chain(solvers)
+    _chain(solvers)
     given = None if start is None else vector("start", start)
     if given is not None and given.shape != problem.b.shape:
         raise ValueError(f"start: has {len(given)} entries; the problem has {len(problem.b)} unknowns")
-    attempts: list[Attempt] = []
+    with Deadline(seconds(limit)).running() as deadline:
+        return _solve(problem, assembled, tol, given, solvers, deadline)
+
+
+def _solve(
+    problem: Problem, assembled: ContactProblem | None, tol: float, given: Array | None,
+    solvers: tuple[str, ...] | None, deadline: Deadline,
+) -> ContactSolution:  # fmt: skip
+    chain, attempts = _chain(solvers), list[Attempt]()
     own = try_at_once(problem, given, tol) if assembled is None and solvers is None else None
     if own is not None:
         if own.iterations >= 0:
@@ -102,16 +110,16 @@ def solve(
             return _solved(problem, _exact(problem, system, answer, tol), tol, attempts)
         attempts.clear()
     given = np.zeros(len(problem.b)) if given is None else given
-    work = Work(allowed(len(problem.b)))
+    work = Work(allowed(len(problem.b)), deadline)
     if assembled is not None and solvers is None and step.accepts(assembled):
-        answer = _judged(problem, system, step.solve(assembled, given), tol)
+        answer = _judged(problem, system, step.solve(assembled, given, work.halt), tol)
         attempts.append(Attempt(step.NAME, 1, answer.residual))
     if not attempts or answer.residual > tol:
-        x, more = _run(chain, system, given[system.kept] / system.force, tol, work)
+        x, more = run_chain(chain, system, given[system.kept] / system.force, tol, work)
         attempts += more
         answer = _judged_scaled(problem, system, x, tol, work)
     massless = None
-    if demands_little(problem if assembled is None else assembled, system):
+    if not work.is_halted and demands_little(problem if assembled is None else assembled, system):
         answer = _finer(problem, system, answer, tol)
         if not _tells(problem, system, answer, tol):
             massless, more = _without_inertia(problem, chain, answer.x, tol, work)
@@ -138,7 +146,7 @@ def solve(
         status, answer = Status.SOLVED, answer._replace(proof=None)
     return ContactSolution(
         problem, status, answer.x, answer.y, answer.residuals, tol, tuple(attempts), answer.proof,
-        is_massless,
+        is_massless, work.is_halted,
     )  # fmt: skip
 
 
@@ -210,6 +218,8 @@ def _judged(problem: Problem, system: System, x: Array, tol: float) -> _Answer:
 def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work: Work) -> _Answer:
     """The answer of scaled x; or a finer one, where small numbers alone are wrong."""
     answer = _clipped(problem, system, system.recover(x * system.force), tol)
+    if work.is_halted:
+        return answer
     if answer.residual > tol and natural(system, x) <= tol:
         exact, _ = newton.finish(system, newton.form(system), x, _FINEST, work)
         other = _clipped(problem, system, system.recover(exact * system.force), tol)
@@ -250,7 +260,7 @@ def _without_inertia(
 ) -> tuple[_Answer, list[Attempt]]:
     """The answer in which the demanded rates decide, or a proof."""
     system = scaled(problem, massless=True)
-    own, attempts = _run(chain, system, x / system.force, tol, work)
+    own, attempts = run_chain(chain, system, x / system.force, tol, work)
     answer = _judged_scaled(problem, system, own, tol, work)
     if answer.residual > tol:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
@@ -288,7 +298,7 @@ def _last_resort(
     attempts: list[Attempt] = []
     if answer.residual > tol and is_plain(problem.rows, problem.velocities) and not work.is_low:
         answer, attempts = _in_other_units(problem, system, answer, chain, tol, work)
-    if answer.residual > tol:
+    if answer.residual > tol and not work.is_halted:
         answer, attempt = _branched(problem, system, answer.x, tol, work)
         attempts.append(attempt)
     open_end = answer.residual > tol and answer.proof is None and not work.is_low
@@ -297,7 +307,7 @@ def _last_resort(
         attempts += more
         if whole.residual < answer.residual:
             answer = whole
-    if open_end and tol < answer.residual < _NEAR:
+    if open_end and tol < answer.residual < _NEAR and not work.is_halted:
         patient, attempt = _patiently(problem, system, answer.x, tol, work)
         attempts.append(attempt)
         if patient.residual < answer.residual:
@@ -311,7 +321,7 @@ def _in_all_unknowns(
     """The chain's answer where nothing is eliminated: beside a light body, the rates of a heavy one are lost
     in the sums of the condensed form."""
     whole = uneliminated(problem)
-    own, attempts = _run(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
+    own, attempts = run_chain(chain, whole, x / whole.force, tol, part := work.part(_ASIDE))
     work.spend(_ASIDE * work.left - part.left)
     answer = _judged(problem, system, whole.recover(own * whole.force), tol)
     if answer.residual > tol and natural(whole, own) <= tol:
@@ -340,7 +350,7 @@ def _in_other_units(
     """The answer, or a better one, found in units in which entries are as near to one as they can be."""
     again, unit = in_even_units(problem)
     even = scaled(again)
-    own, attempts = _run(chain, even, np.zeros(even.size), tol, work)
+    own, attempts = run_chain(chain, even, np.zeros(even.size), tol, work)
     x = unit * _judged_scaled(again, even, own, tol, work).x
     other = _judged(problem, system, x, tol)
     return (other if other.residual < answer.residual else answer), attempts
@@ -354,42 +364,3 @@ def _chain(names: tuple[str, ...] | None) -> tuple[ModuleType, ...]:
         if not isinstance(name, str) or name not in known:
             raise ValueError(f"solvers: {name!r} is none of {', '.join(known)}")
     return SOLVERS if names is None else tuple(known[name] for name in names)
-
-
-def _run(
-    chain: tuple[ModuleType, ...], system: System, x: Array, tol: float, work: Work
-) -> tuple[Array, list[Attempt]]:
-    """The best x of the chain, and the part of each solver."""
-    attempts: list[Attempt] = []
-    least = natural(system, x)
-    for solver in chain:
-        if least <= tol:
-            break
-        if solver.accepts(system):
-            own = work.part()
-            allowed = own.left
-            trial, iterations = _apart(solver, system, x, MARGIN * tol, own)
-            work.spend(allowed - own.left)
-            found = natural(system, trial)
-            if found < least:
-                x, least = trial, found
-            attempts.append(Attempt(solver.NAME, iterations, least))
-    return x, attempts
-
-
-def _apart(solver: ModuleType, system: System, x: Array, tol: float, work: Work) -> tuple[Array, int]:
-    """The x after a solver worked on the islands that are not solved, one by one, and the most iterations of
-    one."""
-    apart = islands(system) if system.size > _WORTH and solver is not gauss_seidel else None
-    if apart is None:  # or the solver does so itself, compiled
-        found: tuple[Array, int] = solver.solve(system, x, tol, work)
-        return found
-    inside, goals, most = apart.inwards(x), apart.goals(tol), 0
-    for i in range(len(apart)):
-        own, rows = apart.part(i), slice(apart.first[i], apart.first[i + 1])
-        if natural(own, inside[rows]) > goals[i] and solver.accepts(own):
-            trial, iterations = solver.solve(own, inside[rows], goals[i], work)
-            most = max(most, iterations)
-            if natural(own, trial) < natural(own, inside[rows]):
-                inside[rows] = trial
-    return apart.outwards(inside), most

@@ -144,6 +144,7 @@ class Plan:
         frames: int = 2000,
         stride: int | None = None,
         save_hard: str | Path | None = None,
+        limit: float | None = None,
         on_progress: Callable[[Any], None] | None = None,
     ) -> AnyRun:
         """The run of the plan, on the rung and at the accuracy for which it was made if none are given; other
@@ -156,7 +157,8 @@ class Plan:
         run: AnyRun = simulate(
             self.scene, self.stage.model if model is None else model, parameters=self.parameters,
             inputs=self.segments, tol=self.tol if tol is None else tol, duration=duration, theta=theta,
-            frames=frames, stride=stride, save_hard=save_hard, on_progress=on_progress,
+            frames=frames, stride=stride, save_hard=save_hard, limit=limit,
+            on_progress=on_progress,
         )  # fmt: skip
         return run
 

@@ -147,32 +147,41 @@ class Simulation(Turns):
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
 
     def advance(self, steps: int | None = None) -> bool:
-        """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on."""
+        """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on. Raises
+        TimeOver."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
+        with self.deadline.running(self.workspace.scratch.halt):
+            self._turned(steps, self.workspace)
+        if self.outcome == Code.RUNNING:
+            self.deadline.look()
+        return self.outcome == Code.RUNNING
+
+    def _turned(self, steps: int | None, workspace: Workspace) -> None:
+        """One turn, and where it ended the run, why."""
         signals = np.zeros(1, np.int64)
-        self._take(0, signals, self.workspace)  # loads the loop before the clock starts
+        self._take(0, signals, workspace)  # loads the loop before the clock starts
         began, waited = time.perf_counter(), linking_time()
         if steps is None:
             alarm = threading.Timer(TURN_S, signals.fill, (1,))
             alarm.start()
-            self.outcome = self._take(self._turn, signals, self.workspace)
+            self.outcome = self._take(self._turn, signals, workspace)
             alarm.cancel()
         else:
-            self.outcome = self._take(steps, signals, self.workspace)
+            self.outcome = self._take(steps, signals, workspace)
         took = time.perf_counter() - began - (linking_time() - waited)
         self.wall_s += took
         self._turn = max(1, min(int(self._turn * TURN_S / max(took, 1e-6)), 10 * self._turn, 10_000_000))
         if self.hard is not None:
-            self.hard.take(self.workspace)
+            self.hard.take(workspace)
         if self.outcome != Code.RUNNING:
-            ended = self._reasons().explain(self.outcome)
+            code, self.outcome = self.outcome, Code.RUNNING  # until it is proved
+            ended = self._reasons().explain(code, self.deadline)
             self.outcome, self.reason, self.certificate, self.problem = ended[:4]
             if self.outcome == Code.NOT_CONVERGED and self._goes_on(ended.balance):
                 self.outcome, self.reason, self.problem = Code.RUNNING, "", None
         if self.outcome != Code.RUNNING and self.hard is not None:
-            self._save_last(self.hard, self.workspace)
-        return self.outcome == Code.RUNNING
+            self._save_last(self.hard, workspace)
 
     def _goes_on(self, balance: Balance | None) -> bool:
         """Whether the run goes on from its end: with shorter steps, or once for each state from forces

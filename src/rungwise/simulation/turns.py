@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rungwise.contact.judge import Certificate
+from rungwise.deadline import Deadline
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -28,7 +29,8 @@ LONGEST = 10
 
 class Turns:
     """A run that is taken in turns; `options` are fields of `RunOptions`, which says what they are. Raises
-    SceneError or ModelError for wrong input."""
+    SceneError or ModelError for wrong input. Its `deadline` may be set: a turn raises TimeOver where that has
+    come, with what was done then, and leaves the run as far as it has come."""
 
     def __init__(self, scene: AnyScene, model: Rung | str, options: dict[str, Any]) -> None:
         self.scene: Any = scene
@@ -39,6 +41,7 @@ class Turns:
         self.inputs: tuple[Segment, ...] = ()
         self.outcome, self.reason, self.wall_s = Code.RUNNING, "", 0.0
         self.certificate: Certificate | None = None
+        self.deadline = Deadline()
         # Simulated time at which the run ends at the latest, once that is known.
         self.end = math.inf
 

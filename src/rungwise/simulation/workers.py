@@ -96,8 +96,9 @@ class Workers:
         self._options["budget"] = BUDGET if budget is None else count("budget", budget, 1)
         self.threads = threads_of(threads)
         self._places: SimpleQueue[Place] = SimpleQueue()
-        for _ in range(self.threads):
-            self._places.put(self._place())
+        self._made = [self._place() for _ in range(self.threads)]
+        for place in self._made:
+            self._places.put(place)
 
     def run(
         self,
@@ -114,7 +115,7 @@ class Workers:
         """Run every point (m, k), values of `over`, from the scene's start if no others are given; the other
         arrays are those of `Samples`, and no row of one that is not given. The bytes do not depend on threads
         or `chunk`. `on_progress` is called with the number of runs done, about ten times a second; what it
-        raises ends the runs within one step, as Ctrl-C does."""
+        raises ends the runs, also within a step, as Ctrl-C does."""
         chunk = count("chunk", chunk, 1)
         m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
         inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
@@ -136,20 +137,29 @@ class Workers:
         if m == 1 and on_progress is None:
             self._chunk(samples, 0, 1, signals)
             return samples
-        with ThreadPoolExecutor(self.threads) as pool:
-            waiting = {pool.submit(self._chunk, samples, *span, signals) for span in spans}
-            try:
-                done = 0
-                for part in _sizes(waiting):
-                    done += part
-                    if on_progress is not None:
-                        on_progress(done)
-            except BaseException:
-                signals[STOPPED] = 1
-                for future in waiting:
-                    future.cancel()
-                raise
+        try:
+            with ThreadPoolExecutor(self.threads) as pool:
+                waiting = {pool.submit(self._chunk, samples, *span, signals) for span in spans}
+                try:
+                    done = 0
+                    for part in _sizes(waiting):
+                        done += part
+                        if on_progress is not None:
+                            on_progress(done)
+                except BaseException:
+                    signals[STOPPED] = 1
+                    self._halt(1)
+                    for future in waiting:
+                        future.cancel()
+                    raise
+        finally:
+            self._halt(0)
         return samples
+
+    def _halt(self, value: int) -> None:
+        """End the steps that threads take, or let them take steps again."""
+        for place in self._made:
+            place.workspace.scratch.halt[0] = value
 
     def _chunk(self, samples: Samples, first: int, last: int, signals: Ints) -> int:
         place = self._places.get()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
@@ -21,9 +22,24 @@ def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung 
     return world_of(load(scene)).simulation(model, **options)
 
 
-def finished(simulation: Any, on_progress: Callable[[Any], None] | None = None) -> Any:
-    """The result of a run that is taken in turns, after its last; `on_progress` is called after each other
-    turn."""
+def finished(
+    simulation: Any, on_progress: Callable[[Any], None] | None = None, limit: float | None = None
+) -> Any:
+    """The result of a run that is taken in turns, after its last, or as far as it has come after `limit`
+    seconds; `on_progress` is called after each other turn."""
+    if limit is None:
+        return _finished(simulation, on_progress)
+    deadline = simulation.deadline = Deadline(limit)
+    try:
+        return _finished(simulation, on_progress)
+    except TimeOver as over:
+        if not deadline.is_over:
+            raise  # not by this limit
+        simulation.reason = f"limit: {limit:g} s are over, {over} at t = {simulation.time:.6g}"
+        return simulation.result()
+
+
+def _finished(simulation: Any, on_progress: Callable[[Any], None] | None) -> Any:
     while simulation.advance():
         if on_progress is not None:
             on_progress(simulation)
@@ -47,17 +63,20 @@ def simulate(
     frames: int = 2000,
     stride: int | None = None,
     save_hard: str | Path | None = None,
+    limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> Any:
     """Run `scene`, or what `load` makes of it, on `model` to its outcome; options are those of `RunOptions`.
     Returns a `Run`, of a scene in space a `SpaceRun`. Raises SceneError or ModelError for wrong input.
 
-    `on_progress` is called about ten times a second, after whole steps. Ctrl-C raises KeyboardInterrupt
-    within the same time. Neither comes before a step, or a proof, that takes longer has ended.
+    After `limit` seconds the run is returned as far as it has come, also from within a long step or the
+    search for a proof: its outcome is `running`, and its reason says where. `on_progress` is called about ten
+    times a second, after whole steps. Ctrl-C raises KeyboardInterrupt within the same time, but for a step or
+    a proof that takes longer.
     """
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
         theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
         stride=stride, save_hard=save_hard,
     )  # fmt: skip
-    return finished(simulation, on_progress)
+    return finished(simulation, on_progress, seconds(limit))

@@ -29,6 +29,7 @@ from rungwise.contact.step.modes import (
     parts,
 )
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.deadline import NEVER, Deadline
 
 MAX_NODES = 2000
 """Partial modes that are looked at before a frictional certificate is given up."""
@@ -53,35 +54,38 @@ class Balance(NamedTuple):
     tau: NDArray[np.float64]
 
 
-def certify_infeasible(problem: ContactProblem) -> Certificate | None:
+def certify_infeasible(problem: ContactProblem, deadline: Deadline = NEVER) -> Certificate | None:
     """A checked certificate that no velocity and force solve the problem, or None if none was found.
 
     The search for a frictional certificate ends after `MAX_NODES` partial modes. There is none for a problem
-    whose numbers, in its natural units, are beyond the range of floating point.
+    whose numbers, in its natural units, are beyond the range of floating point. Raises TimeOver where the
+    deadline has come.
     """
     with np.errstate(all="ignore"):
-        for certificate in (_kinematic(problem), _frictional(problem)[0]):
+        for certificate in (_kinematic(problem, deadline), _frictional(problem, deadline=deadline)[0]):
             if certificate is not None and check(problem, certificate):
                 return certificate
     return None
 
 
-def certify_unsupported(problem: ContactProblem, resisting: NDArray[np.float64]) -> Certificate | None:
+def certify_unsupported(
+    problem: ContactProblem, resisting: NDArray[np.float64], deadline: Deadline = NEVER
+) -> Certificate | None:
     """A checked motion along which the loads are not resisted, or else a checked proof that no motion makes
-    up their balance; `resisting` (n, n) is H less its inertia."""
-    return certify_or_balance(problem, resisting)[0]
+    up their balance; `resisting` (n, n) is H less its inertia, raises TimeOver."""
+    return certify_or_balance(problem, resisting, deadline)[0]
 
 
 def certify_or_balance(
-    problem: ContactProblem, resisting: NDArray[np.float64]
+    problem: ContactProblem, resisting: NDArray[np.float64], deadline: Deadline = NEVER
 ) -> tuple[Certificate | None, Balance | None]:
     """The certificate of `certify_unsupported`, or what may balance the loads without inertia; or neither."""
     with np.errstate(all="ignore"):
         for part in _apart(problem, resisting):
-            certificate = _unsupported(problem, resisting, part)
+            certificate = _unsupported(problem, resisting, part, deadline)
             if certificate is not None:
                 return certificate, None
-        certificate, balance = _frictional(without_inertia(problem, resisting), held=False)
+        certificate, balance = _frictional(without_inertia(problem, resisting), False, deadline)
         if certificate is None or not check(problem, certificate, resisting):
             return None, balance
     return certificate, None
@@ -98,7 +102,7 @@ def _apart(problem: ContactProblem, resisting: NDArray[np.float64]) -> list[NDAr
 
 
 def _unsupported(
-    problem: ContactProblem, resisting: NDArray[np.float64], part: NDArray[np.bool_]
+    problem: ContactProblem, resisting: NDArray[np.float64], part: NDArray[np.bool_], deadline: Deadline
 ) -> Certificate | None:
     """A checked motion of the coordinates of `part` (n,) alone, by Kelley's cutting planes: the friction of a
     contact resists the length of its slip, that is its projection on every heading; those that a motion lacks
@@ -119,7 +123,7 @@ def _unsupported(
     still = np.vstack([stiffness / max(float(np.abs(stiffness).max(initial=0.0)), 1e-300), rows[~finite]])
     bounds = [(-1.0, 1.0) if own else (0.0, 0.0) for own in part] + [(0.0, 1e6)] * limited
     for _ in range(CUTS):
-        found, _ = _minimise(cost, bounds, _bear(still, limited), np.vstack(upper))
+        found, _ = _minimise(cost, bounds, _bear(still, limited), np.vstack(upper), deadline)
         if found is None:
             return None
         certificate = Certificate("unsupported", (found[:n] * units.coordinates,))
@@ -145,6 +149,7 @@ def _minimise(
     bounds: list[tuple[float, float]],
     equal: NDArray[np.float64],
     upper: NDArray[np.float64] | None = None,
+    deadline: Deadline = NEVER,
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vertex x with equal x = 0 (and upper x <= 0) of least cost, to rounding, or None when no cost is
     below zero, or when the numbers are not finite; and the multipliers of the equations, NaN if unknown."""
@@ -157,7 +162,11 @@ def _minimise(
     right = None if upper is None else np.zeros(len(upper))
     small = _SMALL * float(np.abs(cost).max(initial=0.0))
     for each in (cost, np.where(np.abs(cost) > small, cost, 0.0)):
-        found = linprog(each, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs")
+        found = linprog(
+            each, upper, right, equal, np.zeros(len(equal)), bounds=bounds, method="highs",
+            options={"time_limit": deadline.seconds},
+        )  # fmt: skip
+        deadline.look_in_proof()
         if found.success:
             break
     else:
@@ -176,7 +185,7 @@ def _minimise(
     return x, multipliers
 
 
-def _kinematic(problem: ContactProblem) -> Certificate | None:
+def _kinematic(problem: ContactProblem, deadline: Deadline) -> Certificate | None:
     rows, offset, contacts = rigid_rows(problem)
     if len(rows) == 0:
         return None
@@ -184,14 +193,14 @@ def _kinematic(problem: ContactProblem) -> Certificate | None:
     push = np.arange(len(offset)) < contacts
     cost = offset / demanded(offset, contacts)
     balance = (rows * (units.coordinates / units.velocity)).T
-    found, _ = _minimise(cost, [(0.0 if one else -1.0, 1.0) for one in push], balance)
+    found, _ = _minimise(cost, [(0.0 if one else -1.0, 1.0) for one in push], balance, deadline=deadline)
     if found is None:
-        found = _least_left(cost, push, balance)
+        found = _least_left(cost, push, balance, deadline)
     return None if found is None else Certificate("kinematic", (found,))
 
 
 def _least_left(
-    cost: NDArray[np.float64], push: NDArray[np.bool_], balance: NDArray[np.float64]
+    cost: NDArray[np.float64], push: NDArray[np.bool_], balance: NDArray[np.float64], deadline: Deadline
 ) -> NDArray[np.float64] | None:
     """The x, not negative where `push`, with cost . x <= -1 and the least |balance x|, for positions that are
     nearly singular; rows that cost more than `REACH` stay out of it. None if there is none."""
@@ -208,7 +217,9 @@ def _least_left(
         np.append(np.zeros(2 * len(A)), -1.0),
         bounds=[*((0.0 if one else None, None) for one in push[near]), (0.0, None)],
         method="highs",
+        options={"time_limit": deadline.seconds},
     )
+    deadline.look_in_proof()
     if not found.success:
         return None
     x = np.zeros(len(cost))
@@ -216,7 +227,9 @@ def _least_left(
     return x
 
 
-def _frictional(problem: ContactProblem, held: bool = True) -> tuple[Certificate | None, Balance | None]:
+def _frictional(
+    problem: ContactProblem, held: bool = True, deadline: Deadline = NEVER
+) -> tuple[Certificate | None, Balance | None]:
     """The certificate of an island without solution, by branch and bound over its partial modes; or modes of
     which nothing excludes a solution; or neither."""
     if problem.R.shape[1] != 2:
@@ -227,7 +240,7 @@ def _frictional(problem: ContactProblem, held: bool = True) -> tuple[Certificate
     )
     undecided = False
     for own in _islands(problem):
-        found = _search(problem, held, own)
+        found = _search(problem, held, own, deadline)
         if found.certificate is not None:
             return found.certificate, None
         if found.solves is None:
@@ -261,7 +274,7 @@ class _Found(NamedTuple):
     solves: tuple[tuple[int, ...], NDArray[np.float64]] | None = None
 
 
-def _search(problem: ContactProblem, held: bool, own: NDArray[np.bool_]) -> _Found:
+def _search(problem: ContactProblem, held: bool, own: NDArray[np.bool_], deadline: Deadline) -> _Found:
     """Branch and bound over the modes of the rows `own`: one without solutions is not split further."""
     options = choices(problem, held)
     waiting = [tuple(each[0] if len(each) == 1 else ANY for each in options)]
@@ -272,7 +285,7 @@ def _search(problem: ContactProblem, held: bool, own: NDArray[np.bool_]) -> _Fou
         if not waiting:
             return _Found(Certificate("frictional" if held else "unbalanced", tuple(vectors), tuple(modes)))
         mode = waiting.pop()
-        vector, point = _farkas(problem, mode, held)
+        vector, point = _farkas(problem, mode, held, deadline)
         if vector is not None and excludes_mode(problem, mode, vector, held):
             modes.append(mode)
             vectors.append(vector)
@@ -326,13 +339,13 @@ def _is_resisted(problem: ContactProblem) -> NDArray[np.bool_]:
 
 
 def _farkas(
-    problem: ContactProblem, mode: tuple[int, ...], held: bool
+    problem: ContactProblem, mode: tuple[int, ...], held: bool, deadline: Deadline
 ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64]]:
     """The vector that combines the rows of `mode` to the largest contradiction, if any, and the unknowns that
     satisfy them best."""
     equal, value, least, bound = linear_system(problem, mode, held)
     bounds = [(-1.0, 1.0)] * len(value) + [(0.0, 1.0)] * len(bound)
-    return _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T)
+    return _minimise(-np.concatenate([value, bound]), bounds, np.vstack([equal, least]).T, deadline=deadline)
 
 
 def _contradictions(

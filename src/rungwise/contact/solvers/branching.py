@@ -111,8 +111,10 @@ def _search(system: System, start: Array, tol: float, work: Work, nodes: int) ->
     A = newton.form(system)
     done = 0
     for done in range(1, nodes + 1):
+        if work.is_halted:
+            return Found(best, least, done - 1, None)
         mode = waiting.pop()
-        p, x = separate(system, mode)
+        p, x = separate(system, mode, _options(work))
         if p is not None:
             excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
@@ -160,7 +162,9 @@ def divide(system: System, mode: Mode, x: Array, first: int | None = None) -> li
     return []
 
 
-def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
+def separate(
+    system: System, mode: Mode, options: dict[str, float] = OPTIONS
+) -> tuple[Array | None, Array | None]:
     """Multipliers p, at most 1, with p . y < 0 for every x of the mode; else such an x, from the dual."""
     from scipy.optimize import linprog
 
@@ -181,7 +185,7 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
         np.zeros(m) if m else None,
         bounds=bounds,
         method="highs",
-        options=OPTIONS,
+        options=options,
     )
     if found.x is None:
         return None, None
@@ -197,6 +201,11 @@ def separate(system: System, mode: Mode) -> tuple[Array | None, Array | None]:
         contact = -np.asarray(found.ineqlin.marginals)[: cone.shape[0]] @ cone
     others = -np.asarray(found.eqlin.marginals) if m else np.zeros(0)
     return None, np.concatenate([contact, others])
+
+
+def _options(work: Work) -> dict[str, float]:
+    left = work.deadline.seconds
+    return OPTIONS if left is None else OPTIONS | {"time_limit": min(OPTIONS["time_limit"], left)}
 
 
 def _constraints(s: System, mode: Mode) -> tuple[Matrix, Matrix, Matrix]:

@@ -80,7 +80,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     """The best iterate x (N,) from `start`, and its sweeps (and steps), or the most that an island took."""
     s, n = system, system.size
     if n > SMALL and (apart := islands(system)) is not None:
-        best, sweeps = _solve_apart(apart, start, tol)
+        best, sweeps = _solve_apart(apart, start, tol, work.halt)
         work.spend(sweeps * len(s.form.entries.value))
         return best, sweeps
     x, best = start.copy(), start.copy()
@@ -88,27 +88,29 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
         done = alternate(s.form, s.dense(), s.b, s.laws, x, best, tol, DAMPINGS, scratch_for(n))
         return best, done
     scratch = np.empty((3, max(n, 3)))
-    sweeps = sweep_until(s.form, s.b, 0.0, s.laws, x, best, scratch, tol, SWEEPS, _PATIENCE)
+    sweeps = sweep_until(s.form, s.b, 0.0, s.laws, x, best, scratch, tol, SWEEPS, _PATIENCE, work.halt)
     work.spend(sweeps * len(s.form.entries.value))
     return best, sweeps
 
 
-def _solve_apart(apart: Islands, start: Array, tol: float) -> tuple[Array, int]:
+def _solve_apart(apart: Islands, start: Array, tol: float, halt: Ints) -> tuple[Array, int]:
     a, x = apart, apart.inwards(start)
     best = x.copy()
     n = min(int(np.diff(a.first).max()), SMALL)
     vectors = np.empty(max(VECTORS * n, 3 * len(x)))
     scratch = Scratch(np.empty(2 * n * n), vectors, np.empty(4 * n, np.int64))
-    done = each(a.first, a.contacts, a.form, a.b, a.laws, x, best, a.goals(tol), DAMPINGS, scratch)
+    done = each(a.first, a.contacts, a.form, a.b, a.laws, x, best, a.goals(tol), DAMPINGS, scratch, halt)
     return a.outwards(best), done
 
 
-def smooth(system: System, start: Array, b: Array, shift: float, tol: float, sweeps: int) -> Array:
-    """The best iterate of A + shift, with this offset b, in `sweeps` sweeps at most."""
+def smooth(
+    system: System, start: Array, b: Array, shift: float, tol: float, sweeps: int, halt: Ints
+) -> Array:
+    """The best iterate of A + shift, with this offset b, in `sweeps` sweeps at most; see `sweep_until`."""
     s = system
     x, best = start.copy(), start.copy()
     scratch = np.empty((3, max(s.size, 3)))
-    sweep_until(s.form, b, shift, s.laws, x, best, scratch, tol, sweeps, sweeps)
+    sweep_until(s.form, b, shift, s.laws, x, best, scratch, tol, sweeps, sweeps, halt)
     return best
 
 
@@ -124,6 +126,7 @@ def each(
     tol: Reals,
     dampings: Reals,
     scratch: Scratch,
+    halt: Ints,
 ) -> int:
     """Improve x, of which `best` is a copy, island by island; returns the most sweeps and steps of one.
 
@@ -133,6 +136,8 @@ def each(
     square, vectors, order = scratch
     entries, d, most = form.entries, laws.d, 0
     for i in range(len(tol)):
+        if halt[0] != 0:
+            break
         low, high, c, e = first[i], first[i + 1], contacts[i], contacts[i + 1]
         n, f, g = high - low, low - d * c, high - d * e
         rows = Sparse(entries.start[low : high + 1], entries.place, entries.value)
@@ -142,6 +147,7 @@ def each(
             done = sweep_until(
                 own, b[low:high], 0.0, its, x[low:high], best[low:high],
                 vectors[: 3 * max(n, 3)].reshape(3, max(n, 3)), tol[i], SWEEPS, _PATIENCE,
+                halt,
             )  # fmt: skip
         else:
             A = square[: n * n].reshape(n, n)
@@ -248,14 +254,18 @@ def sweep_until(
     tol: float,
     sweeps: int,
     patience: int,
+    halt: Ints,
 ) -> int:
     """Sweep until the residual of x is within tol; `best` (N,) gets the best iterate. Returns the sweeps.
 
-    There are up to `sweeps` of them, or up to `patience` where the last rate of decrease would then suffice.
+    There are up to `sweeps` of them, or up to `patience` where the last rate of decrease would then suffice;
+    none follows once halt (1,) is set.
     """
     y, out = scratch[0], scratch[1]
     least, before = math.inf, math.inf
     for done in range(1, patience + 1):
+        if halt[0] != 0:
+            return done
         _sweep(form, b, shift, laws, _EXACT, x, scratch[2])
         if done > 3 and done % _CHECK:
             continue

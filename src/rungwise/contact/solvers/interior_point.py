@@ -75,7 +75,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
             if reached < least:
                 best, least = trial, reached
         history.append((float(z @ w), found))
-        if least <= tol or _stalled(history, work) or (work.is_spent and done >= _DEAR):
+        if least <= tol or _stalled(history, work) or (work.is_spent and done >= _DEAR) or work.is_halted:
             return best, done
         moved = _advance(cones, z, w, work)
         if moved is None:

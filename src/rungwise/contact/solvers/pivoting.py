@@ -44,7 +44,7 @@ def solve(system: System, start: Array, tol: float, work: Work) -> tuple[Array, 
     unfolded = unfold(system)
     n = len(unfolded.q)
     z = np.empty(n)
-    pivots = pivot(unfolded.M, unfolded.q, coverings(n), 0.3 * tol, z, *workspace(n))
+    pivots = pivot(unfolded.M, unfolded.q, coverings(n), 0.3 * tol, z, *workspace(n), work.halt)
     work.spend(pivots * 2.0 * n**2)
     x = unfolded.folded(z)
     return (x if natural(system, x) < natural(system, start) else start), pivots
@@ -164,12 +164,13 @@ def fold(row: Ints, sign: Reals, origin: Reals, z: Reals, x: Reals) -> None:
 
 @kernel
 def pivot(
-    M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, place: Ints
-) -> int:
+    M: Reals, q: Reals, coverings: Reals, tol: float, best: Reals, z: Reals, tableau: Reals, place: Ints,
+    halt: Ints,
+) -> int:  # fmt: skip
     """Fill `best` (n,) with 0 <= z _|_ M z + q >= 0 as far as found, to `tol`; returns the pivots.
 
     A sweep is enough where unknowns do not depend on each other. Where Lemke's method ends on a ray, few
-    unknowns are tried in every basis, many from other vectors.
+    unknowns are tried in every basis, many from other vectors, until halt (1,) is set.
     """
     n, total = len(q), 0
     for i in range(n):
@@ -179,7 +180,7 @@ def pivot(
         return total
     least = math.inf
     for attempt in range(len(coverings)):
-        ended, pivots = lemke(M, q, coverings[attempt], z, tableau, place)
+        ended, pivots = lemke(M, q, coverings[attempt], z, tableau, place, halt)
         total += pivots
         if ended:
             least = _keep_better(M, q, z, best, least)

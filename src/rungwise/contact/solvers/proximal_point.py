@@ -74,7 +74,7 @@ def _followed(
         goal = max(_ACCURACY * min(found, 1.0), 0.3 * tol)
         trial = x
         if sweeping:
-            trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS)
+            trial = gauss_seidel.smooth(s, x, offset, weight, 0.1 * goal, _SWEEPS, work.halt)
             work.spend(_SWEEPS * len(s.form.entries.value))
         trial, _ = newton.descend(s, A, trial, offset, weight, 0.1 * goal, _INNER, work)
         left, reached = natural(s, trial, offset, weight), natural(s, trial)

@@ -236,7 +236,8 @@ def _pivot(A: Reals, b: Reals, laws: Laws, tol: float, x: Reals) -> int:
     M, q, z = np.zeros((m, m)), np.zeros(m), np.empty(m)
     pivoting.unfold_into(A, b, mu, d, lower, upper, row, sign, origin, M, q)
     done = pivoting.pivot(
-        M, q, np.ones((1, m)), tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64)
-    )
+        M, q, np.ones((1, m)), tol, z, np.empty(m), np.empty((m, m + 2)), np.empty(4 * m + 2, np.int64),
+        np.zeros(1, np.int64),
+    )  # fmt: skip
     pivoting.fold(row, sign, origin, z, x)
     return done

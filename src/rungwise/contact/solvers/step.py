@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import matrix_size, solve_planar
 from rungwise.contact.step.problem import ContactProblem, Elimination, Sizes, Unknowns
+from rungwise.kernel import Ints
 
 NAME = "step"
 
@@ -27,8 +28,9 @@ def accepts(step: ContactProblem) -> bool:
     return True
 
 
-def solve(step: ContactProblem, start: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unknowns (lambda, v, tau) (2 k + n + b,), from `start`, whose modes are guessed from its forces."""
+def solve(step: ContactProblem, start: NDArray[np.float64], halt: Ints) -> NDArray[np.float64]:
+    """Unknowns (lambda, v, tau) (2 k + n + b,), from `start`, whose modes are guessed from its forces, until
+    halt (1,) is set."""
     contacts, n, limited = len(step.mu), len(step.c), len(step.F)
     force, v, tau = (np.array(part) for part in np.split(start, [2 * contacts, 2 * contacts + n]))
     normal, tangential = force[::2], force[1::2]
@@ -38,5 +40,5 @@ def solve(step: ContactProblem, start: NDArray[np.float64]) -> NDArray[np.float6
     mode = np.concatenate([modes, np.full(limited, STICK)]).astype(np.int64)
     size = matrix_size(n, contacts, limited)
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
-    solve_planar(step, Sizes(n, contacts, limited), Unknowns(mode, v, force, tau), room)
+    solve_planar(step, Sizes(n, contacts, limited), Unknowns(mode, v, force, tau), room, halt)
     return np.concatenate([force, v, tau])

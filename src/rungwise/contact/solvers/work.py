@@ -3,6 +3,8 @@ the machine."""
 
 from __future__ import annotations
 
+from rungwise.deadline import Deadline
+
 LIMIT, SLIGHT, SQUARE = 5e10, 1e9, 1e4
 """Multiplications that one call of `rw.solve` may make at most; and those that it may for any problem and
 for each pair of its unknowns. Chosen by trial: three times as many as the hardest solved problems need."""
@@ -25,19 +27,27 @@ def allowed(unknowns: int) -> float:
 
 class Work:
     """Multiplications that may still be made: of factors by their entries to the power 1.5, of sweeps by the
-    entries of the matrix. A solver reports the multiplications it makes, and ends when none are left."""
+    entries of the matrix. A solver reports the multiplications it makes, and ends when none are left, or
+    when the `deadline` has come, whose halt (1,) compiled loops read."""
 
-    def __init__(self, left: float = LIMIT) -> None:
+    def __init__(self, left: float = LIMIT, deadline: Deadline | None = None) -> None:
         self.left = self._whole = left
+        self.deadline = deadline or Deadline()
+        self.halt = self.deadline.halt
+
+    @property
+    def is_halted(self) -> bool:
+        """Whether the time of the call is over."""
+        return bool(self.halt[0] != 0)
 
     @property
     def is_spent(self) -> bool:
-        return not self.left > 0.0
+        return self.is_halted or not self.left > 0.0
 
     @property
     def is_low(self) -> bool:
         """Whether too little work is left to begin anything more."""
-        return self.left < _LOW * self._whole
+        return self.is_halted or self.left < _LOW * self._whole
 
     def spend(self, multiplications: float) -> None:
         self.left -= multiplications
@@ -48,4 +58,4 @@ class Work:
 
     def part(self, share: float = SHARE) -> Work:
         """A share of the remaining work as separate `Work`; its user reports afterwards what was spent."""
-        return Work(max(share * self.left, 0.0))
+        return Work(max(share * self.left, 0.0), self.deadline)

@@ -17,7 +17,7 @@ import numpy as np
 from rungwise.contact.step.modes import STICK
 from rungwise.contact.step.pivoting import solve_by_pivoting
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.kernel import Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 ROUNDS = 20
 """Most convex problems."""
@@ -32,9 +32,9 @@ RESERVES = (0.9, 0.99)
 
 
 @allocating_kernel
-def start_associated(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> bool:
-    """Fill mode, v, force and tau; returns whether the convex problems had a solution. Allocates: it is the
-    exception, not the rule."""
+def start_associated(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, halt: Ints) -> bool:
+    """Fill mode, v, force and tau; returns whether the convex problems had a solution; none has once `halt`
+    (1,) is set. Allocates: it is the exception, not the rule."""
     n, contacts = sizes.n, sizes.contacts
     mode, v, force = unknowns.mode, unknowns.v, unknowns.force
     p = problem
@@ -43,7 +43,7 @@ def start_associated(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) 
     for _ in range(ROUNDS):
         for k in range(contacts):
             p.w[2 * k] = offset[2 * k] + p.mu[k] * abs(slip[k])
-        ended = solve_by_pivoting(p, sizes, unknowns, True)
+        ended = solve_by_pivoting(p, sizes, unknowns, True, halt)
         if not ended:
             break
         change, greatest = 0.0, p.quantum[0]
@@ -57,14 +57,14 @@ def start_associated(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) 
         for k in range(contacts):
             if force[2 * k] > 0.0 and abs(slip[k]) <= STILL * pace:
                 mode[k] = STICK
-        _keep_reserve(p, sizes, STILL * pace, unknowns)
+        _keep_reserve(p, sizes, STILL * pace, unknowns, halt)
     for k in range(contacts):
         p.w[2 * k] = offset[2 * k]
     return ended
 
 
 @allocating_kernel
-def _keep_reserve(p: ContactProblem, sizes: Sizes, still: float, unknowns: Unknowns) -> None:
+def _keep_reserve(p: ContactProblem, sizes: Sizes, still: float, unknowns: Unknowns, halt: Ints) -> None:
     """Where contacts that stick do so with less friction, too, take the forces found then: pivots end at
     sides of cones, where rounding decides whether a contact sticks."""
     n, contacts = sizes.n, sizes.contacts
@@ -74,7 +74,7 @@ def _keep_reserve(p: ContactProblem, sizes: Sizes, still: float, unknowns: Unkno
     for reserve in RESERVES:
         for k in range(contacts):
             p.mu[k] = reserve * mu[k] if mode[k] == STICK else mu[k]
-        sticks = solve_by_pivoting(p, sizes, other, True)
+        sticks = solve_by_pivoting(p, sizes, other, True, halt)
         for r in range(2 * contacts):
             change = 0.0
             for i in range(n):

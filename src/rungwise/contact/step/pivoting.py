@@ -19,7 +19,7 @@ from rungwise.contact.lemke import lemke
 from rungwise.contact.linear import solve_in_place
 from rungwise.contact.step.modes import BACKWARD, FORWARD, OPEN, STICK
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.kernel import Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 ATTEMPTS, GOLDEN, EXACT = 8, 0.5 * (math.sqrt(5.0) - 1.0), 1e-10
 """In the associated law, where bodies may rest, many ratios are equal, and rounding may lead pivots astray:
@@ -28,9 +28,11 @@ ratio, until the law is violated by no more than this, over the greatest load. C
 
 
 @allocating_kernel
-def solve_by_pivoting(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, associated: bool) -> bool:
+def solve_by_pivoting(
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, associated: bool, halt: Ints
+) -> bool:
     """Fill mode, v, force and tau; returns whether pivoting ended at a solution. Allocates: it is the
-    exception, not the rule. `associated`: see `contact.step.associated`."""
+    exception, not the rule. `associated`: see `contact.step.associated`; it ends when `halt` (1,) is set."""
     n, contacts, limited = sizes
     mode, v, force, tau = unknowns
     rows = 2 * contacts + limited
@@ -47,7 +49,8 @@ def solve_by_pivoting(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns,
     for attempt in range(ATTEMPTS if associated else 1):
         for i in range(size if associated else 0):
             covering[i] = 0.5 + (i + 1) * (attempt + 1) * GOLDEN % 1.0
-        ended, _ = lemke(M, q, covering, z, np.empty((size, size + 2)), np.empty(4 * size + 2, np.int64))
+        tableau, place = np.empty((size, size + 2)), np.empty(4 * size + 2, np.int64)
+        ended, _ = lemke(M, q, covering, z, tableau, place, halt)
         if ended and (not associated or _violation(M, q, z) <= EXACT):
             break
     if not ended:

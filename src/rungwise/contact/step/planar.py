@@ -43,10 +43,10 @@ def matrix_size(n: int, contacts: int, limited: int) -> int:
 
 @kernel
 def solve_planar(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, halt: Ints
 ) -> tuple[int, float, int]:
     """Solve, starting from `mode`, `force` and `tau`, into these and v; returns (status, residual, the stage
-    that the chain came to)."""
+    that the chain came to). It ends without when halt (1,) is set."""
     size = _determined_size(problem, sizes, unknowns.mode)
     kept = room.matrix[room.matrix.shape[0] - 2]
     if 0 < size <= LARGE:
@@ -55,10 +55,10 @@ def solve_planar(
         if found <= ENOUGH and exertion(problem, sizes, unknowns) <= WEDGED:
             return SOLVED, found, GUESS
         spread(sizes, kept, unknowns)
-    if _is_squeezed(problem, sizes.n, sizes.contacts):
+    if halt[0] != 0 or _is_squeezed(problem, sizes.n, sizes.contacts):
         _clear(sizes, unknowns)
         return NO_SOLUTION, residual(problem, sizes, unknowns), GUESS
-    found = solve_proximal(problem, sizes, unknowns, room, ENOUGH)
+    found = solve_proximal(problem, sizes, unknowns, room, ENOUGH, halt)
     if found > TOLERANCE and size > LARGE:
         found = solve_by_modes(problem, sizes, unknowns, room, MAX_FLIPS)
     if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:
@@ -66,10 +66,10 @@ def solve_planar(
     if sizes.contacts + sizes.limited == 0:
         return NO_SOLUTION, found, PROXIMAL
     for polish in (True, False):
-        if not solve_by_pivoting(problem, sizes, unknowns, False):
+        if not solve_by_pivoting(problem, sizes, unknowns, False, halt):
             break
         if polish:
-            found = solve_proximal(problem, sizes, unknowns, room, ENOUGH)
+            found = solve_proximal(problem, sizes, unknowns, room, ENOUGH, halt)
         else:
             found = residual(problem, sizes, unknowns)
         if found <= TOLERANCE and exertion(problem, sizes, unknowns) <= WEDGED:

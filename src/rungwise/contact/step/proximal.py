@@ -60,9 +60,15 @@ class Yielding(NamedTuple):
 
 @kernel
 def solve_proximal(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, room: Elimination, enough: float
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    room: Elimination,
+    enough: float,
+    halt: Ints,
 ) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle."""
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle, or
+    halt (1,) is set."""
     n, contacts, limited = sizes
     v = unknowns.v
     rows = 2 * contacts + limited
@@ -82,8 +88,8 @@ def solve_proximal(
     collect(sizes, unknowns, centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
-        if not _settle(problem, sizes, rho, factored, soft, unknowns):
-            if rho >= MOST:
+        if not _settle(problem, sizes, rho, factored, soft, unknowns, halt):
+            if rho >= MOST or halt[0] != 0:
                 break
             rho, factored = min(100.0 * rho, MOST), False
             for i in range(n):
@@ -107,12 +113,20 @@ def solve_proximal(
 
 @kernel
 def _settle(
-    problem: ContactProblem, sizes: Sizes, rho: float, factored: bool, soft: Yielding, unknowns: Unknowns
+    problem: ContactProblem,
+    sizes: Sizes,
+    rho: float,
+    factored: bool,
+    soft: Yielding,
+    unknowns: Unknowns,
+    halt: Ints,
 ) -> bool:
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
     belong to `mode` and `rho`."""
     contacts, limited = sizes.contacts, sizes.limited
     for flips in range(2 * MAX_FLIPS):
+        if halt[0] != 0:
+            return False
         if not factored:
             _impose(problem, sizes, unknowns)
             _give(problem, sizes, rho, soft.give)

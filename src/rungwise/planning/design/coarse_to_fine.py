@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import LADDER, Rung
 from rungwise.outcome import OUTCOMES
 from rungwise.planning.design.tune import Tuner
-from rungwise.planning.motion.propagate import TimeOver
 from rungwise.simulation.options import moving_rung
 from rungwise.world.carriers import TaskError
 

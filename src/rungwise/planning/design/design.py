@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
@@ -16,7 +17,7 @@ from rungwise.plain import cut
 from rungwise.planning.design.coarse_to_fine import Earlier, earlier_rungs, nothing, searched_earlier
 from rungwise.planning.design.tune import GRID, Tuner, centre
 from rungwise.planning.execution.verify import bound_below
-from rungwise.planning.motion.propagate import Budget, TimeOver
+from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load

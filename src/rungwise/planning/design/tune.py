@@ -14,10 +14,11 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt
 from scipy.stats import norm
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
-from rungwise.planning.motion.propagate import Budget, TimeOver
+from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.task.task import fields_of, numbers_at
 from rungwise.scene.contract import AnyScene
 from rungwise.sets.cells.labels import Label

@@ -12,10 +12,11 @@ from dataclasses import asdict, dataclass, fields
 from itertools import combinations
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from rungwise.deadline import Deadline
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
@@ -27,7 +28,7 @@ from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
 from rungwise.world.find import world_of
 from rungwise.world.ingredients import BALANCE, INGREDIENTS, Motion, Parting, Variant
-from rungwise.world.run import simulate
+from rungwise.world.run import finished, simulation_of
 
 CLOSES = 0.2
 """The part of the distance between two motions that may be left for a change to count as the cause."""
@@ -38,7 +39,17 @@ MOMENTS = 400
 NOTHING = "no difference"
 WIDE = 98
 """Columns of a table."""
-_Look: TypeAlias = "Callable[[Any], None] | None"
+
+
+class Watch(NamedTuple):
+    """What is called about ten times a second while runs go on, if anything is, and when they end with
+    TimeOver."""
+
+    on_progress: Callable[[Any], None] | None = None
+    deadline: Deadline = Deadline()
+
+
+_ALONE = Watch()
 
 
 @dataclass(frozen=True)
@@ -131,7 +142,18 @@ def diagnose(
     the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten
     times a second with the run that is made. Raises SceneError for wrong input.
     """
-    loaded = load(scene)
+    return diagnosed(
+        load(scene), before, after, Watch(on_progress), inputs=inputs, parameters=parameters,
+        other_parameters=other_parameters, tol=tol, other_tol=other_tol,
+    )  # fmt: skip
+
+
+def diagnosed(
+    loaded: AnyScene, before: Rung | str, after: Rung | str, watch: Watch, *,
+    inputs: Sequence[Segment], parameters: Mapping[str, float] | None,
+    other_parameters: Mapping[str, float] | None = None, tol: float | None, other_tol: float | None,
+) -> Diagnosis:  # fmt: skip
+    """See `diagnose`."""
     own = world_of(loaded).at(loaded.parameters(parameters)).moved
     accuracy = 1e-4 * own.size if tol is None else tol
     other_accuracy = accuracy if other_tol is None else other_tol
@@ -140,7 +162,7 @@ def diagnose(
     world = world_of(loaded)
     a = world.variant(one, rung(before), accuracy)
     b = world.variant(other, rung(after), other_accuracy)
-    return compare(a, b, inputs, own.weights, own.size, on_progress)
+    return compare(a, b, inputs, own.weights, own.size, watch)
 
 
 def differing(a: Variant, b: Variant) -> tuple[str, ...]:
@@ -149,18 +171,18 @@ def differing(a: Variant, b: Variant) -> tuple[str, ...]:
 
 
 def compare(
-    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, size: float, look: _Look = None
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, size: float, watch: Watch = _ALONE
 ) -> Diagnosis:
     """Why the motion in world b differs from the motion in world a; weights (n,) of coordinates, and the size
-    of what moves; `look` is called while runs go on."""
+    of what moves; `watch`: see there."""
     names = differing(a, b)
-    runs, (first, last), until = both(a, b, inputs, weights, look)
+    runs, (first, last), until = both(a, b, inputs, weights, watch)
     motions = {frozenset[str](): first, frozenset(names): last}
     distance = distances(first, last, until)[0]
     causes: tuple[str, ...] = ()
     left: dict[str, float] = {}
     if distance > APART * size:
-        causes, left = _least(a, b, names, inputs, weights, motions, distance, until, look)
+        causes, left = _least(a, b, names, inputs, weights, motions, distance, until, watch)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
     details = world_of(a.scene).evidence(Parting((a, b), (first, last), time, body, size), causes)
@@ -172,15 +194,15 @@ def compare(
 
 
 def both(
-    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, look: _Look = None
+    a: Variant, b: Variant, inputs: Sequence[Segment], weights: Reals, watch: Watch = _ALONE
 ) -> tuple[tuple[Any, Any], tuple[Motion, Motion], float]:
     """The runs in two worlds; the motions without conditions, which do not end at a goal; and the time until
     which they are compared, when both runs have ended."""
-    runs = _run(a, inputs, look), _run(b, inputs, look)
+    runs = _run(a, inputs, watch), _run(b, inputs, watch)
     until = max(run.time for run in runs)
     whole = frozenset(differing(a, b))
     motions = [
-        _motion(a.mixed(b, taken), inputs, weights, until, look) for taken in (frozenset[str](), whole)
+        _motion(a.mixed(b, taken), inputs, weights, until, watch) for taken in (frozenset[str](), whole)
     ]
     return runs, (motions[0], motions[1]), until
 
@@ -194,7 +216,7 @@ def _name(world: Variant, other: Variant) -> str:
 def _least(
     a: Variant, b: Variant, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
     motions: dict[frozenset[str], Motion], distance: float, until: float,
-    look: _Look,
+    watch: Watch,
 ) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
     """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals; and
     what each set that was tried left."""
@@ -204,7 +226,7 @@ def _least(
         for taken in combinations(names, size):
             key = frozenset(taken)
             if key not in motions:
-                motions[key] = _motion(a.mixed(b, key), inputs, weights, until, look)
+                motions[key] = _motion(a.mixed(b, key), inputs, weights, until, watch)
             part = distances(motions[key], last, until)[0] / distance
             left[" + ".join(taken)] = part
             if part <= CLOSES:
@@ -215,20 +237,21 @@ def _least(
     return tuple(names), left
 
 
-def _run(world: Variant, inputs: Sequence[Segment], look: _Look) -> Any:
-    run = simulate(
-        world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol,
-        on_progress=look,
-    )  # fmt: skip
+def _run(world: Variant, inputs: Sequence[Segment], watch: Watch) -> Any:
+    simulation = simulation_of(
+        world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol
+    )
+    simulation.deadline = watch.deadline
+    run = finished(simulation, watch.on_progress)
     if not run.began:
         raise SceneError(run.reason)
     return run
 
 
-def _motion(world: Variant, inputs: Sequence[Segment], weights: Reals, until: float, look: _Look) -> Motion:
+def _motion(world: Variant, inputs: Sequence[Segment], weights: Reals, until: float, watch: Watch) -> Motion:
     """The motion up to this time: what comes after both runs have ended, at their goals or elsewhere, does
     not matter."""
-    data = _run(world, inputs, look).trajectory
+    data = _run(world, inputs, watch).trajectory
     data = data.isel(time=slice(int(np.searchsorted(data.time.values, until)) + 1))
     return Motion(data.time.values, data.position.values * weights, data)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.cluster import Cluster
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -21,7 +22,7 @@ from rungwise.outcome import Code
 from rungwise.plain import cut
 from rungwise.planning.execution.guards import guarded
 from rungwise.planning.execution.trials import Trials, trials_at
-from rungwise.planning.motion.propagate import Budget, TimeOver
+from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.plan import GUARDED, OPEN_LOOP, PLACES_ONLY, RE_PLANNING, Plan
 from rungwise.planning.task.task import fields_of
 from rungwise.scene.fields.values import shown

@@ -108,8 +108,10 @@ def untouched(work: Work, before: Plan, stage: Stage) -> Diagnosis | None:
     hold = Segment(dict(zip(names, work.task.before.tolist(), strict=True)), work.task.duration[1])
     run = simulate(
         scene, stage.model, parameters=work.task.parameters, tol=stage.tol * work.size, inputs=[hold],
-        on_progress=work.budget.look,
+        limit=work.budget.seconds, on_progress=work.budget.look,
     )  # fmt: skip
+    if run.outcome.code == Code.RUNNING:
+        work.budget.look()
     if run.outcome.code in (Code.GOAL, Code.INVALID):
         return None
     way = np.array([work.start.q[0], *before.waypoints])

@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import Deadline, TimeOver
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.outcome import Code
-from rungwise.planning.diagnosis.diagnose import APART, Diagnosis, diagnose
+from rungwise.planning.diagnosis.diagnose import APART, Diagnosis, Watch, diagnosed
 from rungwise.planning.execution.robust import made_robust
 from rungwise.planning.execution.verify import CONFIDENCE, bound_below
 from rungwise.planning.lift.geometric_stage import NOTHING, in_the_way, nowhere, place, put, untouched
@@ -23,7 +24,7 @@ from rungwise.planning.lift.initial import Initial, begun_with
 from rungwise.planning.lift.repair import HELD, Before, Lifted, on_stage
 from rungwise.planning.lift.stages import Schedule, stages, usual
 from rungwise.planning.motion.placements import needs_forces
-from rungwise.planning.motion.propagate import Budget, Stage, TimeOver
+from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.plan import Plan, Record, installed, with_record
 from rungwise.planning.search.improve import better, cost_of
 from rungwise.planning.search.layout import Course, is_by_modes
@@ -356,7 +357,10 @@ def _confirmed(work: Work, found: Plan, last: Stage) -> Plan:
 
 
 def _is_confirmed(work: Work, plan: Plan) -> bool:
-    run = plan.replay(tol=TENTH * plan.tol, on_progress=work.budget.look)
+    budget = work.budget
+    run = plan.replay(tol=TENTH * plan.tol, limit=budget.seconds, on_progress=budget.look)
+    if run.outcome.code == Code.RUNNING:
+        budget.look()
     return bool(run.outcome.code == Code.GOAL)
 
 
@@ -379,10 +383,10 @@ def _diagnosis(work: Work, before: Plan, stage: Stage) -> list[Diagnosis]:
         if not before.stage.model.moves:
             told = untouched(work, before, stage)
             return [] if told is None else [told]
-        found = diagnose(
-            work.task.scene, before.stage.model, stage.model, inputs=before.segments, tol=before.tol,
-            other_tol=stage.tol * work.size, parameters=work.task.parameters,
-            on_progress=work.budget.look,
+        watch = Watch(work.budget.look, Deadline.at(work.budget.ends))
+        found = diagnosed(
+            work.task.scene, before.stage.model, stage.model, watch, inputs=before.segments,
+            tol=before.tol, other_tol=stage.tol * work.size, parameters=work.task.parameters,
         )  # fmt: skip
     except TimeOver:
         return []  # the plan counts without its diagnosis

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
@@ -13,7 +14,7 @@ from rungwise.planning.modes.ground import Ground
 from rungwise.planning.modes.guide import guide
 from rungwise.planning.modes.tree import propose
 from rungwise.planning.motion.placements import placed_part
-from rungwise.planning.motion.propagate import GOES_ON, Predictor, TimeOver
+from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.problem import Found, Work
 from rungwise.planning.search.search import search, search_once
 from rungwise.world.contract import OUTLINES

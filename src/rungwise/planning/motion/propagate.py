@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -65,10 +66,6 @@ class Ends(NamedTuple):
     at: Callable[[int, Ints], Places]
 
 
-class TimeOver(Exception):
-    """The time that a search has is over; what was found before counts."""
-
-
 class Budget:
     """Simulated steps by stage, refused ones included, and outcomes of moves; `left`: whether there are
     more, and time is left of `limit` seconds. `tell` is called about ten times a second while runs go on."""
@@ -82,7 +79,7 @@ class Budget:
     def look(self, _done: object = None) -> None:
         """Called again and again while runs go on. Raises TimeOver."""
         if not self.is_in_time():
-            raise TimeOver
+            raise TimeOver("in a search")
         self.announce()
 
     def announce(self, _done: object = None) -> None:

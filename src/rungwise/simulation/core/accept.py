@@ -160,3 +160,10 @@ def _product(row: Reals, v: Reals) -> float:
     for i in range(len(row)):
         total += row[i] * v[i]
     return total
+
+
+@kernel
+def fill_pace(v: Reals, speed: Reals, fall: Reals, h: float, pace: Reals) -> None:
+    """How fast coordinates (n,) may be within a step: as they are, as they are driven, and as they fall."""
+    for i in range(len(pace)):
+        pace[i] = max(abs(v[i]), abs(speed[i])) + h * abs(fall[i])

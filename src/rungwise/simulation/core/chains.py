@@ -11,7 +11,7 @@ from rungwise.system.terms import Terms
 
 @imported_kernel("rungwise.contact.solvers.plane.chain")
 def solve_sparse(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints, halt: Ints
 ) -> tuple[int, float, int]:
     """Solve the step's problem of many bodies in the plane, as `solve_planar`."""
     raise NotImplementedError
@@ -24,7 +24,9 @@ def correct_many(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> N
 
 
 @imported_kernel("rungwise.contact.solvers.space.chain")
-def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> tuple[int, float, int]:
+def solve_spatial(
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, halt: Ints
+) -> tuple[int, float, int]:
     """Solve the step's problem where contacts have three directions; v holds velocities to start from."""
     raise NotImplementedError
 
@@ -36,8 +38,10 @@ def solve_in_plane(
     """Solve from the modes and forces of the scratch, into these; returns as `solve_planar`."""
     unknowns = unknowns_in(scratch)
     if is_crowded(terms.entries):
-        return solve_sparse(problem, sizes, unknowns, terms.entries.columns, terms.entries.couplings)
-    return solve_planar(problem, sizes, unknowns, elimination_in(scratch))
+        return solve_sparse(
+            problem, sizes, unknowns, terms.entries.columns, terms.entries.couplings, scratch.halt
+        )
+    return solve_planar(problem, sizes, unknowns, elimination_in(scratch), scratch.halt)
 
 
 @inner_kernel

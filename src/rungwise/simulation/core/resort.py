@@ -7,6 +7,7 @@ from rungwise.contact.judge import Certificate, check_in_space
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem
+from rungwise.deadline import Deadline
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.simulation.core.state import Scratch, State
 from rungwise.system.terms import Terms
@@ -22,11 +23,11 @@ RAN_AWAY = (
 
 
 def ask(
-    problem: ContactProblem, terms: Terms, state: State, scratch: Scratch
+    problem: ContactProblem, terms: Terms, state: State, scratch: Scratch, deadline: Deadline
 ) -> tuple[bool, Certificate | None]:
     """Whether `rw.solve` solves a step's problem, and else the checked certificate of a jam, if there is one.
-    The forces of a solution become the forces to start from."""
-    answer = solve(problem)
+    The forces of a solution become the forces to start from. Raises TimeOver."""
+    answer = solve(problem, limit=deadline.seconds)
     if answer.status == Status.SOLVED:
         for k, force in enumerate(answer.r.reshape(-1, IN_SPACE)):
             slot = scratch.slots[k]
@@ -34,6 +35,7 @@ def ask(
             state.force[slot] = terms.lever[k] * force
         scratch.limited_force[: len(answer.z)] = answer.z
         return True, None
+    deadline.look_in_proof()
     if answer.status != Status.JAMMED or answer.certificate is None:
         return False, None
     found = Certificate("frictional", answer.certificate.vectors, answer.certificate.modes)

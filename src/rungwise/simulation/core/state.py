@@ -54,7 +54,8 @@ class Scratch(Block):
     """Workspace of one step: the solution x of the free coordinates, all velocities, forces and modes of the
     contacts and limited rows, the slot of each contact, the solver's matrix, a deformation, in `hard` the
     notes of `notes.note`, if it has room, and the rows of limit surfaces. `other` (n + 1,) is another motion
-    that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none."""
+    that solved a step in which bodies were held, the first such in a run, and when; -1 if there is none.
+    `halt` (1,) is set from outside where the step is to be given up."""
 
     x: Reals
     v_new: Reals
@@ -69,6 +70,7 @@ class Scratch(Block):
     hard: Reals
     support: RecordArray
     other: Reals
+    halt: Ints
 
 
 class Trial(NamedTuple):
@@ -136,4 +138,5 @@ def scratch_arrays(
         "hard": np.zeros(notes),
         "support": np.zeros(limited, SUPPORT),
         "other": np.append(np.zeros(n), -1.0),
+        "halt": np.zeros(1, np.int64),
     }

@@ -235,14 +235,14 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     for r in range(limited):
         scratch.mode[contacts + r] = scratch.limited_mode[r]
     unknowns = unknowns_in(scratch)
-    if convex and not start_associated(problem, sizes, unknowns):
+    if convex and not start_associated(problem, sizes, unknowns, scratch.halt):
         return NO_SOLUTION
     if state.clock[0].surfaces:
         status, found, stage = solve_supported(sizes, terms, state, scratch, problem)
     elif d == 2:
         status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
     else:
-        status, found, stage = solve_spatial(problem, sizes, unknowns)
+        status, found, stage = solve_spatial(problem, sizes, unknowns, scratch.halt)
     state.clock[0].residual = found
     if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
         note(problem, sizes, status, stage, state, scratch)

@@ -17,10 +17,11 @@ import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
 from rungwise.contact.step import ContactProblem, allocate_problem, trim
-from rungwise.kernel import Reals, kernel, steady
+from rungwise.deadline import Deadline, go_on
+from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
-from rungwise.simulation.core.accept import accept, forget
+from rungwise.simulation.core.accept import accept, fill_pace, forget
 from rungwise.simulation.core.balance import NEAR, keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
 from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
@@ -75,7 +76,8 @@ class Stepper:
     Python reads it fastest. `leaps` are those of steps without momentum, `leapt` the last step's or 0,
     `snaps` whether the run ended because a leap goes on; `outran` is the first step that was shortened
     because things moved too far in it; `crawl` says what keeps steps short, and `lack` what the last attempt
-    of a run that is NOT_CONVERGED lacks.
+    of a run that is NOT_CONVERGED lacks. Steps raise TimeOver where the `deadline` has come, or the
+    scratch's halt is set; then none was taken.
     """
 
     system: System
@@ -89,6 +91,7 @@ class Stepper:
     leaps: list[Leap] = field(default_factory=list)
     outran: Leap | None = None
     lack: str = ""
+    deadline: Deadline = field(default_factory=Deadline)
     q: Reals = field(init=False)
     state: State = field(init=False)
     scratch: Scratch = field(init=False)
@@ -274,8 +277,10 @@ class Stepper:
         return self.snaps
 
     def _again(self, h: float) -> int:
-        """Solve the problem of a step of length h from the terms that there are."""
-        return int(self._solve(self._tried(h)))
+        """Solve the problem of a step of length h from the terms that there are. Raises TimeOver."""
+        status = int(self._solve(self._tried(h)))
+        go_on(self.scratch.halt)
+        return status
 
     def _tried(self, h: float) -> Trial:
         return Trial(self._record, h, self.terms, self.contacts, self.state, self.scratch, self.problem)
@@ -376,13 +381,13 @@ class Stepper:
         if status == UNSUPPORTED:
             grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
             resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
-            self.certificate = certify_unsupported(problem, resisting)
+            self.certificate = certify_unsupported(problem, resisting, self.deadline)
             self.outcome = Code.UNSUPPORTED
         else:
             problem = without_law(problem, terms, state.free, self.rung.inertia)
-            self.certificate = certify_infeasible(problem)
+            self.certificate = certify_infeasible(problem, self.deadline)
             if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
-                solved, self.certificate = ask(problem, terms, state, self.scratch)
+                solved, self.certificate = ask(problem, terms, state, self.scratch, self.deadline)
                 if solved:
                     return False
             self.outcome = Code.JAMMED
@@ -391,10 +396,3 @@ class Stepper:
             overlaps = self._cause == OVERLAPPING
             self.lack = lacking(status == UNSUPPORTED, overlaps, float(clock["residual"]))
         return True
-
-
-@kernel
-def fill_pace(v: Reals, speed: Reals, fall: Reals, h: float, pace: Reals) -> None:
-    """How fast coordinates (n,) may be within a step: as they are, as they are driven, and as they fall."""
-    for i in range(len(pace)):
-        pace[i] = max(abs(v[i]), abs(speed[i])) + h * abs(fall[i])

@@ -222,7 +222,7 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
     unknowns = Unknowns(scratch.mode, scratch.x, scratch.contact_force, scratch.limited_force)
     size = matrix_size(n, count, limited)
     room = Elimination(np.zeros((size, size + 1)), np.zeros(size, np.int64))
-    solve_planar(work.problem, Sizes(n, count, limited), unknowns, room)
+    solve_planar(work.problem, Sizes(n, count, limited), unknowns, room, scratch.halt)
     problem = trim(work.problem, n, count, limited)
     contact = Sensitivity(
         problem, scratch.x[:n].copy(), scratch.contact_force[: 2 * count].copy(),

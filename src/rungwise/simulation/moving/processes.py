@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from rungwise.deadline import Deadline, TimeOver
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
@@ -166,13 +166,18 @@ def _ran(terms: Terms, sample: Sample) -> Sampled:
     begun, solved = simulation.steps, int(stepper.clock["solves"])
     worked = float(stepper.clock["drive_work"])
     ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
-    while simulation.outcome == Code.RUNNING:
-        simulation.take()
-        if ends is not None:
-            ends.note()
-        spent = simulation.steps - begun >= terms.budget or time.monotonic() > terms.ends
-        if simulation.outcome == Code.RUNNING and spent:
-            simulation.outcome = Code.NOT_CONVERGED
+    simulation.deadline = Deadline.at(terms.ends)
+    try:
+        with simulation.running(stepper):
+            while simulation.outcome == Code.RUNNING and simulation.steps - begun < terms.budget:
+                simulation.deadline.look()
+                simulation.take()
+                if ends is not None:
+                    ends.note()
+    except TimeOver:
+        pass  # it has not converged
+    if simulation.outcome == Code.RUNNING:
+        simulation.outcome = Code.NOT_CONVERGED
     return _sampled(simulation, stepper, solved, worked, ends)
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -111,14 +112,26 @@ class MovingSimulation(Turns, Kind):
         return 0.0 if self.stepper is None else self.stepper.time
 
     def advance(self) -> bool:
-        """Take steps for about `TURN_S`; returns whether the run goes on."""
+        """Take steps for about `TURN_S`; returns whether the run goes on. Raises TimeOver."""
         if self.outcome != Code.RUNNING or self.stepper is None:
             return False
         began = time.perf_counter()
-        while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
-            self.take()
-        self.wall_s += time.perf_counter() - began
+        try:
+            with self.running(self.stepper):
+                while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
+                    self.take()
+        finally:
+            self.wall_s += time.perf_counter() - began
+        if self.outcome == Code.RUNNING:
+            self.deadline.look()
         return self.outcome == Code.RUNNING
+
+    @contextmanager
+    def running(self, stepper: Stepper) -> Iterator[None]:
+        """Within the context steps raise TimeOver where the deadline has come."""
+        stepper.deadline = self.deadline
+        with self.deadline.running(stepper.scratch.halt):
+            yield
 
     def steps_taken(self, count: int) -> int:
         """Take at most so many steps; returns how many, fewer where the run has ended."""

@@ -179,7 +179,10 @@ def advance(setting: Setting, workspace: Workspace, turns: int, signals: Ints) -
     for _ in range(turns):
         if clock.outcome != RUNNING or signals[STOPPED] != 0:
             break
+        steps = clock.steps
         clock.outcome = run_step(setting, workspace)
+        if clock.steps == steps and clock.outcome == RUNNING:
+            break
         record(records, rung, workspace, clock.outcome != RUNNING)
     return clock.outcome
 
@@ -202,7 +205,8 @@ def first_verdict(setting: Setting, workspace: Workspace) -> int:
 @kernel
 def run_step(setting: Setting, workspace: Workspace) -> int:
     """Take one step, halved as long as it has no solution; a step longer than a nominal step ends before a
-    condition holds, so that the condition's beginning is known to a nominal step."""
+    condition holds, so that the condition's beginning is known to a nominal step. None is taken where it is
+    halted first."""
     records, inputs, conditions, buffer, rung, control = setting
     state = workspace.state
     clock = state.clock[0]
@@ -219,10 +223,14 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
     if guarded or lasting:
         keep(workspace, workspace.kept)
     for _ in range(MAX_HALVINGS):
+        if workspace.scratch.halt[0] != 0:
+            return RUNNING
         h, moving = set_speeds(records, inputs, buffer, rung, workspace, h)
         if not clock.time + h > clock.time:
             return NOT_CONVERGED
         status, h, following = controlled_step(records, inputs, buffer, rung, control, workspace, h)
+        if status != TAKEN and workspace.scratch.halt[0] != 0:
+            return RUNNING
         if status == TAKEN:
             if rung[0].metric:
                 _note_leap(records, h, state)

@@ -198,6 +198,8 @@ def _run(
             outcome = NOT_CONVERGED
             break
         outcome = run_step(setting, workspace)
+        if workspace.scratch.halt[0] != 0 and outcome == RUNNING:
+            return RUNNING
         best, danger = _watch(conditions, workspace, best, danger)
         ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rungwise.contact.judge import Balance, Certificate, certify_infeasible, certify_or_balance
 from rungwise.contact.step import OPEN, ContactProblem, keep_contacts, trim
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -54,9 +55,10 @@ class Reasons:
     control: RecordArray
     workspace: Workspace
 
-    def explain(self, code: Code) -> Ended:
+    def explain(self, code: Code, deadline: Deadline = NEVER) -> Ended:
         """The outcome that the loop found, with its reason; a jam or a missing support must be proved, else
-        the run is not converged."""
+        the run is not converged. Raises TimeOver where the deadline has come in the search for a
+        proof."""
         outcome = OUTCOMES[code]
         clock = self.workspace.state.clock[0]
         reason = f"{outcome.meaning}. {advice(outcome, self.model, self.scene.file.goal is not None)}"
@@ -75,10 +77,10 @@ class Reasons:
             problem = without_law(
                 problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
             )
-            certificate = certify_infeasible(problem)
+            certificate = certify_infeasible(problem, deadline)
         elif code == Code.UNSUPPORTED:
             problem, _ = self._unsupported()
-            certificate, balance = certify_or_balance(problem, self.resisting())
+            certificate, balance = certify_or_balance(problem, self.resisting(), deadline)
         if certificate is None:
             return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem, balance)
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"

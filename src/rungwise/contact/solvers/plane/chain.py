@@ -27,7 +27,12 @@ from rungwise.kernel import Ints, allocating_kernel
 
 @allocating_kernel
 def solve_sparse(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints
+    problem: ContactProblem,
+    sizes: Sizes,
+    unknowns: Unknowns,
+    columns: Ints,
+    couplings: Ints,
+    halt: Ints,
 ) -> tuple[int, float, int]:
     """Solve as `solve_planar`, with the same results. Contact k has entries in the columns of two spans,
     `columns` (k, 4), a row of H in the stretch `couplings` (n, 2)."""
@@ -37,14 +42,14 @@ def solve_sparse(
         unknowns.mode[: contacts + limited].copy(), np.zeros(n), unknowns.force[: 2 * contacts].copy(),
         unknowns.tau[:limited].copy(),
     )  # fmt: skip
-    if _solve_apart(whole, found):
+    if _solve_apart(whole, found, halt):
         error = residual_of(whole, found)
         if error <= TOLERANCE and exertion_of(whole, found) <= WEDGED:
             unknowns.mode[: contacts + limited] = found.mode
             unknowns.v[:n], unknowns.force[: 2 * contacts] = found.v, found.force
             unknowns.tau[:limited] = found.tau
             return SOLVED, error, PROXIMAL
-    return solve_planar(problem, sizes, unknowns, _room(sizes))
+    return solve_planar(problem, sizes, unknowns, _room(sizes), halt)
 
 
 @allocating_kernel
@@ -60,15 +65,15 @@ def _room(sizes: Sizes) -> Elimination:
 
 
 @allocating_kernel
-def _solve_apart(whole: Part, found: Unknowns) -> bool:
+def _solve_apart(whole: Part, found: Unknowns, halt: Ints) -> bool:
     """Solve island after island, until one is left unsolved; returns whether none is."""
     apart = cut(whole)
     islands, contacts = len(apart.start) - 1, len(whole.mu)
     if islands == 1:
-        return bool(solve_part(whole, found, ENOUGH) <= TOLERANCE)
+        return bool(solve_part(whole, found, ENOUGH, halt) <= TOLERANCE)
     for i in range(islands):
         part, own = island(whole, apart, i), guess(apart, i, found, contacts)
-        if not solve_part(part, own, ENOUGH) <= TOLERANCE:
+        if not solve_part(part, own, ENOUGH, halt) <= TOLERANCE:
             return False
         hand_back(apart, i, own, found, contacts)
     return True

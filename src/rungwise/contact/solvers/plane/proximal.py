@@ -21,7 +21,7 @@ from rungwise.contact.step.mode_newton import sign
 from rungwise.contact.step.modes import OPEN, STICK
 from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import FIRST, LEAST, MAX_FLIPS, MAX_ROUNDS, MOST, STILL, TARGET, WEDGED
-from rungwise.kernel import Reals, allocating_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 
 class Yielding(NamedTuple):
@@ -37,8 +37,9 @@ class Yielding(NamedTuple):
 
 
 @allocating_kernel
-def solve_part(part: Part, unknowns: Unknowns, enough: float) -> float:
-    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle."""
+def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> float:
+    """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle or
+    halt (1,) is set."""
     n, contacts, limited = len(part.c), len(part.mu), len(part.F)
     v, rows = unknowns.v, 2 * contacts + limited
     soft = Yielding(
@@ -51,6 +52,8 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float) -> float:
     _collect(unknowns, contacts, limited, soft.centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
+        if halt[0] != 0:
+            break
         if not _settle(part, rho, factored, soft, matrix, unknowns):
             if rho >= MOST:
                 break

@@ -27,7 +27,7 @@ from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual_in_space import residual_in_space
-from rungwise.kernel import Reals, allocating_kernel, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
 """Residual asked of an island, and residual that is enough where it takes many steps to come closer, over the
@@ -66,10 +66,12 @@ class Room(NamedTuple):
 
 
 @allocating_kernel
-def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> tuple[int, float, int]:
+def solve_spatial(
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, halt: Ints
+) -> tuple[int, float, int]:
     """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that
     slips is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
-    velocities are zero, and the residual is the least that was found."""
+    velocities are zero, and the residual is the least that was found. It ends so when `halt` (1,) is set."""
     n, contacts, limited = sizes
     _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
@@ -123,7 +125,8 @@ def solve_spatial(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> 
     for polishes in (False, True):
         low, first = 0, 0
         for i in range(islands):
-            touching = Island(bodies, groups, Span(low, island[i, 0], first, island[i, 1]), p.quantum[0])
+            span = Span(low, island[i, 0], first, island[i, 1])
+            touching = Island(bodies, groups, span, p.quantum[0], halt)
             low, first = touching.span.high, touching.span.last
             if polishes:
                 descend(touching, GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
@@ -243,7 +246,7 @@ def _by_path(island: Island, room: Room) -> bool:
     begin(island, point, duals, steps)
     finish, earlier, before = _FINISH, math.inf, math.inf
     for done in range(_PATH):
-        if not advance(island, point, duals, steps):
+        if island.halt[0] != 0 or not advance(island, point, duals, steps):
             break
         found = residual_at(island, point, steps)
         if done % _WINDOW == 0:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from rungwise.contact.solvers.space.rows import Bodies, Groups
 from rungwise.contact.step.residual import FLOOR, REST, ROUNDING
-from rungwise.kernel import Reals, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 
 class Span(NamedTuple):
@@ -23,12 +23,14 @@ class Span(NamedTuple):
 
 
 class Island(NamedTuple):
-    """Bodies that touch, among all bodies and groups of a problem, with the quantum of the problem."""
+    """Bodies that touch, among all bodies and groups of a problem, with the quantum of the problem; halt (1,)
+    is set from outside where the work is to end."""
 
     bodies: Bodies
     groups: Groups
     span: Span
     quantum: float
+    halt: Ints
 
 
 class Point(NamedTuple):
@@ -45,7 +47,7 @@ class Point(NamedTuple):
 def measure(island: Island, point: Point, scale: Reals) -> float:
     """The residual (see `contact.step.residual`) of an island whose rates, without hold, are known; `scale`
     (n,) is scratch. It is measured against the island's own forces and velocities: no less than there."""
-    bodies, groups, (low, high, first, last), quantum = island
+    bodies, groups, (low, high, first, last), quantum, _ = island
     v, x, u = point.v, point.x, point.u
     speed, largest, rest, floor = quantum, 0.0, 0.0, math.inf
     for r in range(groups.row[first], groups.row[last]):

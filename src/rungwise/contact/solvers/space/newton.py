@@ -50,7 +50,7 @@ class Steps(NamedTuple):
 def evaluate(island: Island, hold: float, point: Point, steps: Steps) -> float:
     """Fill rates, imbalance, map and its slopes at a point; returns the size of the map, in the norm of
     yields: energy."""
-    bodies, groups, (low, high, first, last), _ = island
+    bodies, groups, (low, high, first, last), _, _ = island
     v, x, F, u, G = point
     centre, slope = steps.centre, steps.slope
     for i in range(low, high):
@@ -193,7 +193,7 @@ def prepare(island: Island, give: float, hold: float, steps: Steps) -> bool:
 @kernel
 def assemble(island: Island, steps: Steps) -> bool:
     """Factorise H + W^T E W; False where it is singular."""
-    bodies, groups, (low, high, first, last), _ = island
+    bodies, groups, (low, high, first, last), _, _ = island
     n, d = high - low, groups.R.shape[1]
     K = steps.matrix[: n * n].reshape(n, n)
     for i in range(n):
@@ -222,7 +222,7 @@ def assemble(island: Island, steps: Steps) -> bool:
 @kernel
 def find_step(island: Island, point: Point, steps: Steps) -> None:
     """Fill dv and dx, from the map at the point and the last factors."""
-    _, groups, (low, high, first, last), _ = island
+    _, groups, (low, high, first, last), _, _ = island
     n, d = high - low, groups.R.shape[1]
     dv, dx, inverse, F = steps.dv, steps.dx, steps.inverse, point.F
     for i in range(low, high):

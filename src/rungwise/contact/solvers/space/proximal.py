@@ -42,7 +42,7 @@ def approach(
     found = residual_at(island, point, steps)
     least, earlier, proportion = found, math.inf, 1.0
     for done in range(most):
-        if found <= tol or not found < math.inf:
+        if found <= tol or not found < math.inf or island.halt[0] != 0:
             break
         if done % _WINDOW == 0:
             if least > _STALLED * earlier:

@@ -36,7 +36,7 @@ class Answers(NamedTuple):
 @kernel
 def respond(island: Island, answers: Answers) -> None:
     """Fill the answers of an island; those of an island start where its rows' entries would in a full W."""
-    bodies, groups, span, _ = island
+    bodies, groups, span, _, _ = island
     n, L, first, last = len(bodies.c), bodies.factor, bodies.first, bodies.last
     answers.column[span.first], answers.entry[span.first] = n * span.first, n * groups.row[span.first]
     for g in range(span.first, span.last):
@@ -80,7 +80,7 @@ def respond(island: Island, answers: Answers) -> None:
 @kernel
 def accelerate(island: Island, point: Point) -> None:
     """Velocities of the forces x: v = H^-1 (c + W^T x)."""
-    bodies, groups, span, _ = island
+    bodies, groups, span, _, _ = island
     v, x = point.v, point.x
     for i in range(span.low, span.high):
         v[i] = bodies.c[i]

@@ -1,0 +1,104 @@
+"""When a call ends: looked at between steps, between parts of a proof, and within compiled loops."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from rungwise.errors import InputError
+from rungwise.kernel import Ints
+
+STEPPING, PROVING = "within a step", "in the search for a proof"
+EARLY_S = 1e-3
+"""How long an alarm that is early waits before it looks at the clock again."""
+
+
+class TimeOver(Exception):
+    """The time that a call has is over; what was found before counts. The text says what was being done."""
+
+
+class Deadline:
+    """The end of a call by the monotonic clock, `limit` seconds from now; never without a limit.
+
+    halt (1,) is set when it has come, within the context of `running`: compiled loops read it."""
+
+    def __init__(self, limit: float | None = None) -> None:
+        self.ends = math.inf if limit is None else time.monotonic() + limit
+        self.halt = np.zeros(1, np.int64)
+        self._cells = [self.halt]
+
+    @classmethod
+    def at(cls, ends: float) -> Deadline:
+        """A deadline at this time of the monotonic clock."""
+        made = cls()
+        made.ends = ends
+        return made
+
+    @property
+    def is_over(self) -> bool:
+        return self.ends < math.inf and not time.monotonic() < self.ends
+
+    def look(self) -> None:
+        """Raises TimeOver where it has come."""
+        if self.is_over:
+            raise TimeOver(STEPPING)
+
+    def look_in_proof(self) -> None:
+        """The same within the search for a proof."""
+        if self.is_over:
+            raise TimeOver(PROVING)
+
+    @property
+    def seconds(self) -> float | None:
+        """The time that is left; None without a limit."""
+        return None if self.ends == math.inf else max(0.0, self.ends - time.monotonic())
+
+    @contextmanager
+    def running(self, *cells: Ints) -> Iterator[Deadline]:
+        """Within the context `halt`, and each of these cells (1,), is set when the time is over."""
+        if self.seconds is None:
+            yield self
+            return
+        self._cells = [self.halt, *cells]
+        if self.is_over:
+            self._fill()
+        alarm = threading.Timer(self.seconds, self._fill)
+        alarm.daemon = True
+        alarm.start()
+        try:
+            yield self
+        finally:
+            alarm.cancel()
+            alarm.join()
+            for cell in self._cells:
+                cell[0] = 0
+
+    def _fill(self) -> None:
+        while not self.is_over:  # alarms may be early, by rounding
+            time.sleep(EARLY_S)
+        for cell in self._cells:
+            cell[0] = 1
+
+
+def go_on(halt: Ints) -> None:
+    """Raises TimeOver where halt (1,) is set."""
+    if halt[0] != 0:
+        raise TimeOver(STEPPING)
+
+
+def seconds(limit: float | None) -> float | None:
+    """A limit, checked. Raises InputError."""
+    if limit is None:
+        return None
+    if isinstance(limit, bool) or not isinstance(limit, int | float | np.number) or not limit >= 0.0:
+        raise InputError(f"limit: must be a number of seconds, at least 0, not {limit!r}")
+    return float(limit)
+
+
+NEVER = Deadline()
+"""A deadline that does not come."""
