@@ -83,11 +83,19 @@ def compiled(system: System, start: np.ndarray, repeats: int) -> float | None:
 
 @kernel
 def repeat_pivoting(
-    M: Reals, q: Reals, covers: Reals, found: Reals, z: Reals, tableau: Reals, place: Ints, times: int
+    M: Reals,
+    q: Reals,
+    covers: Reals,
+    found: Reals,
+    z: Reals,
+    tableau: Reals,
+    place: Ints,
+    halt: Ints,
+    times: int,
 ) -> None:
     """Solve so many times."""
     for _ in range(times):
-        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, place)
+        pivoting.pivot(M, q, covers, 0.3 * TOL, found, z, tableau, place, halt)
 
 
 def compiled_pivoting(system: System, repeats: int) -> float | None:
@@ -95,7 +103,8 @@ def compiled_pivoting(system: System, repeats: int) -> float | None:
     unfolded = pivoting.unfold(system)
     n = len(unfolded.q)
     times, found = max(1, 400_000 // n**2), np.empty(n)
-    arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n)
+    halt = np.zeros(1, np.int64)
+    arguments = unfolded.M, unfolded.q, pivoting.coverings(n), found, *pivoting.workspace(n), halt
     repeat_pivoting(*arguments, 1)
     if natural(system, unfolded.folded(found)) > TOL:
         return None
