@@ -109,6 +109,13 @@ def test_hierarchy_benchmark(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
     assert "two_finger_free: 1 runs" in capsys.readouterr().out
 
 
+def test_piles_are_timed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    benchmark = script("benchmarks/piles.py", monkeypatch)
+    benchmark.main(["--bodies", "21", "36", "--steps", "3"])
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 7 and lines[1].split()[:3] == ["21", "72", "dynamic-rigid"]
+
+
 def test_places_of_the_pin_of_the_part_feeder(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

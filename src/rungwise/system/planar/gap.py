@@ -23,6 +23,7 @@ from rungwise.system.planar.manifold import (
     next_vertex,
     vertex_before,
 )
+from rungwise.system.planar.near import is_listed, list_near, near_pairs, pair_at
 from rungwise.system.planar.place import Placement, X, Y
 from rungwise.system.planar.seams import Seams, carry_over, continue_each_other, keep_slots
 
@@ -42,13 +43,16 @@ def find_contacts(
     Gaps are exact below `margin` and for watched contacts, otherwise a lower bound.
     """
     pairs, outline, gaps, fresh = records.pairs, placed.outline, manifolds.gaps, manifolds.fresh
-    least = math.inf
+    least, listed = math.inf, is_listed(manifolds)
     course.known[0] = 0
+    if listed:
+        list_near(records, placed, margin, manifolds)
     for c in range(gaps.shape[0]):
-        gaps[c] = math.inf
+        gaps[c] = manifolds.far[c] if listed else math.inf
     if seams.joined[0] != 0:
         keep_slots(manifolds, seams)
-    for p in range(pairs.shape[0]):
+    for i in range(near_pairs(manifolds, pairs.shape[0])):
+        p = pair_at(manifolds, i)
         contact = pairs[p].contact
         a, b = records.shapes[pairs[p].shape_a], records.shapes[pairs[p].shape_b]
         slot = 2 * p

@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, Record, inner_kernel, kernel
 from rungwise.scene.template.records import HALFPLANE, Records
+from rungwise.system.entries import CROWDED
 
 GAP, NORMAL_X, NORMAL_Y, POINT_X, POINT_Y = 0, 1, 2, 3, 4
 """Columns of a point: gap, unit normal from body b to body a, and place (midway between the two surfaces)."""
 
 ABSENT = -1
+UNKNOWN = -1.0
+"""Reach of a list of near pairs that is not made yet."""
 VERTICES = 1 << 20
 """Feature of a vertex over an edge: edge VERTICES + vertex; features of two vertices are VERTICES^2 and
 more."""
@@ -43,6 +46,12 @@ class Manifolds(Block):
     modes        (2 pairs,)    of the contact there, 0 (open) when its feature changes
     gaps         (contacts,)   least gap of all pairs of the contact
     fresh        (2,)          features of a pair while it is looked at
+
+    Of many bodies, those that may come near before some has moved by half the reach of the list (else empty):
+    near         (pairs,)      pairs, in their order, how many of which `listed` (1,) says
+    within       (1,)          circles that were farther apart were left out
+    seen         (bodies, 2)   centres then
+    far          (contacts,)   lower bound of the gaps of pairs that were left out
     """
 
     points: Reals
@@ -51,6 +60,11 @@ class Manifolds(Block):
     modes: Ints
     gaps: Reals
     fresh: Ints
+    near: Ints
+    listed: Ints
+    within: Reals
+    seen: Reals
+    far: Reals
 
 
 class Found(NamedTuple):
@@ -70,7 +84,7 @@ of the facing face, and of the best edge's."""
 
 def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
     """Manifolds without points; fields that other blocks have, too, are given."""
-    slots = 2 * len(records.pairs)
+    slots, crowded = 2 * len(records.pairs), len(records.coordinates) >= CROWDED
     own: dict[str, NDArray[Any]] = {
         "points": np.zeros((slots, 5)),
         "features": np.full(slots, ABSENT, np.int64),
@@ -78,6 +92,11 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
         "modes": np.zeros(slots, np.int64),
         "gaps": np.zeros(len(records.contacts)),
         "fresh": np.zeros(2, np.int64),
+        "near": np.zeros(len(records.pairs) if crowded else 0, np.int64),
+        "listed": np.zeros(1, np.int64),
+        "within": np.full(1, UNKNOWN),
+        "seen": np.zeros((len(records.bodies) if crowded else 0, 2)),
+        "far": np.zeros(len(records.contacts) if crowded else 0),
     }
     return Manifolds(**(own | shared))
 

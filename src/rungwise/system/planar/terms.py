@@ -9,6 +9,7 @@ from rungwise.scene.template.records import FORCE, FREE, HINGE, SERVO, SLIDE, SP
 from rungwise.system.entries import clear_rows, fill_span, is_crowded, set_spans
 from rungwise.system.planar.jacobian import enter_rows
 from rungwise.system.planar.manifold import ABSENT, GAP, Manifolds
+from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import COS, SIN, X, Y
 from rungwise.system.terms import APART, DRIVE, INERTIA, METRIC, SUPPORT, Terms
 
@@ -214,7 +215,8 @@ def gather(
     most = slots.shape[0] - 2 * coordinates.shape[0] - 2 * records.measures.shape[0]
     points, deformation = manifolds.points, manifolds.deformation
     count = 0
-    for p in range(pairs.shape[0]):
+    for i in range(near_pairs(manifolds, pairs.shape[0])):
+        p = pair_at(manifolds, i)
         for slot in range(2 * p, 2 * p + 2):
             strained = deformation[slot, 0] != 0.0 or deformation[slot, 1] != 0.0
             if manifolds.features[slot] != ABSENT and (points[slot, GAP] <= margin or strained):

@@ -23,6 +23,10 @@ from rungwise.contact.step.problem import Unknowns
 from rungwise.contact.step.proximal import FIRST, LEAST, MAX_FLIPS, MAX_ROUNDS, MOST, STILL, TARGET, WEDGED
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
+TURNS, FEWER = 4, 3
+"""Turns of solves, and by how many halvings fewer contacts may change their mode in each turn than in the one
+before. Chosen by trial."""
+
 
 class Yielding(NamedTuple):
     """The problem in which forces yield about their last values, of n velocities and r rows; as `Yielding` of
@@ -84,7 +88,7 @@ def _settle(
     """Newton's method on the modes about one centre; returns whether they settle. `factored`: the factors
     belong to `mode` and `rho`."""
     groups = len(part.first) - 1
-    for flips in range(2 * MAX_FLIPS):
+    for flips in range(TURNS * MAX_FLIPS):
         if not factored:
             _impose(part, unknowns)
             _give(part, rho, soft.give)
@@ -94,7 +98,8 @@ def _settle(
         for _ in range(2):
             _correct(part, soft, matrix, unknowns)
         # Many flips at once may cycle.
-        if not flip(part, unknowns, soft.give, soft.centre, groups if flips < MAX_FLIPS else 1):
+        most = max(groups >> FEWER * (flips // MAX_FLIPS), 1)
+        if not flip(part, unknowns, soft.give, soft.centre, most):
             return True
         factored = False
     return False

@@ -8,7 +8,7 @@ from rungwise.simulation.core.tolerances import ROUNDING
 from rungwise.simulation.planar.state.nearby import look
 from rungwise.simulation.planar.state.verdicts import RUNNING
 from rungwise.simulation.planar.state.workspace import Snapshot, State, Workspace
-from rungwise.system.planar.manifold import ABSENT
+from rungwise.system.planar.manifold import ABSENT, UNKNOWN
 from rungwise.system.planar.place import place
 from rungwise.system.terms import APART
 
@@ -75,6 +75,7 @@ def go_on(records: Records, workspace: Workspace, memory: Reals) -> None:
     was prepared; steps count from here, and are taken as this run's options say."""
     state, centred = workspace.state, workspace.state.clock[0].centred
     copy(memory, state.memory)
+    state.manifolds.within[0] = UNKNOWN
     place(records, state.q, state.placed, False)
     look(records, workspace, state.v)
     copy(memory, state.memory)
@@ -99,6 +100,7 @@ def clear(workspace: Workspace, blank: RecordArray) -> None:
     state.passive[:] = 0.0
     state.reaction[:] = 0.0
     state.manifolds.features[:] = ABSENT
+    state.manifolds.within[0] = UNKNOWN
     state.modes[:] = 0
     state.deformation[:, :] = 0.0
     state.force[:, :] = 0.0

@@ -16,6 +16,7 @@ from rungwise.scene.template.records import FREE, HALFPLANE, HINGE, Records
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.moving import LOOKS, SLIP
 from rungwise.system.planar.manifold import NORMAL_X, NORMAL_Y, Found, manifold
+from rungwise.system.planar.near import near_pairs, pair_at
 from rungwise.system.planar.place import X, Y, coordinate_count, place_body
 
 
@@ -41,8 +42,9 @@ def thinnest(records: Records) -> float:
 def passes(records: Records, workspace: Workspace) -> bool:
     """Whether on the way from `before` to the present state some pair may have been more than `SLIP` of its
     thickness inside each other."""
-    for p in range(records.pairs.shape[0]):
-        pair = records.pairs[p]
+    manifolds = workspace.state.manifolds
+    for i in range(near_pairs(manifolds, records.pairs.shape[0])):
+        pair = records.pairs[pair_at(manifolds, i)]
         a, b = records.shapes[pair.shape_a], records.shapes[pair.shape_b]
         if a.kind != HALFPLANE and b.kind != HALFPLANE and not _is_clear(records, a, b, workspace):
             return True

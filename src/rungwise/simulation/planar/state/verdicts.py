@@ -31,6 +31,7 @@ from rungwise.simulation.planar.state.nearby import swing
 from rungwise.simulation.planar.state.passing import thickness
 from rungwise.simulation.planar.state.workspace import Conditions, Scratch, State, Workspace, time_slot
 from rungwise.system.planar import joints
+from rungwise.system.planar.near import near_pairs, pair_at
 
 RUNNING, GOAL, UNSAFE, DOOMED = int(Code.RUNNING), int(Code.GOAL), int(Code.UNSAFE), int(Code.DOOMED)
 JAMMED, NO_SUPPORT, MISSED, TIMEOUT = (
@@ -199,7 +200,8 @@ def sense(records: Records, rung: RecordArray, h: float, state: State) -> None:
         state.pushes[c] = 0.0
     if rung[0].metric:
         return
-    for p in range(records.pairs.shape[0]):
+    for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):
+        p = pair_at(state.manifolds, i)
         state.pushes[records.pairs[p].contact] += state.force[2 * p, 0] + state.force[2 * p + 1, 0]
     jumps = rung[0].inertia > 0.0 and not rung[0].compliant
     for c in range(state.pushes.shape[0]):
@@ -215,14 +217,17 @@ def withholds(records: Records, state: State) -> bool:
     """Whether a force that conditions read is still less than in the last step, until that force lasts."""
     holds = False
     for c in range(state.pushes.shape[0]):
-        holds |= records.contacts[c].weighed and state.pushes[c] < LASTING * state.recent[0, c]
+        # Forces first: records lie far apart, of many contacts.
+        if state.pushes[c] < LASTING * state.recent[0, c]:
+            holds |= bool(records.contacts[c].weighed)
     return holds
 
 
 @inner_kernel
 def has_sunk(records: Records, state: State) -> bool:
     """Whether some deformation is too large for the shapes that carry it."""
-    for p in range(records.pairs.shape[0]):
+    for i in range(near_pairs(state.manifolds, records.pairs.shape[0])):
+        p = pair_at(state.manifolds, i)
         deepest = max(abs(state.deformation[2 * p, 0]), abs(state.deformation[2 * p + 1, 0]))
         if deepest > 0.0:
             a, b = records.shapes[records.pairs[p].shape_a], records.shapes[records.pairs[p].shape_b]

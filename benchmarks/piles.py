@@ -1,0 +1,108 @@
+"""Steps of piles in the plane: how long one takes, and how that grows with the number of bodies.
+
+    python benchmarks/piles.py [--bodies N …] [--steps N]
+
+A pile is a pyramid of boxes at rest on level ground, with the friction of wood. Each row is a pile on both
+dynamic rungs:
+
+  bodies    boxes, and contacts of the last step
+  ms        milliseconds of processor time per step, of all steps but the first few
+  full      milliseconds that the chain of few bodies takes for the last step's problem, from its answer; left
+            out above 100 bodies
+  residual  the worst of the run
+
+The last lines are exponents: of the time between the smallest and the largest pile of at most 400 bodies.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from typing import Any
+
+import numpy as np
+
+import rungwise as rw
+from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar
+
+BODIES = (45, 91, 190, 351)
+FIRST, STEPS = 5, 20
+MOST_FULL, MOST_FITTED = 100, 400
+
+
+def pyramid(bodies: int) -> tuple[rw.Scene, int]:
+    """The scene of a pyramid of so many boxes, or of the next greater number that makes whole rows; and how
+    many there are."""
+    rows = math.ceil(0.5 * (math.sqrt(8 * bodies + 1) - 1))
+    places = [(c + 0.5 * r, 0.5 + r) for r in range(rows) for c in range(rows - r)]
+    named: dict[str, Any] = {
+        f"b{i}": {
+            "role": "object", "mass": 1.0, "shape": {"kind": "box", "width": 0.9, "height": 1.0},
+            "pose": {"x": x, "y": y}, "motion": {"kind": "free"},
+        }
+        for i, (x, y) in enumerate(places)
+    }  # fmt: skip
+    named["ground"] = {"role": "obstacle", "shape": {"kind": "halfplane"}}
+    law = {"friction": 0.5, "stiffness": 1e6, "damping": 1e4}
+    scene = rw.load(
+        {
+            "name": "pile", "gravity": [0.0, -9.81], "bodies": named, "duration": 10.0, "step": 1e-3,
+            "contacts": [{"between": ["b*", "b*"], **law}, {"between": ["b*", "ground"], **law}],
+        }
+    )  # fmt: skip
+    return scene, len(places)
+
+
+def in_full(run: rw.Simulation) -> float:
+    """Milliseconds of `solve_planar` for the last step's problem, from its answer."""
+    assert run.workspace is not None
+    clock, scratch = run.workspace.state.clock[0], run.workspace.scratch
+    sizes = Sizes(int(clock["free"]), int(clock["contacts"]), int(clock["limited"]))
+    side = matrix_size(*sizes)
+    room, took = Elimination(np.zeros((side, side + 1)), np.zeros(side, np.int64)), math.inf
+    for _ in range(2):
+        mode, force = scratch.mode.copy(), scratch.contact_force.copy()
+        guess = Unknowns(mode, np.zeros(sizes.n), force, scratch.limited_force.copy())
+        began = time.process_time()
+        solve_planar(run.workspace.problem, sizes, guess, room)
+        took = min(took, time.process_time() - began)
+    return 1e3 * took
+
+
+def measure(scene: rw.Scene, model: rw.Rung, steps: int) -> tuple[int, float, float, rw.Simulation]:
+    """Contacts, milliseconds per step and worst residual of a run, and the run."""
+    run = rw.Simulation(scene, model, frames=3)
+    run.advance(FIRST)
+    began = time.process_time()
+    run.advance(steps)
+    took = 1e3 * (time.process_time() - began) / steps
+    assert run.workspace is not None
+    clock = run.workspace.state.clock[0]
+    return int(clock["contacts"]), took, float(clock["worst_residual"]), run
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--bodies", type=int, nargs="+", default=BODIES)
+    parser.add_argument("--steps", type=int, default=STEPS)
+    given = parser.parse_args(arguments)
+    print(f"{'bodies':>6} {'contacts':>8}  {'rung':<17} {'ms':>7} {'full':>7} {'residual':>8}")
+    found: dict[str, list[tuple[int, float]]] = {}
+    for bodies in given.bodies:
+        scene, count = pyramid(bodies)
+        for model in (rw.DYNAMIC_RIGID, rw.DYNAMIC_COMPLIANT):
+            contacts, ms, residual, run = measure(scene, model, given.steps)
+            full = f"{in_full(run):7.1f}" if count <= MOST_FULL else "      –"
+            print(f"{count:6} {contacts:8}  {model.name:<17} {ms:7.2f} {full} {residual:8.0e}", flush=True)
+            if count <= MOST_FITTED:
+                found.setdefault(model.name, []).append((count, ms))
+    for name, times in found.items():
+        if len(times) > 1:
+            (few, fast), (many, slow) = times[0], times[-1]
+            grows = math.log(slow / fast) / math.log(many / few)
+            print(f"{name}: time grows as bodies to the {grows:.2f} from {few} to {many}")
+
+
+if __name__ == "__main__":
+    main()

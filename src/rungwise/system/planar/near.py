@@ -1,0 +1,83 @@
+"""Which pairs of many bodies may touch soon: a list that is kept until some body has moved far enough.
+
+Pairs whose circles are farther apart than the reach of the list are left out; they cannot come within what is
+looked for before a body has moved by half of the rest. Source: Verlet, Phys. Rev. 159 (1967) 98-103. Pairs
+with a half-plane, and those whose gap conditions read, are always in the list.
+"""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Record, kernel, rare_kernel
+from rungwise.scene.template.records import HALFPLANE, Records
+from rungwise.system.planar.manifold import ABSENT, Manifolds
+from rungwise.system.planar.place import Placement, X, Y
+
+AHEAD = 8.0
+"""Reach of the list beyond what is looked for, over what is looked for."""
+
+
+@kernel
+def is_listed(manifolds: Manifolds) -> bool:
+    """Whether near pairs are listed."""
+    return bool(manifolds.near.shape[0] > 0)
+
+
+@kernel
+def near_pairs(manifolds: Manifolds, pairs: int) -> int:
+    """How many pairs to look at, of so many."""
+    return int(manifolds.listed[0]) if manifolds.near.shape[0] > 0 else pairs
+
+
+@kernel
+def pair_at(manifolds: Manifolds, i: int) -> int:
+    """The i-th pair to look at."""
+    return int(manifolds.near[i]) if manifolds.near.shape[0] > 0 else i
+
+
+@rare_kernel
+def list_near(records: Records, placed: Placement, margin: float, manifolds: Manifolds) -> None:
+    """List the pairs that may be within `margin`, if the list is not right any more."""
+    seen, within, pose, moved = manifolds.seen, manifolds.within, placed.pose, 0.0
+    for b in range(seen.shape[0]):
+        moved = max(moved, (pose[b, X] - seen[b, 0]) ** 2 + (pose[b, Y] - seen[b, 1]) ** 2)
+    if within[0] >= 0.0 and 2.0 * math.sqrt(moved) + margin <= within[0]:
+        return
+    within[0] = (1.0 + AHEAD) * margin
+    for b in range(seen.shape[0]):
+        seen[b, 0], seen[b, 1] = pose[b, X], pose[b, Y]
+    manifolds.far[:] = math.inf
+    count = 0
+    for p in range(records.pairs.shape[0]):
+        pair = records.pairs[p]
+        a, b = records.shapes[pair.shape_a], records.shapes[pair.shape_b]
+        apart = _apart(a, b, placed)
+        if apart <= within[0] or records.contacts[pair.contact].watched:
+            manifolds.near[count] = p
+            count += 1
+        else:
+            bound = manifolds.far[pair.contact]
+            manifolds.far[pair.contact] = min(bound, apart - AHEAD * margin)
+            _leave(2 * p, manifolds)
+            _leave(2 * p + 1, manifolds)
+    manifolds.listed[0] = count
+
+
+@rare_kernel
+def _apart(a: Record, b: Record, placed: Placement) -> float:
+    """Distance of the circles about the bodies' centres; no more than 0 for a half-plane, which may turn."""
+    if HALFPLANE in (a.kind, b.kind):
+        return 0.0
+    pose = placed.pose
+    dx, dy = pose[a.body, X] - pose[b.body, X], pose[a.body, Y] - pose[b.body, Y]
+    return math.sqrt(dx * dx + dy * dy) - a.reach - b.reach
+
+
+@rare_kernel
+def _leave(slot: int, manifolds: Manifolds) -> None:
+    """Forget what a pair that is left out had in a slot."""
+    if manifolds.features[slot] != ABSENT:
+        manifolds.features[slot] = ABSENT
+        manifolds.deformation[slot, :] = 0.0
+        manifolds.modes[slot] = 0
