@@ -607,7 +607,7 @@ def test_version_and_choices(rungwise: Command) -> None:
     assert rungwise("--version").out == f"rungwise {version('rungwise')}\n"
     refused(rungwise("sim", "push"), "Missing option '--model'. Valid: kinematic, quasistatic-rigid")
     refused(rungwise("sim", "push", "--model"), "Valid: kinematic, quasistatic-rigid")
-    refused(rungwise("check"), "Missing argument", "a YAML file, or blocks, four_finger")
+    refused(rungwise("check"), "Missing argument", "a YAML file, or blocks, book, card")
     refused(rungwise("sets", "push", "--model", "kinematic"), "Valid: names of parameters")
     refused(rungwise("sim", "push", "--modle", "kinematic"), "--model")
     assert "--install-completion" in rungwise("--help").out

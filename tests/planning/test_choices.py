@@ -103,7 +103,7 @@ class Replayed:
 @pytest.mark.parametrize(("part", "confirmed"), [(0.5, False), (0.11, False), (0.09, True)])
 def test_a_plan_is_confirmed_at_a_tenth_of_its_error(part: float, confirmed: bool) -> None:
     """A plan that holds for the error of its steps alone is none."""
-    work = cast(Any, SimpleNamespace(budget=SimpleNamespace(look=lambda _: None)))
+    work = cast(Any, SimpleNamespace(budget=SimpleNamespace(look=lambda _: None, seconds=None)))
     assert lift._is_confirmed(work, cast(Any, Replayed(part * 1e-3, 1e-3))) is confirmed
 
 

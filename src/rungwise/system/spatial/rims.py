@@ -63,7 +63,7 @@ class Rims:
 @kernel
 def straighten(is_plane: Ints, stands: Ints, turn: Reals) -> None:
     """Put the axes in turn (g, 9) of cylinders that stand on planes, but for a tilt below `LEVEL`, along the
-    normals of these."""
+    normals of these, which are made unit vectors to the last digit: MuJoCo takes what they lack for a tilt."""
     for a in range(len(is_plane)):
         for b in range(len(stands)):
             if is_plane[a] and stands[b]:
@@ -74,7 +74,9 @@ def straighten(is_plane: Ints, stands: Ints, turn: Reals) -> None:
                 for i in (2, 5, 8):
                     off = max(off, abs(turn[b, i] - side * turn[a, i]))
                 if off < LEVEL:
+                    length = math.sqrt(turn[a, 2] ** 2 + turn[a, 5] ** 2 + turn[a, 8] ** 2)
                     for i in (2, 5, 8):
+                        turn[a, i] /= length
                         turn[b, i] = side * turn[a, i]
 
 

@@ -231,8 +231,9 @@ class Space:
         momentum = np.zeros(self.model.nv)
         self.put_momentum(q, v, momentum)
         self._mujoco.mj_energyPos(self.model, self.data)
-        with np.errstate(over="ignore"):  # of what has run away it is inf
-            return float(self.data.energy[0] + 0.5 * v @ momentum)
+        with np.errstate(over="ignore", invalid="ignore"):
+            energy = float(self.data.energy[0] + 0.5 * v @ momentum)
+        return math.inf if math.isnan(energy) else energy  # of what has run away it is inf
 
     def put_momentum(self, q: Reals, v: Reals, momentum: Reals) -> None:
         """Fill momentum (n,) with M v at q."""
