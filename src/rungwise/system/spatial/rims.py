@@ -63,7 +63,7 @@ class Rims:
 @kernel
 def straighten(is_plane: Ints, stands: Ints, turn: Reals) -> None:
     """Put the axes in turn (g, 9) of cylinders that stand on planes, but for a tilt below `LEVEL`, along the
-    normals of these, which are made unit vectors to the last digit: MuJoCo takes what they lack for a tilt."""
+    normals of these, made unit vectors to the last digit: MuJoCo takes what they lack for a tilt."""
     for a in range(len(is_plane)):
         for b in range(len(stands)):
             if is_plane[a] and stands[b]:
