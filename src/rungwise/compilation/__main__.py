@@ -15,6 +15,7 @@ import importlib.util
 import sys
 import time
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -45,6 +46,27 @@ def _runs() -> None:
             names = tuple(scene.file.parameters)[:1]
             defaults = [[scene.file.parameters[name].default for name in names]]
             package.Batch(scene, model, names, duration=1e-3, threads=1).run(np.array(defaults))
+    crowd = package.load(_crowd())
+    for model in models:
+        package.Simulation(crowd, model).advance(3)
+
+
+def _crowd() -> dict[str, Any]:
+    """Boxes in two rows on the ground: more than are solved as few bodies are."""
+    shape = {"kind": "box", "width": 0.9, "height": 1.0}
+    bodies: dict[str, Any] = {
+        f"box{i}": {
+            "role": "object", "mass": 1.0, "shape": shape, "motion": {"kind": "free"},
+            "pose": {"x": i % 12 + 0.4 * (i // 12), "y": 0.5 + i // 12},
+        }
+        for i in range(24)
+    }  # fmt: skip
+    bodies["ground"] = {"role": "obstacle", "shape": {"kind": "halfplane"}}
+    law = {"friction": 0.5, "stiffness": 1e6, "damping": 1e4}
+    return {
+        "name": "crowd", "gravity": [0.0, -9.81], "bodies": bodies, "duration": 1.0, "step": 1e-3,
+        "contacts": [{"between": ["box*", "box*"], **law}, {"between": ["box*", "ground"], **law}],
+    }  # fmt: skip
 
 
 def _problems() -> None:
@@ -68,7 +90,7 @@ def _space() -> None:
     package = importlib.import_module("rungwise")
     if importlib.util.find_spec("mujoco") is None:
         return
-    for name in ("slope", "stack"):
+    for name in ("slope", "stack", "pile", "peg", "three_finger_lift"):
         for model in package.LADDER:
             if model.moves:
                 package.simulate(name, model, duration=0.01)
