@@ -19,8 +19,19 @@ from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, resi
 from rungwise.contact.solvers.plane.part import Part
 from rungwise.contact.step.mode_newton import sign
 from rungwise.contact.step.modes import OPEN, STICK
-from rungwise.contact.step.problem import Unknowns
-from rungwise.contact.step.proximal import FIRST, LEAST, MAX_FLIPS, MAX_ROUNDS, MOST, STILL, TARGET, WEDGED
+from rungwise.contact.step.problem import Sizes, Unknowns
+from rungwise.contact.step.proximal import (
+    FIRST,
+    LEAST,
+    MAX_FLIPS,
+    MAX_ROUNDS,
+    MOST,
+    STILL,
+    TARGET,
+    WEDGED,
+    collect,
+    spread,
+)
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
 
 TURNS, FEWER = 4, 3
@@ -45,7 +56,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     """Solve from `mode`, `force` and `tau`; returns the residual, inf when the modes did not settle or
     halt (1,) is set."""
     n, contacts, limited = len(part.c), len(part.mu), len(part.F)
-    v, rows = unknowns.v, 2 * contacts + limited
+    sizes, v, rows = Sizes(n, contacts, limited), unknowns.v, 2 * contacts + limited
     soft = Yielding(
         np.empty(n), np.empty(rows), np.empty(rows), np.empty(2 * rows), np.empty(rows), np.empty(n)
     )
@@ -53,7 +64,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
         v[i] = 0.0
         soft.unit[i] = 1.0 / math.sqrt(part.diagonal[i])
     matrix = factors.plan(part)
-    _collect(unknowns, contacts, limited, soft.centre)
+    collect(sizes, unknowns, soft.centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
         if halt[0] != 0:
@@ -64,7 +75,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
             rho, factored = min(100.0 * rho, MOST), False
             for i in range(n):
                 v[i] = 0.0
-            _spread(soft.centre, contacts, limited, unknowns)
+            spread(sizes, soft.centre, unknowns)
             continue
         found = residual_of(part, unknowns)
         rests = _moved(contacts, limited, unknowns, soft.centre) <= STILL
@@ -72,7 +83,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
         # Where a smaller rho does not help, the rest is rounding.
         if rests and (found <= TARGET or (found <= enough and lowered and found > 0.5 * before)):
             return found
-        _collect(unknowns, contacts, limited, soft.centre)
+        collect(sizes, unknowns, soft.centre)
         lowered = found > 0.1 * before
         factored = not lowered
         if lowered:
@@ -103,22 +114,6 @@ def _settle(
             return True
         factored = False
     return False
-
-
-@kernel
-def _collect(unknowns: Unknowns, contacts: int, limited: int, centre: Reals) -> None:
-    for r in range(2 * contacts):
-        centre[r] = unknowns.force[r]
-    for r in range(limited):
-        centre[2 * contacts + r] = unknowns.tau[r]
-
-
-@kernel
-def _spread(centre: Reals, contacts: int, limited: int, unknowns: Unknowns) -> None:
-    for r in range(2 * contacts):
-        unknowns.force[r] = centre[r]
-    for r in range(limited):
-        unknowns.tau[r] = centre[2 * contacts + r]
 
 
 @kernel
