@@ -2,6 +2,7 @@
 #
 #   make demo     run the two-finger example on the ladder of models; table, runs and figure in out/
 #   make test     lint, compile the kernels, run the tests
+#   make long     run the tests that take long: more members of each class, longer runs, larger scenes
 #   make bench    run the benchmarks
 #   make mutants  put deliberate faults into a copy one by one; say which of them the nearest tests miss
 #   make wheel    build a wheel in dist/ that brings its kernels, compiled for any processor of this platform
@@ -28,7 +29,7 @@ PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
 
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: demo test runs problems bench mutants wheel docs clean lint format
+.PHONY: demo test long runs problems bench mutants wheel docs clean lint format
 
 demo: $(INSTALLED_VIEW)
 	$(BIN)/python examples/two_finger_ladder.py
@@ -37,6 +38,9 @@ demo: $(INSTALLED_VIEW)
 test: $(INSTALLED_DEV)
 	$(MAKE) --jobs 2 runs problems
 	$(BIN)/python -m pytest -n 2
+
+long: $(INSTALLED_DEV)
+	$(BIN)/python -m pytest -n 2 -m long
 
 runs: $(INSTALLED_DEV)
 	$(BIN)/python -W ignore::RuntimeWarning -m rungwise.compilation runs
