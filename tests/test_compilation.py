@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -83,59 +85,78 @@ cache._SHIPPED = pathlib.Path("shipped")
 Run = Callable[..., list[str]]
 
 
+def begun(folder: Path, code: str) -> subprocess.Popen[str]:
+    """A process that runs code beside the two modules, with a cache of its own in the folder."""
+    (folder / "caller.py").write_text(CALLER)
+    if not (folder / "callee.py").exists():
+        (folder / "callee.py").write_text(CALLEE)
+    paths = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"RUNGWISE_CACHE": str(folder / "cache"), "PYTHONPATH": paths}
+    environment.pop("NUMBA_DISABLE_JIT", None)
+    return subprocess.Popen(
+        [sys.executable, "-c", code],
+        env=environment, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def finished(folder: Path, code: str) -> list[str]:
+    """Words that such a process prints."""
+    out, err = begun(folder, code).communicate(timeout=120)
+    assert "Traceback" not in err, err
+    return out.split()
+
+
 @pytest.fixture
 def start(tmp_path: Path) -> Callable[[str], subprocess.Popen[str]]:
-    """A process that runs code beside the two modules, with a cache of its own; words are what it prints."""
-    (tmp_path / "caller.py").write_text(CALLER)
-    (tmp_path / "callee.py").write_text(CALLEE)
-    paths = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"RUNGWISE_CACHE": str(tmp_path / "cache"), "PYTHONPATH": paths}
-    environment.pop("NUMBA_DISABLE_JIT", None)
-
-    def begin(code: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-c", code],
-            env=environment, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        )  # fmt: skip
-
-    return begin
+    return partial(begun, tmp_path)
 
 
 @pytest.fixture
-def run(start: Callable[[str], subprocess.Popen[str]]) -> Run:
-    def finish(code: str) -> list[str]:
-        out, err = start(code).communicate(timeout=120)
-        assert "Traceback" not in err, err
-        return out.split()
+def run(tmp_path: Path) -> Run:
+    return partial(finished, tmp_path)
 
-    return finish
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Path]:
+    """What the first process of all prints, and the cache that it leaves."""
+    folder = tmp_path_factory.mktemp("first")
+    return finished(folder, USE + HEAR), folder / "cache"
+
+
+@pytest.fixture
+def filled(first: tuple[list[str], Path], tmp_path: Path) -> None:
+    """The cache is as the first process left it."""
+    shutil.copytree(first[1], tmp_path / "cache")
 
 
 def kept(folder: Path) -> list[Path]:
     return sorted(file for file in (folder / "cache").rglob("*") if file.is_file())
 
 
-def test_the_next_process_compiles_nothing(run: Run) -> None:
-    first = run(USE + HEAR)
-    assert first[:2] == ["6.0", "-8.0"] and int(first[2]) == 4
+@pytest.mark.usefixtures("filled")
+def test_the_next_process_compiles_nothing(first: tuple[list[str], Path], run: Run) -> None:
+    assert first[0] == ["6.0", "-8.0", "4"]
     assert run(USE + HEAR) == ["6.0", "-8.0", "0"]
 
 
-def test_what_never_runs_is_never_compiled(run: Run, tmp_path: Path) -> None:
+def test_what_never_runs_is_never_compiled(first: tuple[list[str], Path], run: Run, tmp_path: Path) -> None:
     run(USE.replace(", outer(x, False)", ""))
     assert not any("seldom" in file.name for file in kept(tmp_path))
-    run(USE)
-    assert any("seldom" in file.name for file in kept(tmp_path))
+    assert any("seldom" in file.name for file in kept(first[1].parent))
 
 
-def test_files_of_the_cache_may_be_lost_or_cut_off(run: Run, tmp_path: Path) -> None:
-    run(USE)
-    for number, file in enumerate(kept(tmp_path)):
+@pytest.mark.few(1)
+@pytest.mark.parametrize("which", [slice(None), *(slice(k, k + 1) for k in range(4))], ids=str)
+@pytest.mark.usefixtures("filled")
+def test_files_of_the_cache_may_be_lost_or_cut_off(which: slice, run: Run, tmp_path: Path) -> None:
+    files = kept(tmp_path)
+    assert len(files) == 4
+    for number, file in list(enumerate(files))[which]:
         if number % 2:
             file.unlink()
         else:
             os.truncate(file, file.stat().st_size // 2)
-        assert run(USE) == ["6.0", "-8.0"]
+    assert run(USE) == ["6.0", "-8.0"]
 
 
 def test_two_processes_may_compile_at_once(start: Callable[[str], subprocess.Popen[str]]) -> None:
@@ -143,21 +164,22 @@ def test_two_processes_may_compile_at_once(start: Callable[[str], subprocess.Pop
     assert [process.communicate(timeout=120)[0].split() for process in both] == [["6.0", "-8.0"]] * 2
 
 
+@pytest.mark.few(1)
+@pytest.mark.parametrize("files", [1, 0, 2])
 def test_a_kill_in_the_middle_harms_nothing(
-    start: Callable[[str], subprocess.Popen[str]], run: Run, tmp_path: Path
+    files: int, start: Callable[[str], subprocess.Popen[str]], run: Run, tmp_path: Path
 ) -> None:
-    for files in range(3):
-        process = start(USE)
-        limit = time.monotonic() + 60.0
-        while len(kept(tmp_path)) <= files and process.poll() is None and time.monotonic() < limit:
-            time.sleep(0.001)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
+    process = start(USE)
+    limit = time.monotonic() + 60.0
+    while len(kept(tmp_path)) <= files and process.poll() is None and time.monotonic() < limit:
+        time.sleep(0.001)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
     assert run(USE) == ["6.0", "-8.0"]
 
 
+@pytest.mark.usefixtures("filled")
 def test_an_edited_callee_is_compiled_again(run: Run, tmp_path: Path) -> None:
-    run(USE)
     (tmp_path / "callee.py").write_text(CALLEE.replace("FACTOR = 2.0", "FACTOR = 3.0"))
     assert run(USE) == ["9.0", "-27.0"]
 
@@ -177,11 +199,17 @@ def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> N
     assert err.startswith("rungwise: compiling kernels, once (")
 
 
+@pytest.fixture(scope="module")
+def for_any_processor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    finished(folder, FOR_ANY_PROCESSOR + USE)
+    return folder / "cache"
+
+
 @pytest.fixture
-def shipped(run: Run, tmp_path: Path) -> Path:
+def shipped(for_any_processor: Path, tmp_path: Path) -> Path:
     """Kernels as a wheel brings them; the user's own cache is empty."""
-    run(FOR_ANY_PROCESSOR + USE)
-    return (tmp_path / "cache").rename(tmp_path / "shipped")
+    return Path(shutil.copytree(for_any_processor, tmp_path / "shipped"))
 
 
 @pytest.mark.usefixtures("shipped")
@@ -202,6 +230,7 @@ def _swap(file: Path) -> None:
         other.write_bytes(file.read_bytes())
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("harm", [_flip, _swap, Path.unlink, lambda file: os.truncate(file, 40)])
 def test_a_damaged_or_foreign_kernel_of_a_wheel_is_passed_over(
     harm: Callable[[Path], None], run: Run, shipped: Path

@@ -25,6 +25,7 @@ def system() -> System:
     return scaled(assemblies.balls(260, 6, 0.3))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("dense", [False, True])
 def test_the_condensed_solution_is_that_of_the_whole_matrix(system: System, dense: bool) -> None:
     parts = system.condensed

@@ -24,6 +24,7 @@ FOLDER = Path(__file__).resolve().parents[3] / "shared" / "problems"
 CIRCUITS = sorted([*FOLDER.glob("*lcp*.dat"), *FOLDER.glob("relay*.dat")])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("family", planted.FAMILIES)
 def test_a_planted_solution_is_found_and_holds_in_its_own_rows(family: str) -> None:
     rng, pose = np.random.default_rng(7), planted.poses(planted.FAMILIES[family])
@@ -36,6 +37,7 @@ LOADED = [(family, "few") for family in planted.FAMILIES] + [(family, "loaded") 
 """Only circuits of diodes and resistors have a solution for any sources."""
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("decades", [0.0, 3.0])
 @pytest.mark.parametrize(("family", "load"), LOADED)
 def test_few_loads_in_any_units_are_answered(family: str, load: str, decades: float) -> None:
@@ -103,6 +105,7 @@ def test_published_matrices_with_planted_solutions(path: Path) -> None:
     assert (found.wrong, found.loose, found.open) == (0, 0, 0)
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("path", CIRCUITS, ids=lambda path: path.name)
 def test_published_matrices_in_any_units(path: Path) -> None:
     """In units three decades apart from their own, with many loads and with few."""
@@ -142,6 +145,7 @@ def test_elimination_keeps_entries_that_are_small_beside_others() -> None:
         np.testing.assert_allclose(left, front - back @ np.linalg.solve(own, cross), rtol=1e-9)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("directions", [1, 2, 3])
 def test_nothing_adheres_however_stiff(directions: int) -> None:
     """A massless body on compliant contacts: pressed on it is carried, pulled away from them it is not."""

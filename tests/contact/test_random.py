@@ -79,6 +79,7 @@ def residual(problem: rw.Problem, x: np.ndarray) -> float:
     return worst
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(SEEDS))
 def test_no_random_problem_is_lied_about(seed: int) -> None:
     """Solved means the laws hold, recomputed; a certificate checks; hardly any is left undecided."""

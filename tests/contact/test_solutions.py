@@ -294,6 +294,7 @@ def test_mirrored_problems_have_mirrored_solutions() -> None:
         } == b
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("speed", [1e-3, 1e3])
 def test_units_do_not_matter(in_units: Callable[..., ContactProblem], force: float, speed: float) -> None:
@@ -466,6 +467,7 @@ def massless(seed: int, compliance: float, force: float, speed: float) -> rw.Pro
     )  # fmt: skip
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("speed", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])
 @pytest.mark.parametrize("compliance", [0.0, 1.0])

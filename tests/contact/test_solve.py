@@ -158,6 +158,7 @@ def test_velocities_are_exact_however_small_inertia_is(directions: int, inertia:
     np.testing.assert_allclose(found.v, [0.1, *[0.0] * (len(found.v) - 1)], rtol=0, atol=1e-10 + scale)
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("wrap", [np.asarray, sp.csr_array])
 @pytest.mark.parametrize("load", [0.0, 2.0, 6.0])
 @pytest.mark.parametrize("inertia", [1e3, 1e-3, 1e-9])
@@ -445,6 +446,7 @@ def test_forces_below_what_can_be_told_from_zero_are_refused() -> None:
         rw.solve(rw.Problem.local(1e200 * np.diag([2.0, 1.0, 1.0]), [-1e-200, -4e-201, 0.0], [0.5]))
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("seed", range(200))
 def test_what_joints_hold_still_demands_nothing_in_any_units(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -530,6 +532,7 @@ def test_what_has_no_solution_is_not_solved_in_any_units_of_rows_and_unknowns() 
     assert min(seen.values()) > 30
 
 
+@pytest.mark.few(14)
 @pytest.mark.parametrize("ratio", [1e4, 1e8, 1e10, 1e12, 1e14, 1e16])
 @pytest.mark.parametrize("bodies", [2, 3, 5])
 @pytest.mark.parametrize("directions", [1, 2, 3])

@@ -78,6 +78,7 @@ def test_hopeless_problems_end_within_the_work_that_is_allowed(
     assert np.isfinite(found.x).all() and found.reason.startswith(ADVICE[found.status])
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("is_dense", [False, True])
 def test_a_stack_in_forces_alone_ends_and_says_what_helps(is_dense: bool) -> None:
     """Boxes ever heavier above, of which rounding of the Delassus matrix hides who carries whom."""

@@ -15,6 +15,7 @@ POINTS = np.random.default_rng(4).uniform((0.2, 0.2, 0.0, 0.8), (2.0, 2.0, 0.9, 
 OVER = ("v1", "v2", "mu", "half_base")
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_batch_is_its_runs(model: rw.Rung) -> None:
     """Bit by bit what each point gives in a batch of its own: nothing is left over from the run before.

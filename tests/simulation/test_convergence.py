@@ -106,6 +106,7 @@ def test_order_on_a_pendulum(model: rw.Rung, theta: float, expected: float) -> N
     assert order(errors) == pytest.approx(expected, abs=0.02)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_tolerance_controls_the_error_of_a_pendulum(model: rw.Rung) -> None:
     """Free flight is of second order under error control: a hundredth of the tolerance, of the error."""
@@ -175,6 +176,7 @@ def imbalance(run: rw.Run) -> float:
     return float(np.abs(kinetic - kinetic[0] - sum(works)).max()) / largest
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 @pytest.mark.parametrize("options", [{"theta": 1.0}, {"theta": 0.5}, {"tol": 1e-5}], ids=str)

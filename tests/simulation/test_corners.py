@@ -84,6 +84,7 @@ def scene(rng: Generator, gap: float, drop: float, free: bool, speed: float, pus
     return {"name": "tiles", "gravity": [0.0, -GRAVITY], "bodies": bodies, "contacts": contacts}
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_thrown_over_tiles_stops_where_friction_stops_it(model: rw.Rung, free: bool) -> None:
@@ -99,6 +100,7 @@ def test_thrown_over_tiles_stops_where_friction_stops_it(model: rw.Rung, free: b
         assert np.abs(height - height[0]).max() < (1e-9 if not model.compliant else SUNK)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_pushed_over_tiles_stays_flat(model: rw.Rung, free: bool) -> None:

@@ -75,6 +75,7 @@ def test_a_wedge_that_throws_the_part_ever_faster_is_a_jam(scene: rw.Scene) -> N
     assert run.final["part"]["angle"] == pytest.approx(-np.pi / 4, abs=1e-6)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_mirrored_starts_give_mirrored_runs(scene: rw.Scene, model: rw.Rung) -> None:
     rng = np.random.default_rng(2)
@@ -97,6 +98,7 @@ def test_mirrored_starts_give_mirrored_runs(scene: rw.Scene, model: rw.Rung) -> 
     assert compared >= 4
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_every_outcome_has_a_reason_and_every_goal_is_a_closure(scene: rw.Scene, model: rw.Rung) -> None:
     rng = np.random.default_rng(17)

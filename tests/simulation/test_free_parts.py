@@ -145,6 +145,7 @@ def two_fingers(random: Random) -> tuple[Pinch, Data, bool]:
     return pinch, pinch.scene(shapes[str(kind)]), closes
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(25))
 def test_two_fingers_hold_what_the_line_between_them_allows(seed: int) -> None:
     """Force closure iff the line between the contacts is inside both cones; otherwise the part turns away."""
@@ -181,6 +182,7 @@ def test_more_fingers_never_jam_a_compliant_rung(seed: int) -> None:
     agree(outcomes(pinch.scene(shape), pinch.dampings()))
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_v_grip_ejects_iff_friction_is_below_the_slope(seed: int) -> None:
     """Two walls at an angle beta to the vertical close on a disc: it leaves iff mu < tan beta."""
@@ -260,6 +262,7 @@ def test_a_linkage_deforms_a_compliant_stop_until_the_model_is_invalid(seed: int
     assert run.worst_residual <= 1e-8
 
 
+@pytest.mark.few(10)
 @pytest.mark.parametrize("seed", range(40))
 def test_what_is_pulled_away_is_not_held(seed: int) -> None:
     """However stiff the contact, and whatever presses elsewhere: loads that point away have no support, and

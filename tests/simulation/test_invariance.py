@@ -12,6 +12,7 @@ import rungwise as rw
 from .conftest import MOVING
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("r", [0.43, 0.61, 0.9, 1.37])
 def test_mirror(two_finger: rw.Scene, model: rw.Rung, r: float) -> None:

@@ -82,6 +82,7 @@ CASES = {"chute": (chute, 0.97, 1.03), "tower": (tower, -0.01, 0.01), "ladder": 
 """How each case is made, and numbers with which it is in balance, and is not."""
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", SLOW)
 @pytest.mark.parametrize("case", CASES)
 def test_what_nothing_holds_is_unsupported_however_far_it_would_go(case: str, model: str) -> None:

@@ -85,6 +85,7 @@ def farthest(run: rw.Run) -> float:
     return float(data.position.max()) * float(axis[0]) / math.hypot(*map(float, axis))
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("model", FAST, ids=str)
 def test_a_bullet_is_never_beyond_the_wall(model: rw.Rung) -> None:
     rng = np.random.default_rng(5)
@@ -95,6 +96,7 @@ def test_a_bullet_is_never_beyond_the_wall(model: rw.Rung) -> None:
         assert run.outcome.name in ("timeout", "model_invalid"), (k, run.reason)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_what_is_driven_never_passes_either(model: rw.Rung) -> None:
     rng = np.random.default_rng(6)
@@ -131,6 +133,7 @@ def swept(rng: np.random.Generator, count: int) -> rw.Scene:
     return rw.load(data | {"step": turn / speed / count})
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_sweeps_take_about_as_many_steps_as_asked_for(model: rw.Rung) -> None:
     rng = np.random.default_rng(7)

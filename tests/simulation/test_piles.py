@@ -82,6 +82,7 @@ def solved(
     return status, error, found
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("bodies", [CROWDED // 3 - 1, CROWDED // 3 + 5])
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_few_entries_give_the_same_answer(model: rw.Rung, bodies: int) -> None:

@@ -50,6 +50,7 @@ def test_gaps_and_poses() -> None:
     assert found.poses[:, found.bodies.index("finger1"), 1] == pytest.approx(2.0 - heights)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_gaps_at_states_are_the_gaps_of_the_run(model: rw.Rung) -> None:
     """Whatever order they are asked in."""

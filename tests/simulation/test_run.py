@@ -366,6 +366,7 @@ def test_progress_and_interruption() -> None:
     assert held[0].result().trajectory.equals(whole.trajectory)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("options", [{"step": 3.1e-3}, {"tol": 1e-4}], ids=str)
 def test_small_turns_change_nothing(model: rw.Rung, options: dict[str, float]) -> None:
@@ -410,6 +411,7 @@ FIELDS = {
 }
 
 
+@pytest.mark.few(20)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("options", [{"step": 1 / 64}, {"tol": 1e-3}, {"tol": 1e-3, "theta": 0.5}], ids=str)
 @pytest.mark.parametrize("field", FIELDS)

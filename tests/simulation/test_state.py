@@ -65,6 +65,7 @@ def test_a_run_that_goes_on_is_the_run_that_was_not_interrupted(model: rw.Rung, 
     assert cuts > 60 and touching > 10
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING, ids=str)
 def test_a_cut_at_any_time_differs_by_no_more_than_the_error(model: rw.Rung) -> None:
     options: dict[str, Any] = {"tol": 1e-4, "parameters": {"v1": 1.0, "v2": 0.7}}
@@ -184,6 +185,7 @@ def test_a_pickled_run_has_the_same_trajectory_and_states() -> None:
 LIFTED = [(low, high) for low in MOVING for high in MOVING if low != high]
 
 
+@pytest.mark.few(5)
 @pytest.mark.parametrize("low, high", LIFTED, ids=lambda model: model.name)
 def test_states_of_any_run_are_lifted_with_the_errors_and_deformations_of_its_steps(
     low: rw.Rung, high: rw.Rung

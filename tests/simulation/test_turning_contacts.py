@@ -65,6 +65,7 @@ def ended(run: rw.Run) -> np.ndarray[Any, Any]:
     return np.array([value for body in run.final.values() for value in body.values()])
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize("number", [*range(18), 248, 432, 747, 1945, 2870, 3330])
 def test_a_contact_that_slides_takes_hardly_more_steps_than_it_is_given(number: int) -> None:
     plastic = rw.simulate(sliding(number, 0.0), rw.DYNAMIC_RIGID)

@@ -24,6 +24,7 @@ def both_sides(lowest: float, width: float) -> list[tuple[float, bool]]:
     ]
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("geometry", GEOMETRIES, ids=("paper", "flat", "steep", "wide"))
 @pytest.mark.parametrize("model", RIGID, ids=str)
 def test_band_off_the_step_grid(two_finger: rw.Scene, model: rw.Rung, geometry: dict[str, float]) -> None:
@@ -41,6 +42,7 @@ def test_band_off_the_step_grid(two_finger: rw.Scene, model: rw.Rung, geometry: 
             )
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("geometry", GEOMETRIES, ids=("paper", "flat", "steep", "wide"))
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8, 1.0])
 def test_band_with_restitution(two_finger: rw.Scene, geometry: dict[str, float], restitution: float) -> None:
@@ -57,6 +59,7 @@ def test_restitution_band_of_the_paper_is_what_the_design_says() -> None:
     assert lowest_ratio({}) == 0.5 and lowest_ratio({}, 1.0) == pytest.approx(4.0 / 7.0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("mu", "coarse", "exact"), [(0.0, 0.5021, 0.50218), (0.5, 0.5039, 0.50399), (0.9, 0.5127, 0.51337)]
 )
@@ -71,6 +74,7 @@ def test_damped_compliant_threshold(two_finger: rw.Scene, mu: float, coarse: flo
     assert controlled == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_undamped_compliant_threshold(two_finger: rw.Scene, mu: float) -> None:
     parameters = {"mu": mu, "damping": 0.0}
@@ -84,6 +88,7 @@ def test_undamped_compliant_threshold(two_finger: rw.Scene, mu: float) -> None:
     assert abs(fine - elastic) < 0.002
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_quasistatic_compliant_band_is_that_of_the_rigid_rung(two_finger: rw.Scene, mu: float) -> None:
     found = threshold(two_finger, rw.QUASISTATIC_COMPLIANT, 0.45, 0.65, step=1e-4, parameters={"mu": mu})
@@ -99,6 +104,7 @@ def test_controlled_steps_give_the_same_verdicts(two_finger: rw.Scene, model: rw
             assert captured(two_finger, model, r, v1, tol=tol, parameters=plastic) == expected, (r, v1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_controlled_compliant_threshold(two_finger: rw.Scene, damping: float) -> None:
     parameters = {"mu": 0.5, "damping": damping}
@@ -168,6 +174,7 @@ def test_travel_limit_stops_a_sliding_body(model: rw.Rung, options: dict[str, fl
     assert run.final["b"]["s"] == pytest.approx(0.3, abs=1e-9)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("model", MOVING[1:], ids=str)
 def test_fingers_of_limited_force_capture_every_ratio_where_they_stick(model: rw.Rung) -> None:
     """Prescribed speeds jam there; a finger that sticks and stalls waits for the other one."""

@@ -153,6 +153,7 @@ SCENES = {name: rw.load(name) for name in rw.shipped()} | {
 }
 
 
+@pytest.mark.few(40)
 @pytest.mark.parametrize("tol", [None, 1e-3], ids=["fixed", "controlled"])
 @pytest.mark.parametrize("model", MOVING, ids=str)
 @pytest.mark.parametrize("name", SCENES)

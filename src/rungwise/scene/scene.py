@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -314,7 +316,7 @@ def _parameter(path: str, value: object, declared: Parameter) -> float:
 
 def _read(source: str | Path, known: Sequence[str]) -> object:
     if str(source) in shipped():
-        return yaml.load((LIBRARY / f"{source}.yaml").read_text("utf-8"), Loader=_Loader)
+        return _plain((LIBRARY / f"{source}.yaml").read_text("utf-8"))
     return read_yaml("scene", source, f" and no scene that ships{choices(str(source), known)}")
 
 
@@ -340,7 +342,7 @@ def read_yaml(field: str, source: str | Path, missing: str = "") -> Any:
             raise
         raise SceneError(f"{text} cannot be read as a text file") from None
     try:
-        return yaml.load(content, Loader=_Loader)
+        return _plain(content)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f", line {mark.line + 1}" if mark else ""
@@ -348,6 +350,17 @@ def read_yaml(field: str, source: str | Path, missing: str = "") -> Any:
         raise SceneError(f"{text}{where}: {problem}") from None
     except (RecursionError, ValueError, OverflowError):
         raise SceneError(f"{text} is not YAML of plain values") from None
+
+
+def _plain(content: str) -> Any:
+    """The plain values of a text, parsed once: that takes most of the time of loading a scene."""
+    return pickle.loads(_parsed(content))
+
+
+@lru_cache(maxsize=32)
+def _parsed(content: str) -> bytes:
+    """Pickled, so that each reader has values of its own."""
+    return pickle.dumps(yaml.load(content, Loader=_Loader))
 
 
 class _Loader(yaml.SafeLoader):

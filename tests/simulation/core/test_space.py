@@ -71,6 +71,7 @@ def test_a_tumbling_body_keeps_energy_and_momentum_to_first_order() -> None:
     assert momentum / finer_momentum == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_a_brick_rests_on_its_four_corners_on_every_rung(rung: Rung) -> None:
     system = BodiesInSpace([Body(1.0, BRICK, (0, 0, 0.3, *UPRIGHT))], friction=0.5, damping=2e3)
@@ -96,6 +97,7 @@ def test_what_nothing_holds_falls_rests_or_is_unsupported(rung: Rung) -> None:
         assert stepper.certificate is not None and stepper.certificate.kind == "unsupported"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_a_sphere_pushed_against_a_fixed_one_jams_or_sinks_in(rung: Rung) -> None:
     pusher = sphere(-0.5, 0.0, 0.1, driven=lambda _: (1.0, 0, 0, 0, 0, 0))

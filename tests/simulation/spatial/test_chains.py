@@ -37,6 +37,7 @@ def _chain(rng: np.random.Generator) -> tuple[str, str, list[int]]:
     return bodies + "</body>" * len(kinds), f"<actuator>{servos}</actuator>" if servos else "", kinds
 
 
+@pytest.mark.few(24)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
 @pytest.mark.parametrize("seed", range(60))
 def test_chains_move_rest_or_are_proved_unsupported(make: Make, seed: int, rung: Rung) -> None:

@@ -48,6 +48,7 @@ def test_what_stands_in_a_close_tube_stays_there(make: Make, seed: int, rung: Ru
     assert np.hypot(found.final["b"]["x"], found.final["b"]["y"]) <= 2.0 * room + 1e-3 * radius
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_thin_plates_fall_on_each_other(make: Make, seed: int, rung: Rung) -> None:

@@ -71,6 +71,7 @@ def test_a_tumbling_body_keeps_momentum_energy_to_first_order_and_unit_quaternio
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_body_that_turns_far_in_a_step_keeps_its_momentum(make: Make, seed: int) -> None:
     """Of a geom and a welded body, about a centre that is not its frame's; up to a whole turn in a step."""

@@ -48,6 +48,7 @@ def test_segments_hold_ramp_and_end_when_a_condition_holds(make: Make, rung: Run
     assert q(found)[0] == pytest.approx(1.75, abs=0.011)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", [rw.KINEMATIC, rw.DYNAMIC_RIGID], ids=named)
 def test_a_state_in_the_middle_of_a_schedule_goes_on_with_it_bit_for_bit(make: Make, rung: Rung) -> None:
     scene = driven(make, goal="p.j > 5")

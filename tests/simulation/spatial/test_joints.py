@@ -128,6 +128,7 @@ def test_dry_friction_in_a_joint_holds_up_to_its_limit(make: Make, rung: Rung, p
 SERVO = '<actuator><position name="a" joint="j" kp="500" kv="60" {more}/></actuator>'
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("more", ["", 'forcelimited="true" forcerange="-5 30"'])
 def test_a_servo_stands_off_its_aim_by_load_over_gain(make: Make, rung: Rung, more: str) -> None:
@@ -179,6 +180,7 @@ def test_a_weld_bears_weight_and_moment(make: Make, rung: Rung) -> None:
     np.testing.assert_allclose(terms.limited.T @ force, [0.0, 0.0, 2.0 * G, 0.0, bent, 0.0], atol=1e-6)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 @pytest.mark.parametrize("seed", range(6))
 def test_welded_bodies_fall_as_one_and_stay_where_they_land(make: Make, rung: Rung, seed: int) -> None:

@@ -34,6 +34,7 @@ def _walk(scene: SpaceScene, rung: Rung, **options: float) -> SpaceSimulation:
     return simulation
 
 
+@pytest.mark.few(4)
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_what_slides_down_a_chute_is_unsupported_however_near_the_wall(
@@ -67,6 +68,7 @@ def test_arms_on_springs_that_cannot_hold_them_are_told(make: Make, seed: int, r
         assert found.outcome.name in (("timeout", "model_invalid") if leaps else ("timeout",))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_heavy_stacks_on_soft_contacts_sink_in_topple_or_stand(make: Make, seed: int) -> None:
     random, height, bodies = np.random.default_rng(seed), 0.0, ""

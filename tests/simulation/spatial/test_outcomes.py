@@ -105,6 +105,7 @@ def test_a_contact_that_is_too_soft_ends_the_run(make: Make) -> None:
         assert run(scene, rung).outcome.name == "model_invalid"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 def test_conditions_read_gaps_forces_speeds_and_places(make: Make, rung: Rung) -> None:
     scene = make(

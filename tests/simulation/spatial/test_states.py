@@ -25,6 +25,7 @@ def _standing(make: Make, **fields: Any) -> SpaceScene:
     return make(world(FLOOR, free("b", "0 0 .1", box)), **(SOFT | fields))
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", MOVING, ids=named)
 @pytest.mark.parametrize("own", COMPLIANT, ids=named)
 def test_a_run_goes_on_from_contacts_that_yield_on_every_rung(make: Make, own: Rung, rung: Rung) -> None:

@@ -52,6 +52,7 @@ def _steps(simulation: SpaceSimulation) -> tuple[float, float]:
     return gained.max() / size, abs(turning.gained - gained[-1]) / size
 
 
+@pytest.mark.few(15)
 @pytest.mark.filterwarnings("ignore:overflow")
 @pytest.mark.parametrize(
     "rung", [*DYNAMIC, rw.DYNAMIC_RIGID.with_inertia(0.5)], ids=["rigid", "compliant", "half"]

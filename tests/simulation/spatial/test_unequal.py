@@ -23,6 +23,7 @@ def tower(masses: list[float], shifts: list[float]) -> str:
     return world(FLOOR, *cubes)
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_towers_of_unequal_bodies_stand(make: Make, rung: Rung, seed: int) -> None:
@@ -82,6 +83,7 @@ def test_a_joint_pushed_apart_shares_its_way_whatever_the_masses(make: Make, hea
     assert q(found) == pytest.approx([0.005, 0.005, 0.01], abs=1e-9)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_peg_on_a_servo_goes_in_without_momentum_as_with_it(rung: Rung, seed: int) -> None:
@@ -114,6 +116,7 @@ def test_a_rod_that_topples_against_faint_damping_is_told_and_followed(make: Mak
     assert not run(scene, rw.DYNAMIC_RIGID, duration=0.01).notes
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("shape", ['type="box" size=".06 .07 .05"', 'type="cylinder" size=".07 .05"'])
 @pytest.mark.parametrize("rung", WITH_LOADS, ids=named)
 def test_a_part_is_pushed_askew_over_a_table(make: Make, rung: Rung, shape: str) -> None:

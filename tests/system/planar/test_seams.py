@@ -45,6 +45,7 @@ def points(placed: Any, q: NDArray[np.float64]) -> NDArray[np.float64]:
     return found[np.lexsort(np.round(found[:, [4, 3]], 9).T)]
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("kind", ["bodies", "shapes"])
 @pytest.mark.parametrize("many", [False, True], ids=["one slider", "slider in pieces"])
 def test_points_are_those_of_one_piece(planar: Callable[..., Any], kind: str, many: bool) -> None:

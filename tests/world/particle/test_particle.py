@@ -38,6 +38,7 @@ def plan(scene: ParticleScene) -> rw.Plan:
     return found
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 def test_a_finger_brings_the_puck_to_its_goal(scene: ParticleScene, rung: rw.Rung) -> None:
     run = rw.simulate(scene, rung)
@@ -68,6 +69,7 @@ def test_a_quasistatic_puck_rests_where_loads_balance(scene: ParticleScene) -> N
     assert run.final["puck"]["x"] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 def test_runs_go_on_from_their_states_bit_for_bit(
     scene: ParticleScene, rung: rw.Rung, tmp_path: Path
@@ -89,6 +91,7 @@ def test_inputs_over_time_and_conditions(scene: ParticleScene) -> None:
     assert run.final["finger"]["x"] == pytest.approx(-0.1, abs=2e-3)
 
 
+@pytest.mark.few(3)
 @pytest.mark.parametrize("rung", MOVING, ids=lambda rung: rung.name)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_conditions_that_must_hold_for_a_time(scene: ParticleScene, rung: rw.Rung, tol: float | None) -> None:
