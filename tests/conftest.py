@@ -17,13 +17,17 @@ def spread(members: list[pytest.Function], count: int) -> list[pytest.Function]:
     """That many of the members: each has the values that were chosen least often so far."""
     far = [i for _, i in sorted((i * _GOLDEN % 1.0, i) for i in range(len(members)))]
     left, chosen = [members[i] for i in far], []
-    seen: Counter[tuple[str, int]] = Counter()
+    seen: Counter[tuple[str, str]] = Counter()
     for _ in range(min(count, len(left))):
-        best = min(left, key=lambda member: sum(seen[value] for value in member.callspec.indices.items()))
+        best = min(left, key=lambda member: sum(seen[value] for value in values_of(member)))
         left.remove(best)
         chosen.append(best)
-        seen.update(best.callspec.indices.items())
+        seen.update(values_of(best))
     return chosen
+
+
+def values_of(member: pytest.Function) -> list[tuple[str, str]]:
+    return [(name, repr(value)) for name, value in member.callspec.params.items()]
 
 
 @pytest.hookimpl(tryfirst=True)

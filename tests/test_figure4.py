@@ -140,6 +140,7 @@ def test_command_prints_and_draws(
 ) -> None:
     pytest.importorskip("matplotlib")
     lines = (figure4.A, figure4.D)
+    monkeypatch.setattr(figure4, "PANELS", lines)
     assert figure4.main(["--json"], lines, (0.3, 0.8, 1.0), 2) == 0
     printed = json.loads(capsys.readouterr().out)
     assert [line["panel"] for line in printed["lines"]] == ["a", "d"]

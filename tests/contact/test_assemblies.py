@@ -39,9 +39,15 @@ HARD: dict[str, Callable[[], rw.Problem]] = {
     "pyramid of bodies that spin": lambda: assemblies.turning(assemblies.pile(15, 10.0)),
     "tower of planks that spin": lambda: assemblies.turning(assemblies.tower(5, 3, 2.0)),
 }
+LARGE = (
+    "cubes that touch on all sides", "balls, many", "pyramid of 19 levels, pushed",
+    "wall of 174 bricks, pushed", "rough balls, many, falling",
+)  # fmt: skip
 
 
-@pytest.mark.parametrize("name", HARD)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name in LARGE else name for name in HARD]
+)
 def test_hard_assemblies_are_solved(name: str) -> None:
     problem = HARD[name]()
     found = rw.solve(problem)

@@ -158,9 +158,10 @@ def small_problem(rng: np.random.Generator) -> ContactProblem:
     return p
 
 
-def test_kinds_and_extremes_agree_with_exhaustive_enumeration() -> None:
+@pytest.mark.parametrize("count", [10, pytest.param(20, marks=pytest.mark.long)])
+def test_kinds_and_extremes_agree_with_exhaustive_enumeration(count: int) -> None:
     rng, seen = np.random.default_rng(11), set()
-    for _ in range(20):
+    for _ in range(count):
         p = small_problem(rng)
         found = rw.solutions(p)
         assert check(found) and not found.undecided
@@ -185,11 +186,13 @@ def test_kinds_and_extremes_agree_with_exhaustive_enumeration() -> None:
     assert seen >= {"unique", "force-indeterminate", "none"}
 
 
+@pytest.mark.parametrize("count", [5, pytest.param(16, marks=pytest.mark.long)])
 def test_every_solution_of_random_problems_satisfies_the_laws(
+    count: int,
     random_problem: Callable[..., ContactProblem],
 ) -> None:
     rng = np.random.default_rng(5)
-    for _ in range(16):
+    for _ in range(count):
         p = random_problem(rng)
         found = rw.solutions(p)
         assert check(found) and not found.undecided
@@ -271,10 +274,11 @@ def test_a_matrix_that_is_not_positive_is_held_by_nothing() -> None:
 # Symmetry and units
 
 
-def test_mirrored_problems_have_mirrored_solutions() -> None:
+@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.long)])
+def test_mirrored_problems_have_mirrored_solutions(count: int) -> None:
     rng = np.random.default_rng(3)
     other = {"forward": "backward", "backward": "forward"}
-    for _ in range(12):
+    for _ in range(count):
         p = small_problem(rng)
         mirrored = ContactProblem(
             **{name: getattr(p, name).copy() for name in ContactProblem.__annotations__}
@@ -481,11 +485,12 @@ def test_units_do_not_matter_without_inertia(force: float, speed: float, complia
         assert rw.solve(one).status == rw.solve(other).status != "not_converged"
 
 
-def test_what_a_joint_holds_is_held_whatever_rounding_says() -> None:
+@pytest.mark.parametrize("count", [20, pytest.param(60, marks=pytest.mark.long)])
+def test_what_a_joint_holds_is_held_whatever_rounding_says(count: int) -> None:
     """One coordinate that a joint drives at the rate at which one contact just stays closed: the contact may
     carry anything beside the joint, nothing jams, and nothing moves otherwise."""
     rng = np.random.default_rng(0)
-    for _ in range(60):
+    for _ in range(count):
         inertia, W, joint, v = rng.uniform(0.1, 3.0), rng.normal(size=(2, 1)), rng.normal(), rng.normal()
         problem = rw.Problem.balance(
             [[inertia]], [inertia * v - W[0, 0]], W, [-W[0, 0] * v, 0.5 - W[1, 0] * v], [0.0, 0.0],

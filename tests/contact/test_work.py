@@ -62,7 +62,10 @@ PROBLEMS: dict[str, Callable[[np.random.Generator], rw.Problem]] = {
 }
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.long) if name.startswith("dense") else name for name in PROBLEMS],
+)
 def test_hopeless_problems_end_within_the_work_that_is_allowed(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

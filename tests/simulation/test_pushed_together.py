@@ -71,6 +71,7 @@ def train(seed: int) -> dict[str, Any]:
     }
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(
     ("make", "tolerances"), [(swept, (None, 1e-3, 1e-5)), (train, (1e-3, 1e-5))], ids=["swept", "train"]
 )

@@ -140,6 +140,7 @@ def balances(scene: rw.Scene) -> bool:
     return bool(found.status == 0)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("tol", [None, 1e-3])
 def test_what_may_rest_rests_and_nothing_else(tol: float | None) -> None:
     rests = 0
@@ -173,11 +174,12 @@ def _excluded_by_every_mode(run: rw.Run, resisting: np.ndarray[Any, Any]) -> boo
     return True
 
 
-def test_exact_fits_on_compliant_contacts_rest_or_have_a_proof() -> None:
+@pytest.mark.parametrize("count", [14, pytest.param(40, marks=pytest.mark.long)])
+def test_exact_fits_on_compliant_contacts_rest_or_have_a_proof(count: int) -> None:
     """Compliant contacts press only as far as they yield: a body that fits exactly between others is in
     balance only where a tilt presses it against both sides."""
     outcomes, compared = {"timeout": 0, "unsupported": 0, "not_converged": 0}, 0
-    for seed in range(3, 43):
+    for seed in range(3, 3 + count):
         run = Simulation(Wedge(seed).scene(), rw.QUASISTATIC_COMPLIANT, frames=3)
         while run.advance():
             pass
@@ -192,7 +194,11 @@ def test_exact_fits_on_compliant_contacts_rest_or_have_a_proof() -> None:
                 assert _excluded_by_every_mode(found, resisting), seed
         elif seed == 40:  # the loop alone finds the fall, not the balance
             assert found.outcome == "timeout", found.reason
-    assert compared >= 2 and outcomes["timeout"] >= 15 and outcomes["unsupported"] >= 10
+    assert (
+        compared >= count / 20
+        and outcomes["timeout"] >= 3 * count / 8
+        and outcomes["unsupported"] >= count / 4
+    )
     assert outcomes["not_converged"] == 0
 
 

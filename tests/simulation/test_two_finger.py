@@ -104,7 +104,7 @@ def test_controlled_steps_give_the_same_verdicts(two_finger: rw.Scene, model: rw
             assert captured(two_finger, model, r, v1, tol=tol, parameters=plastic) == expected, (r, v1)
 
 
-@pytest.mark.few(1)
+@pytest.mark.long
 @pytest.mark.parametrize("damping", [0.0, 1e4])
 def test_controlled_compliant_threshold(two_finger: rw.Scene, damping: float) -> None:
     parameters = {"mu": 0.5, "damping": damping}

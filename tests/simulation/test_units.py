@@ -165,9 +165,10 @@ def test_ordinary_scenes(name: str, model: rw.Rung, tol: float | None) -> None:
         assert not differing(here, there), units
 
 
-@pytest.mark.parametrize("first", range(0, 40, 20))
+@pytest.mark.few(1)
+@pytest.mark.parametrize("first", range(0, 40, 10))
 def test_random_scenes(first: int) -> None:
-    for number in range(first, first + 20):
+    for number in range(first, first + 10):
         scene, rng = rw.load(random_scene(number)), np.random.default_rng([number, 1])
         for k, model in enumerate(MOVING):
             tol, units = (None, 1e-3)[(number + k) % 2], drawn(rng, 4.0, MOST)

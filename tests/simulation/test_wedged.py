@@ -8,7 +8,6 @@ import pytest
 
 import rungwise as rw
 
-SAMPLES = 25
 TOL = 7.071067811865475e-05
 START = {"goal_x": 1.0, "apart": 0.02, "offset": 0.0}
 
@@ -25,16 +24,17 @@ def compare(found: rw.Rollouts, least: int) -> None:
         assert found.final[i] == pytest.approx(places, abs=1e-5)
 
 
-def test_wedged_boxes_end_rollouts() -> None:
+@pytest.mark.parametrize("count", [8, pytest.param(25, marks=pytest.mark.long)])
+def test_wedged_boxes_end_rollouts(count: int) -> None:
     rng = np.random.default_rng(7)
-    posts = {"post1_x": rng.uniform(0.118, 0.125, SAMPLES), "post1_y": rng.uniform(0.042, 0.05, SAMPLES)}
-    turns = np.array([0.887, -0.504]) + rng.uniform(-0.1, 0.1, (SAMPLES, 2))
+    posts = {"post1_x": rng.uniform(0.118, 0.125, count), "post1_y": rng.uniform(0.042, 0.05, count)}
+    turns = np.array([0.887, -0.504]) + rng.uniform(-0.1, 0.1, (count, 2))
     heading = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
     found = rw.rollout(
         "push", "quasistatic-rigid", inputs=heading, durations=[1.346, 6.0], parameters=START | posts,
         tol=TOL, threads=1,
     )  # fmt: skip
-    compare(found, 8)
+    compare(found, count // 4)
 
 
 def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long() -> None:
@@ -49,6 +49,7 @@ def test_a_box_that_gives_way_by_parts_of_the_tolerance_does_not_go_on_for_long(
     compare(found, 1)
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize(("tol", "most"), [(TOL, 1000), (None, 2000)])
 def test_cups_wedged_between_pin_and_chute_come_to_rest(tol: float | None, most: int) -> None:
     """Bodies that hold a cup on all sides, and overlap it by rounding, cannot come apart, and are held. Pins

@@ -32,12 +32,15 @@ def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
     ball = free("ball", "0 0 .1", 'name="b" size=".1"')
     scene = make(world(FLOOR, ball), contacts=law, start={"velocities": {"ball.x": 1e6}})
     simulation = SpaceSimulation(scene, rw.DYNAMIC_RIGID, step=1e-2, duration=1.0)
+    assert simulation.stepper is not None
+    simulation.stepper.crawl.attempts = 9_000  # as if so many had been made
     monkeypatch.setattr(simulation.stepper, "_fits", lambda _v, h, _way, _before: h < 1e-7)
     reason, attempts = _end(simulation)
-    assert 10_000 <= attempts < 20_000
+    assert 1_000 <= attempts < 11_000
     assert "overlap bodies between floor and b." in reason and "dynamic-compliant" in reason
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("rung", DYNAMIC, ids=named)
 def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make: Make, rung: Rung) -> None:
     motor = '<actuator><motor name="m" joint="x"/></actuator>'

@@ -80,20 +80,22 @@ def assert_gap(planar: Callable[..., Any], a: dict[str, Any], b: dict[str, Any])
         assert gap <= 1e-12 - radii
 
 
+@pytest.mark.parametrize("count", [80, pytest.param(400, marks=pytest.mark.long)])
 @pytest.mark.parametrize("size", [0.4, 1.0, 4.0])
-def test_gap_is_that_of_shapely(planar: Callable[..., Any], size: float) -> None:
+def test_gap_is_that_of_shapely(planar: Callable[..., Any], size: float, count: int) -> None:
     rng = np.random.default_rng(int(10 * size))
-    for _ in range(400):
+    for _ in range(count):
         a, b = (
             {"shape": random_shape(rng, str(rng.choice(KINDS))), "pose": random_pose(rng, size)} for _ in "ab"
         )
         assert_gap(planar, a, b)
 
 
-def test_gap_where_everything_is_aligned(planar: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("count", [300, pytest.param(1200, marks=pytest.mark.long)])
+def test_gap_where_everything_is_aligned(planar: Callable[..., Any], count: int) -> None:
     """Shapes on a grid: parallel and touching faces, ends in line, vertices over vertices."""
     rng = np.random.default_rng(7)
-    for _ in range(1200):
+    for _ in range(count):
         bodies = []
         for _ in range(2):
             turns = [float(n) * np.pi / 4.0 for n in rng.integers(0, 4, 2)]
@@ -196,9 +198,10 @@ def nearly_flush(rng: Generator) -> list[dict[str, Any]]:
     return bodies
 
 
-def test_gap_at_the_ends_of_nearly_flush_faces(planar: Callable[..., Any]) -> None:
+@pytest.mark.parametrize("count", [400, pytest.param(1500, marks=pytest.mark.long)])
+def test_gap_at_the_ends_of_nearly_flush_faces(planar: Callable[..., Any], count: int) -> None:
     """Of rounded shapes the closest features may be two vertices, however small the tilt: a gap to the line
     of an edge, beside the edge, would jump where the faces count as parallel."""
     rng = np.random.default_rng(11)
-    for _ in range(1500):
+    for _ in range(count):
         assert_gap(planar, *nearly_flush(rng))
