@@ -62,7 +62,6 @@ def modes(p: ContactProblem, x: np.ndarray) -> list[str]:
     return list(np.where(force[:, 0] > 1e-6, names, "open"))
 
 
-@pytest.mark.few(1)
 @pytest.mark.parametrize("directions", [2, 3])
 def test_against_central_differences(directions: int) -> None:
     rng = np.random.default_rng(directions)
