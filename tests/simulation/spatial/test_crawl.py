@@ -45,8 +45,11 @@ def test_steps_that_overlap_unless_they_are_tiny_name_the_contact(
 def test_a_body_that_is_shaken_a_hundred_thousand_times_within_a_step_ends(make: Make, rung: Rung) -> None:
     motor = '<actuator><motor name="m" joint="x"/></actuator>'
     scene = make(world(BALL, before=NO_GRAVITY, after=motor), controls={"m": "1e9 * sin(1e6 * t)"})
-    reason, attempts = _end(SpaceSimulation(scene, rung, step=1.0, duration=1e3, tol=1e-6))
-    assert 10_000 < attempts < 110_000
+    simulation = SpaceSimulation(scene, rung, step=1.0, duration=1e3, tol=1e-6)
+    assert simulation.stepper is not None
+    simulation.stepper.crawl.attempts = 9_000  # as if so many had been made
+    reason, attempts = _end(simulation)
+    assert 1_000 < attempts < 101_000
     assert "the error of longer ones" in reason and "ball" in reason
 
 
