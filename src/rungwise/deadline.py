@@ -43,6 +43,10 @@ class Deadline:
     def is_over(self) -> bool:
         return self.ends < math.inf and not time.monotonic() < self.ends
 
+    def is_over_for(self, time_s: float) -> bool:
+        """Whether it came so long ago."""
+        return self.ends < math.inf and time.monotonic() >= self.ends + time_s
+
     def look(self) -> None:
         """Raises TimeOver where it has come."""
         if self.is_over:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene, SceneError
@@ -110,12 +111,14 @@ class Workers:
         wrong: Ints | None = None,
         keeps: bool = False,
         chunk: int = CHUNK,
+        deadline: Deadline = NEVER,
         on_progress: Callable[[int], None] | None = None,
     ) -> Samples:
         """Run every point (m, k), values of `over`, from the scene's start if no others are given; the other
         arrays are those of `Samples`, and no row of one that is not given. The bytes do not depend on threads
         or `chunk`. `on_progress` is called with the number of runs done, about ten times a second; what it
-        raises ends the runs, also within a step, as Ctrl-C does."""
+        raises ends the runs, also within a step, as Ctrl-C does; when the deadline has come runs that still
+        go on are left RUNNING."""
         chunk = count("chunk", chunk, 1)
         m, n, segments = len(points), len(self.scene.template.coordinates), len(self._until)
         inputs, size = len(self.scene.template.inputs), self.workspace.state.memory.size
@@ -129,14 +132,24 @@ class Workers:
             levels=np.full((1, segments, inputs), math.nan) if levels is None else levels,
             wrong=np.zeros(m, np.int64) if wrong is None else wrong,
             results=np.zeros(m, RESULT),
-            final=np.zeros((m, 2 * n)),
+            final=np.full((m, 2 * n), math.nan),
             kept=np.full((m if keeps else 0, max(segments, 1), size), math.nan),
         )
+        samples.results["margin"] = math.nan
         signals = np.zeros(1, np.int64)
+        with deadline.running(signals, *(place.workspace.scratch.halt for place in self._made)):
+            self._make(samples, chunk, signals, on_progress)
+        return samples
+
+    def _make(
+        self, samples: Samples, chunk: int, signals: Ints, on_progress: Callable[[int], None] | None
+    ) -> None:
+        """Make the runs, in chunks, until signalled."""
+        m = len(samples.points)
         spans = [(at, min(at + chunk, m)) for at in range(0, m, chunk)]
         if m == 1 and on_progress is None:
             self._chunk(samples, 0, 1, signals)
-            return samples
+            return
         try:
             with ThreadPoolExecutor(self.threads) as pool:
                 waiting = {pool.submit(self._chunk, samples, *span, signals) for span in spans}
@@ -154,7 +167,6 @@ class Workers:
                     raise
         finally:
             self._halt(0)
-        return samples
 
     def _halt(self, value: int) -> None:
         """End the steps that threads take, or let them take steps again."""

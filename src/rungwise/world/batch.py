@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -93,18 +94,21 @@ class Batch:
 
     @keywords
     def run(
-        self, points: Reals, *, chunk: int | None = None, on_progress: Callable[[int], None] | None = None
-    ) -> Results:
+        self, points: Reals, *, chunk: int | None = None, limit: float | None = None,
+        on_progress: Callable[[int], None] | None = None,
+    ) -> Results:  # fmt: skip
         """Run every point (m, k), values of `over`; the bytes do not depend on threads or `chunk`.
 
         A point outside the ranges of the parameters, or one at which the scene is impossible, is `invalid`.
+        After `limit` seconds runs that still go on are left as far as they have come, also from within a
+        step: their outcome is `running`; those that had not begun have places of nan.
         `on_progress` is called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
         """
-        points = np.ascontiguousarray(points, np.float64)
+        deadline, points = Deadline(seconds(limit)), np.ascontiguousarray(points, np.float64)
         if points.ndim != 2 or points.shape[1] != len(self.over):
             raise ValueError(f"points: must have the shape (m, {len(self.over)}), not {points.shape}")
         wrong = outside(self.scene, self.over, points)
-        found = self._runs.run(points, wrong=wrong, chunk=chunk, on_progress=on_progress)
+        found = self._runs.run(points, wrong=wrong, chunk=chunk, deadline=deadline, on_progress=on_progress)
         return Results(
             outcome=found.outcome, time=found.time, margin=found.margin, steps=found.steps,
             worst_residual=found.residual, final=found.places.q, speed=found.places.v,

@@ -6,13 +6,13 @@ runs of s segments. Lengths, times and forces are in the scene's units, angles i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -89,12 +89,12 @@ class Runs(Protocol):
     def run(
         self, points: Reals, places: Places | None = None, durations: Reals | None = None,
         levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
-        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,
+        chunk: int | None = None, deadline: Deadline = NEVER, on_progress: Told | None = None,
     ) -> Ran:  # fmt: skip
         """Run points (m, k) of the parameters, from places or the scene's start, through segments of these
         durations (m or 1, s) with inputs `levels` (m or 1, s, u), nan where one stays as it is; none is run
-        that is `wrong` (m,). `keeps`: whether the ends of segments are kept; `ends`: when, by the monotonic
-        clock, runs that still go on have not converged."""
+        that is `wrong` (m,). `keeps`: whether the ends of segments are kept; when the deadline has come, also
+        within a step, runs that still go on are RUNNING, where they have come to."""
 
     def begin(self, points: Reals, places: Places | None = None) -> Ran:
         """The same before their first steps: where they begin, with memories from which none goes on."""
@@ -307,7 +307,7 @@ class World(Protocol):
 
     def rollout(
         self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
-        threads: int | None, chunk: int | None, on_progress: Told | None,
+        threads: int | None, chunk: int | None, deadline: Deadline, on_progress: Told | None,
     ) -> Rolled:  # fmt: skip
         """The runs that a rollout asks for (see `rungwise.rollout`)."""
 

@@ -15,12 +15,16 @@ from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
 from rungwise.simulation.inputs import Segment
 from rungwise.simulation.moving.frames import WORK
 from rungwise.simulation.result import counted, texts
 from rungwise.simulation.state import Memory, State, digest
+
+OVER = "limit: the time was over before the run came to its end"
+"""Why a run of a rollout ended as `running`."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -116,6 +120,8 @@ class Rolled:
 
     def reason(self, sample: int) -> str:
         """Why the run of this sample ended as it did, in one line."""
+        if self.outcome[sample] == Code.RUNNING:
+            return OVER
         try:
             return self.faults.get(sample) or str(self.run(sample).reason)
         except InputError as error:

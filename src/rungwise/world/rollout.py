@@ -8,6 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene.contract import AnyScene
@@ -38,6 +39,7 @@ def rollout(
     budget: int | None = None,
     threads: int | None = None,
     chunk: int | None = None,
+    limit: float | None = None,
     on_progress: Callable[[int], None] | None = None,
 ) -> Rolled:
     """Make m runs from states, each with its own inputs in s segments; its bytes do not depend on `threads`.
@@ -57,14 +59,18 @@ def rollout(
         keep: whether the states at the switches are kept (see `Rolled`).
         budget: most steps of one run, a million if not given; a run that takes more has not converged.
         threads: how many; as many as there are cores if not given.
+        limit: seconds after which runs that still go on are left as far as they have come, also from within a
+            step: their outcome is `running`. Those that had not begun have places of nan.
         on_progress: called with the number of runs done. Ctrl-C raises KeyboardInterrupt within one run.
 
     Raises SceneError, StateError, ScheduleError or ModelError for wrong shapes, names and options; wrong
     values of a sample make it `invalid`, with a line in `faults`, and the others go on. What is given for one
     sample, also as an array of one row, serves all m."""
+    deadline = Deadline(seconds(limit))
     scene, rung = load(scene), moving_rung(model)
     wanted = asked(scene, states, inputs, durations, until, ramp, parameters)
     options = {"step": step, "tol": tol, "theta": theta, "motion": motion}
     return world_of(scene).rollout(
-        rung, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk, on_progress=on_progress
-    )
+        rung, wanted, options, keep=keep, budget=budget, threads=threads, chunk=chunk, deadline=deadline,
+        on_progress=on_progress,
+    )  # fmt: skip

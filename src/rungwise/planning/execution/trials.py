@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rungwise.cluster import Batch
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -66,7 +67,7 @@ class Trials:
         return self.plan.parameters | values, errors
 
     def run(self, points: Reals, on_progress: Callable[[int], None] | None = None) -> tuple[Ints, Reals]:
-        """Outcomes and margins (m,) of samples; executions that plan anew have no margin."""
+        """Outcomes and margins (m,) of samples; executions that plan anew have no margin. Raises TimeOver."""
         if self.mode == RE_PLANNING:
             return self._re_planned(points, on_progress)
         return self._as_it_is(points, on_progress)
@@ -100,8 +101,10 @@ class Trials:
             self.plan.scene, self.model, inputs=levels, durations=durations, parameters=parameters,
             tol=self.tol, until=[segment.until for segment in segments],
             ramp=[segment.ramp for segment in segments], keep=False, threads=self._threads,
-            on_progress=on_progress,
+            limit=None if self._time is None else self._time.seconds, on_progress=on_progress,
         )  # fmt: skip
+        if (found.outcome == Code.RUNNING).any():
+            raise TimeOver("in a sample")
         return found.outcome, found.margin
 
     def _re_planned(self, points: Reals, on_progress: Callable[[int], None] | None) -> tuple[Ints, Reals]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.deadline import Deadline, TimeOver
+from rungwise.deadline import TimeOver
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
 from rungwise.outcome import Code
@@ -383,7 +383,7 @@ def _diagnosis(work: Work, before: Plan, stage: Stage) -> list[Diagnosis]:
         if not before.stage.model.moves:
             told = untouched(work, before, stage)
             return [] if told is None else [told]
-        watch = Watch(work.budget.look, Deadline.at(work.budget.ends))
+        watch = Watch(work.budget.look, work.budget.deadline)
         found = diagnosed(
             work.task.scene, before.stage.model, stage.model, watch, inputs=before.segments,
             tol=before.tol, other_tol=stage.tol * work.size, parameters=work.task.parameters,

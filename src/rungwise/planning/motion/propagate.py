@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.deadline import TimeOver
+from rungwise.deadline import Deadline, TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -115,6 +115,11 @@ class Budget:
         return other
 
     @property
+    def deadline(self) -> Deadline:
+        """When the time is over."""
+        return Deadline.at(self.ends)
+
+    @property
     def seconds(self) -> float | None:
         """The time that is left; None without a limit."""
         return None if self.ends == math.inf else max(0.0, self.ends - clock.monotonic())
@@ -167,7 +172,7 @@ class Predictor:
         runs = self._segments(ramps or (False,) * s, until or (None,) * s, patient)
         found = runs.run(
             np.zeros((m, 0)), _begun(places), durations, levels, keeps=True,
-            chunk=max(1, min(64, math.ceil(m / runs.threads / 2))), ends=self.budget.ends,
+            chunk=max(1, min(64, math.ceil(m / runs.threads / 2))), deadline=self.budget.deadline,
             on_progress=self.budget.look,
         )  # fmt: skip
         self.budget.take(self.stage, int(found.attempts.sum()), found.outcome)

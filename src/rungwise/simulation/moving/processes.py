@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, wait
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from rungwise.deadline import Deadline, TimeOver
+from rungwise.deadline import NEVER, Deadline, TimeOver
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
@@ -24,42 +24,47 @@ from rungwise.simulation.turns import TURN_S
 
 FEW = 4
 """So many runs are not worth the start of other processes; they are made in this one."""
+LATE_S = 0.5
+"""How long other processes, which see themselves when the time is over, are waited for then."""
 Make = Callable[..., MovingSimulation]
 """Makes a run of a scene on a rung, with these options; what other processes are told has a name."""
+Look = Callable[[], None]
+"""What is called again and again while runs go on."""
 Job = TypeVar("Job")
 Part = TypeVar("Part")
 Made = TypeVar("Made")
 
 
 def spread(
-    function: Callable[[Job, Part], Made], job: Job, parts: Sequence[Part], runs: int, processes: int,
-    look: Callable[[], None] | None = None,
+    function: Callable[..., Made], job: Job, parts: Sequence[Part], runs: int, processes: int, look: Look,
+    deadline: Deadline,
 ) -> Iterator[Made]:  # fmt: skip
     """What the function makes of each part, in their order; `runs`: how many there are in all parts. `look`
-    is called about ten times a second while other processes work, and after each part that this one makes;
-    what it raises ends the wait."""
-    if processes == 1 or runs <= FEW:
-        return (_seen(function(job, part), look) for part in parts)
+    is called about ten times a second: in this process by the function, which it is given; what it raises
+    ends the work. Other processes are waited for until shortly after the deadline: then TimeOver is raised."""
+    if processes == 1 or runs <= FEW or deadline.is_over:
+        return (_seen(function(job, part, look), look) for part in parts)
     try:
         from loky import get_reusable_executor
     except ImportError:
         raise InputError("threads: more than one process needs loky: pip install 'rungwise[space]'") from None
     pool = get_reusable_executor(max_workers=processes)
-    return _gathered([pool.submit(function, job, part) for part in parts], look)
+    return _gathered([pool.submit(function, job, part) for part in parts], look, deadline)
 
 
-def _seen(made: Made, look: Callable[[], None] | None) -> Made:
-    if look is not None:
-        look()
+def _seen(made: Made, look: Look) -> Made:
+    look()
     return made
 
 
-def _gathered(futures: list[Future[Made]], look: Callable[[], None] | None) -> Iterator[Made]:
+def _gathered(futures: list[Future[Made]], look: Look, deadline: Deadline) -> Iterator[Made]:
     """What comes of futures, in their order."""
     try:
         for future in futures:
-            while look is not None and not wait([future], timeout=TURN_S).done:
+            while not wait([future], timeout=TURN_S).done:
                 look()
+                if deadline.is_over_for(LATE_S):
+                    raise TimeOver("in other processes")
             yield _seen(future.result(), look)
     finally:
         for future in futures:
@@ -68,8 +73,7 @@ def _gathered(futures: list[Future[Made]], look: Callable[[], None] | None) -> I
 
 class Terms(NamedTuple):
     """What all samples share: scene, rung, what makes their runs, options of these, most steps of one,
-    whether the states at the ends of segments are kept, and when by the monotonic clock runs have not
-    converged at the latest."""
+    whether the states at the ends of segments are kept, and when runs that still go on are left so."""
 
     scene: StatedScene
     model: Rung
@@ -77,7 +81,7 @@ class Terms(NamedTuple):
     options: dict[str, Any]
     budget: int
     keeps: bool
-    ends: float = math.inf
+    deadline: Deadline = NEVER
 
     def made(self, sample: Sample) -> MovingSimulation:
         """The run of a sample before its first step. Raises InvalidScene, SceneError, StateError and
@@ -133,9 +137,17 @@ class Sampled(NamedTuple):
     fault: str = ""
 
 
-def run_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
-    """The runs, one after the other; none depends on earlier ones."""
-    return [_told(_ran, terms, sample) for sample in samples]
+def run_samples(terms: Terms, samples: Sequence[Sample], look: Look | None = None) -> list[Sampled]:
+    """The runs, one after the other; none depends on earlier ones. `look` is called about ten times a second,
+    between steps."""
+    watch = None if look is None else _Watch(look)
+
+    def run(terms: Terms, sample: Sample) -> Sampled:
+        return (
+            nothing(terms.scene, "", Code.RUNNING) if terms.deadline.is_over else _ran(terms, sample, watch)
+        )
+
+    return [_told(run, terms, sample) for sample in samples]
 
 
 def begin_samples(terms: Terms, samples: Sequence[Sample]) -> list[Sampled]:
@@ -158,7 +170,19 @@ def _begun(terms: Terms, sample: Sample) -> Sampled:
     return _sampled(simulation, simulation.stepper, 0, 0.0, None)
 
 
-def _ran(terms: Terms, sample: Sample) -> Sampled:
+class _Watch:
+    """Looks again when some time has passed."""
+
+    def __init__(self, look: Look) -> None:
+        self._look, self._next = look, time.monotonic() + TURN_S
+
+    def look(self) -> None:
+        if time.monotonic() >= self._next:
+            self._look()
+            self._next = time.monotonic() + TURN_S
+
+
+def _ran(terms: Terms, sample: Sample, watch: _Watch | None) -> Sampled:
     simulation = terms.made(sample)
     stepper = simulation.stepper
     if stepper is None or simulation.outcome == Code.INVALID:
@@ -166,18 +190,21 @@ def _ran(terms: Terms, sample: Sample) -> Sampled:
     begun, solved = simulation.steps, int(stepper.clock["solves"])
     worked = float(stepper.clock["drive_work"])
     ends = _Ends(simulation, len(sample.inputs)) if terms.keeps else None
-    simulation.deadline = Deadline.at(terms.ends)
+    simulation.deadline = terms.deadline
     try:
         with simulation.running(stepper):
             while simulation.outcome == Code.RUNNING and simulation.steps - begun < terms.budget:
                 simulation.deadline.look()
+                if watch is not None:
+                    watch.look()
                 simulation.take()
                 if ends is not None:
                     ends.note()
+        if simulation.outcome == Code.RUNNING:
+            simulation.outcome = Code.NOT_CONVERGED
     except TimeOver:
-        pass  # it has not converged
-    if simulation.outcome == Code.RUNNING:
-        simulation.outcome = Code.NOT_CONVERGED
+        if not terms.deadline.is_over:
+            raise  # by what looks
     return _sampled(simulation, stepper, solved, worked, ends)
 
 
@@ -193,11 +220,11 @@ def _sampled(
     )  # fmt: skip
 
 
-def nothing(scene: StatedScene, why: str) -> Sampled:
+def nothing(scene: StatedScene, why: str, outcome: Code = Code.INVALID) -> Sampled:
     """A run that did not begin."""
     n_q, n_v = len(scene.template.coordinates), len(scene.template.velocities)
     q, v = np.full(n_q, np.nan), np.full(n_v, np.nan)
-    return Sampled(int(Code.INVALID), 0.0, np.nan, 0, 0, 0, 0, 0.0, q, v, np.zeros(0), 0.0, None, why)
+    return Sampled(int(outcome), 0.0, np.nan, 0, 0, 0, 0, 0.0, q, v, np.zeros(0), 0.0, None, why)
 
 
 class _Ends:

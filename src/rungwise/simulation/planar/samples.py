@@ -91,7 +91,8 @@ def run_samples(
 ) -> None:
     """Make the runs `first` to `last`, excluded; points are the values of the parameters `columns` (k,).
 
-    A run does not depend on earlier runs. The kernel ends early, with results left RUNNING, when signalled.
+    A run does not depend on earlier runs. The kernel ends early when signalled: the run that goes on is left
+    RUNNING where it has come to, and the others as they are.
     """
     for i in range(first, last):
         if signals[STOPPED] != 0:
@@ -191,15 +192,11 @@ def _run(
     outcome = first_verdict(setting, workspace)
     best, danger = _watch(conditions, workspace, -math.inf, -math.inf)
     ended = _keep_switches(samples, i, 0, workspace)
-    while outcome == RUNNING:
-        if signals[STOPPED] != 0:
-            return RUNNING
+    while outcome == RUNNING and signals[STOPPED] == 0 and workspace.scratch.halt[0] == 0:
         if clock.steps >= options[0].budget:
             outcome = NOT_CONVERGED
             break
         outcome = run_step(setting, workspace)
-        if workspace.scratch.halt[0] != 0 and outcome == RUNNING:
-            return RUNNING
         best, danger = _watch(conditions, workspace, best, danger)
         ended = _keep_switches(samples, i, ended, workspace)
     if kept.shape[0] > 0 and ended < kept.shape[1]:

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.scene.stated import StatedScene
 from rungwise.simulation.moving.frames import WORK
@@ -39,7 +40,7 @@ Kind = TypeVar("Kind", bound=MovingRollouts)
 def rollout(
     kind: type[Kind], runs: type[MovingRuns], scene: StatedScene, model: Rung, wanted: Asked,
     options: dict[str, Any], *, keep: bool, budget: int | None, threads: int | None, chunk: int | None,
-    on_progress: Told | None,
+    deadline: Deadline, on_progress: Told | None,
 ) -> Kind:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`), as `runs` makes them; `threads` are processes."""
     if RunOptions(**options).motion is not None:
@@ -47,7 +48,7 @@ def rollout(
     most = BUDGET if budget is None else count("budget", budget, 1)
     processes = min(threads_of(threads), runs.most)
     size = None if chunk is None else count("chunk", chunk, 1)
-    terms = Terms(scene, model, runs.make, options, most, keep)
+    terms = Terms(scene, model, runs.make, options, most, keep, deadline)
     m = len(wanted.points)
     samples = {i: Sample(**wanted.options(scene, i)) for i in range(m) if i not in wanted.faults}
     size = size or max(1, min(MOST, len(samples) // (PARTS * processes)))

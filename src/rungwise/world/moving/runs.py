@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline, TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -52,6 +53,8 @@ def sampled(
     """How m runs ended, of which those of these samples are made, `size` by one task; `on_progress` counts
     the others as done."""
     numbers, found = list(samples), [nothing(terms.scene, "")] * m
+    for i in numbers:
+        found[i] = nothing(terms.scene, "", Code.RUNNING)
     parts = [[samples[i] for i in numbers[at : at + size]] for at in range(0, len(numbers), size)]
     done = 0
 
@@ -59,10 +62,14 @@ def sampled(
         if on_progress is not None:
             on_progress(m - len(numbers) + done)
 
-    for part in spread(run_samples, terms, parts, len(numbers), processes, look):
-        for each in part:
-            found[numbers[done]] = each
-            done += 1
+    try:
+        for part in spread(run_samples, terms, parts, len(numbers), processes, look, terms.deadline):
+            for each in part:
+                found[numbers[done]] = each
+                done += 1
+    except TimeOver:
+        if not terms.deadline.is_over:
+            raise  # by what looks
     look()
     return found
 
@@ -102,7 +109,7 @@ class MovingRuns:
     def run(
         self, points: Reals, places: Places | None = None, durations: Reals | None = None,
         levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
-        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,
+        chunk: int | None = None, deadline: Deadline = NEVER, on_progress: Told | None = None,
     ) -> Ran:  # fmt: skip
         """See `Runs.run`."""
         samples = {
@@ -111,7 +118,7 @@ class MovingRuns:
             if wrong is None or not wrong[i]
         }
         size = chunk or max(1, min(MOST, math.ceil(len(samples) / (PARTS * self.threads))))
-        terms = self._terms._replace(ends=ends, keeps=keeps)
+        terms = self._terms._replace(deadline=deadline, keeps=keeps)
         found = sampled(terms, samples, len(points), self.threads, size, on_progress)
         return self._ran(found, begins=False)
 

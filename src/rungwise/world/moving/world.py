@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from rungwise.deadline import Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.scene import SceneError
@@ -59,11 +60,11 @@ class MovingWorld(ABC):
 
     def rollout(
         self, model: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
-        threads: int | None, chunk: int | None, on_progress: Told | None,
+        threads: int | None, chunk: int | None, deadline: Deadline, on_progress: Told | None,
     ) -> MovingRollouts:  # fmt: skip
         return rollout(
             MovingRollouts, MovingRuns, self.scene, model, wanted, options, keep=keep, budget=budget,
-            threads=threads, chunk=chunk, on_progress=on_progress,
+            threads=threads, chunk=chunk, deadline=deadline, on_progress=on_progress,
         )  # fmt: skip
 
     def _prepared(self, parameters: Mapping[str, float] | None) -> Prepared:

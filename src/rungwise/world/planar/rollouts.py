@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
@@ -59,7 +60,7 @@ class Rollouts(Rolled):
 
 def rollout(
     scene: Scene, rung: Rung, wanted: Asked, options: dict[str, Any], *, keep: bool, budget: int | None,
-    threads: int | None, chunk: int | None, on_progress: Told | None,
+    threads: int | None, chunk: int | None, deadline: Deadline, on_progress: Told | None,
 ) -> Rollouts:  # fmt: skip
     """The runs that are asked for (see `rungwise.rollout`)."""
     workers = Workers(
@@ -72,12 +73,12 @@ def rollout(
     def of_sample(i: int) -> dict[str, Any]:
         return options | wanted.options(scene, i)
 
-    memories = _memories(workers, begins, of_sample, faults, points)
+    memories = _memories(workers, begins, of_sample, faults, points, deadline)
     samples = workers.run(
         points, Starts(None if begins is None else begins.bodies, memories.rows, memories.of),
         durations=wanted.lengths, levels=wanted.levels,
         wrong=np.isin(np.arange(len(points)), list(faults)).astype(np.int64),
-        keeps=keep, chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
+        keeps=keep, chunk=CHUNK if chunk is None else chunk, deadline=deadline, on_progress=on_progress,
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)
 
@@ -105,17 +106,21 @@ def _memories(
     of_sample: Callable[[int], dict[str, Any]],
     faults: dict[int, str],
     points: Reals,
+    deadline: Deadline,
 ) -> _Memories:
     """Memories that samples from states of runs go on from.
 
     Where the rung and the parameters are those of the state's run, it is the state's own; otherwise the
-    memory of a run that has begun there. What is wrong goes into `faults`.
+    memory of a run that has begun there. What is wrong goes into `faults`. When the deadline has come the
+    others have none: no run begins then.
     """
     m, rows = len(points), list[Reals]()
     of = np.full(m, -1)
     made: dict[tuple[int, bytes], int] = {}
     states = [] if begins is None else begins.states
     for i in range(m) if any(state.memory is not None for state in states) else ():
+        if deadline.is_over:
+            break
         row = min(i, len(states) - 1)
         key = row, points[i].tobytes()
         if i in faults or states[row].memory is None:

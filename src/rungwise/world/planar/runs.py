@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals, RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -52,9 +53,9 @@ class PlanarRuns:
     def run(
         self, points: Reals, places: Places | None = None, durations: Reals | None = None,
         levels: Reals | None = None, *, wrong: Ints | None = None, keeps: bool = False,
-        chunk: int | None = None, ends: float = math.inf, on_progress: Told | None = None,  # noqa: ARG002
+        chunk: int | None = None, deadline: Deadline = NEVER, on_progress: Told | None = None,
     ) -> Ran:  # fmt: skip
-        """See `Runs.run`; `ends` is left to what `on_progress` raises."""
+        """See `Runs.run`."""
         bodies = memories = memory = None
         m, before = len(points), np.zeros(len(points))
         if places is not None:
@@ -66,7 +67,7 @@ class PlanarRuns:
             points, Starts(bodies, memories, memory), wrong=wrong, keeps=keeps,
             durations=None if durations is None else np.ascontiguousarray(durations),
             levels=None if levels is None else np.ascontiguousarray(levels),
-            chunk=CHUNK if chunk is None else chunk, on_progress=on_progress,
+            chunk=CHUNK if chunk is None else chunk, deadline=deadline, on_progress=on_progress,
         )  # fmt: skip
         return self._ran(samples, before)
 
