@@ -52,6 +52,7 @@ def test_demo_prints_what_the_readme_shows_saves_runs_and_draws(
     assert (tmp_path / "two_finger.png").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_bands_agree_with_their_closed_forms(monkeypatch: pytest.MonkeyPatch) -> None:
     bands = script("examples/bands.py", monkeypatch)
     scene = rw.load("two_finger")
@@ -151,10 +152,17 @@ def test_benchmark_of_published_tasks(
     assert told == "  its authors: in 2 s"
 
 
+@pytest.mark.parametrize(
+    "kinds", [("drag",), pytest.param(("surface", "dry", "drag"), marks=pytest.mark.long)]
+)
 def test_push_is_planned_with_every_kind_of_resistance(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    kinds: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     supports = script("examples/push_supports.py", monkeypatch)
+    monkeypatch.setattr(supports, "RESISTANCE", {kind: supports.RESISTANCE[kind] for kind in kinds})
     assert supports.main(["--instances", "1", "--first", "1003", "--out", str(tmp_path)]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(supports.RESISTANCE)
     drag = rw.load(tmp_path / "push_drag.yaml")

@@ -59,6 +59,7 @@ def _installed(folder: Path, **named: str) -> tuple[str, Path]:
     return wheel.name, programs
 
 
+@pytest.mark.long
 def test_a_wheel_with_kernels_compiles_nothing(tmp_path: Path) -> None:
     """It brings the kernels of one question; a fresh environment with an empty cache has its answer."""
     apart = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}

@@ -50,6 +50,7 @@ def test_two_speeds_are_equal_and_far_from_both_ends_of_the_band() -> None:
     assert found.drift["v1"] == pytest.approx((c / 2, 2.2), abs=0.02)
 
 
+@pytest.mark.long
 def test_restarts_agree() -> None:
     one, other = (
         rw.design("two_finger", ("x3", "v2"), model="quasistatic-rigid", robust=True, samples=100, seed=seed,

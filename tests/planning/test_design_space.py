@@ -42,7 +42,7 @@ def slot(folder: Path, low: float = -0.3, high: float = 0.5, **fields: Any) -> S
     return scene
 
 
-@pytest.mark.parametrize("model", ["kinematic", "dynamic-rigid"])
+@pytest.mark.parametrize("model", ["dynamic-rigid", pytest.param("kinematic", marks=pytest.mark.long)])
 def test_the_middle_of_a_slot_is_best(tmp_path: Path, model: str) -> None:
     found = rw.design(slot(tmp_path), ("d",), model=model, box=BOX, threads=1)
     assert found.ok and found.how == "in the middle of the set"
@@ -51,6 +51,7 @@ def test_the_middle_of_a_slot_is_best(tmp_path: Path, model: str) -> None:
     assert found.margin == pytest.approx(0.2, abs=2e-3) and found.decides == "d"
 
 
+@pytest.mark.long
 def test_a_search_finds_the_place_that_is_farthest_from_what_is_unsafe(tmp_path: Path) -> None:
     """Two draws narrow the slot by their distance; in its middle the worse of them has most room."""
     scene = slot(tmp_path, -0.4, 0.4, unsafe="abs(puck.x) > 0.4")
@@ -64,6 +65,7 @@ def test_a_search_finds_the_place_that_is_farthest_from_what_is_unsafe(tmp_path:
     assert found.values["d"] == pytest.approx(0.5 * (low + high), abs=0.02)
 
 
+@pytest.mark.long
 def test_a_slope_is_best_level_and_drifts_to_its_friction() -> None:
     """mu >= tan |angle|, in a box that is not symmetric itself."""
     box = {"angle": (-60.0, 50.0)}
@@ -81,6 +83,7 @@ def test_the_farthest_place_of_a_band_is_its_middle(tmp_path: Path) -> None:
     assert list(found.values.values()) == pytest.approx([0.05, 0.05], abs=0.04)
 
 
+@pytest.mark.long
 def test_the_chamfer_of_a_hole_catches_the_peg() -> None:
     """The tip is beside the middle by the offset and 0.07 slant; chamfer and clearance must reach it."""
     beside = 0.004 + 0.07 * 0.01

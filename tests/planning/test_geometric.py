@@ -81,6 +81,7 @@ def way_of(plan: rw.Plan) -> Reals:
     return np.array([start, *plan.waypoints])
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", BENT)
 def test_ways_around_posts_touch_nothing_and_end_at_the_goal(seed: int) -> None:
     plan = rw.plan("push", task_seed=seed, to="geometric")
@@ -91,6 +92,7 @@ def test_ways_around_posts_touch_nothing_and_end_at_the_goal(seed: int) -> None:
     assert overlap(plan.scene, way[[0, -1]], plan.parameters) > 1e-4, "the straight way is not free"
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", BENT)
 def test_ways_are_short(seed: int) -> None:
     """The centre of the box goes at most as far as about once round a post."""
@@ -119,6 +121,7 @@ def test_thin_walls_are_not_jumped(thickness: float) -> None:
     assert overlap(scene, way_of(plan)) <= 1e-9
 
 
+@pytest.mark.long
 def test_no_way_through_a_gate_that_is_too_narrow() -> None:
     plan = rw.plan(gate(1e-2, 0.15), to="geometric")
     assert not plan.found
@@ -156,7 +159,7 @@ def test_the_same_seed_gives_the_same_way() -> None:
 def test_goals_of_tasks_have_places_also_where_contacts_must_close(name: str) -> None:
     """No false alarm: neither with two contacts to be closed within a millionth, nor with forces."""
     scene = rw.load(name)
-    for parameters in instances(scene, 5, 20):
+    for parameters in instances(scene, 5, 5):
         task = task_of(scene, parameters)
         placing = Placing(task, task.search, State.of(scene, parameters=parameters).q)
         found = placing.goals(np.random.default_rng(0))
@@ -191,6 +194,7 @@ def test_a_goal_out_of_a_travel_is_told() -> None:
     assert not plan.found and plan.reason.endswith("these fail: finger1.x1 >= 3 (by 1)")
 
 
+@pytest.mark.few(6)
 @pytest.mark.parametrize(
     "goal",
     [

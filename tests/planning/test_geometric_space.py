@@ -110,6 +110,7 @@ def test_a_plate_goes_through_a_slit_turned(make: Make, thick: float) -> None:
     assert (0.095 * np.abs(up) <= 0.06 * np.hypot(across, up) + 0.01 * np.abs(across)).all()
 
 
+@pytest.mark.long
 def test_a_slit_that_is_thinner_than_the_plate_is_in_the_way(make: Make) -> None:
     plan = rw.plan(make(plate(0.009), BEYOND), to="geometric")
     assert plan.reason == "geometric @ 0.01: no way for the bodies was found, world being in the way"
@@ -205,6 +206,7 @@ def test_what_else_bounds_places_is_left_to_richer_rungs(make: Make, more: str, 
     assert words in plan.reason
 
 
+@pytest.mark.long
 def test_ways_keep_out_of_what_is_unsafe(make: Make) -> None:
     band = "abs(plate.x - 0.2) <= 0.02 and hypot(plate.y, plate.z - 1) >= 0.2"
     scene = make(plate(1.0), "plate.x >= 0.3 and abs(plate.z) <= 0.1", task={"keep_out": [band]})

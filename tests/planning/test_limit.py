@@ -95,7 +95,7 @@ def over_after(monkeypatch: pytest.MonkeyPatch, looks: int) -> None:
     monkeypatch.setattr(Budget, "is_in_time", lambda _: next(left) > 0)
 
 
-@pytest.mark.parametrize("mode", ["open loop", "re-planning"])
+@pytest.mark.parametrize("mode", ["open loop", pytest.param("re-planning", marks=pytest.mark.long)])
 def test_a_verification_keeps_the_samples_that_were_run(varied: rw.Plan, mode: str) -> None:
     """What is told on the way may end it, too: the clock of its limit is set by hand."""
     whole = rw.verify(varied, samples=20, mode=mode)

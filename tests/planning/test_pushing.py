@@ -29,14 +29,14 @@ def is_confirmed(plan: rw.Plan) -> bool:
     return plan.found and plan.replay(tol=plan.tol / 10).outcome.code == rw.Code.GOAL
 
 
-@pytest.mark.parametrize("seed", [1, 2, 5])
+@pytest.mark.parametrize("seed", [2, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 5))])
 def test_two_boxes_both_come_to_their_goals(seed: int) -> None:
     plan = rw.plan(two_boxes(seed), budget=600_000)
     assert is_confirmed(plan), str(plan)
     assert len(plan.waypoints) >= 2
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))])
 def test_fast_pushes_are_planned_with_their_coasting(seed: int) -> None:
     """At 1 m/s boxes coast by their size: a move begins when what the last one pushed is at rest."""
     plan = rw.plan(push(seed, v=1.0), task_seed=seed, budget=1_250_000)
@@ -51,7 +51,7 @@ def test_fast_pushes_are_planned_with_their_coasting(seed: int) -> None:
             assert np.hypot(*speeds) <= 2.0 * still
 
 
-@pytest.mark.parametrize("seed", [0, 3, 5])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (3, 5))])
 def test_soft_contacts_are_planned(seed: int) -> None:
     plan = rw.plan(push(seed, stiffness=1e4, damping=10.0), task_seed=seed)
     assert is_confirmed(plan), str(plan)
@@ -89,6 +89,7 @@ def test_a_push_that_is_cut_ends_where_the_longer_one_was() -> None:
     assert np.abs(off).max() < 0.01 * own.size
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("seed", range(4))
 def test_what_robots_hold_is_let_go_before_they_are_placed_elsewhere(seed: int) -> None:
     """A block that two fingers hold in the air, at rest, comes down before the next move begins."""

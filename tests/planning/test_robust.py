@@ -170,7 +170,7 @@ def scheduler() -> Iterator[str]:
         yield cluster.scheduler_address
 
 
-@pytest.mark.parametrize("mode", ["open loop", "re-planning"])
+@pytest.mark.parametrize("mode", ["open loop", pytest.param("re-planning", marks=pytest.mark.long)])
 def test_workers_of_a_cluster_give_the_same_samples(plan: rw.Plan, scheduler: str, mode: str) -> None:
     options: dict[str, Any] = {"samples": 12, "mode": mode, "seed": 3}
     one, two = rw.verify(plan, **options), rw.verify(plan, cluster=scheduler, **options)

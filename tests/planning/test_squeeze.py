@@ -47,6 +47,7 @@ def test_one_squeeze_orients_a_regular_polygon(sides: int) -> None:
     assert plan.period == pytest.approx(2.0 * math.pi / (sides * (1 + sides % 2)))
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_least_diameters_are_where_squeezes_end(seed: int) -> None:
     function = rw.squeeze_plan(outline(seed)).function
@@ -65,6 +66,7 @@ def test_least_diameters_are_where_squeezes_end(seed: int) -> None:
     assert np.max(np.min(np.abs(np.sin(ends[:, None] - function.minima)), axis=1)) < 1e-9
 
 
+@pytest.mark.few(8)
 @pytest.mark.parametrize("seed", range(40))
 def test_a_plan_brings_every_start_to_one_end(seed: int) -> None:
     plan = rw.squeeze_plan(outline(seed))
@@ -171,6 +173,7 @@ def test_jaws_open_again_and_leave_the_part() -> None:
     assert run.final["part"]["angle"] == pytest.approx(math.pi / 2.0, abs=1e-6)
 
 
+@pytest.mark.long
 def test_parts_of_many_corners_are_oriented() -> None:
     """Outlines near a circle have squeezes of narrow intervals, some hundred one after the other."""
     rng = np.random.default_rng(6)

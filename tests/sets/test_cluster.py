@@ -62,6 +62,14 @@ def farm(tmp_path: Path) -> Iterator[Farm]:
     made.stop()
 
 
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    """Of tests that leave it a worker."""
+    made = Farm(tmp_path_factory.mktemp("farm"), 2)
+    yield made
+    made.stop()
+
+
 def grasp(model: rw.Rung = rw.QUASISTATIC_RIGID, **options: Any) -> rw.FeasibleSet:
     return rw.feasible_set(
         "two_finger", model, tuple(BOX), **{"box": BOX, "tol": 0.06, "threads": 1, **options}
@@ -72,18 +80,45 @@ def _listen(told: list[tuple[str, int, int]]) -> Callable[[str, int, int], None]
     return lambda *what: told.append(what)
 
 
-def test_workers_give_the_same_bytes(farm: Farm, tmp_path: Path) -> None:
-    for model in (rw.DYNAMIC_COMPLIANT, rw.DYNAMIC_RIGID.with_inertia(0.5)):
-        told: list[tuple[str, int, int]] = []
-        many = grasp(model, cluster=farm.address, on_progress=_listen(told), out=tmp_path / model.name)
-        one = grasp(model)
-        assert many.data.identical(one.data)
-        done = [count for _, count, _ in told]
-        assert done == sorted(done) and done[-1] == many.evaluations == told[-1][2]
-    again = grasp(rw.DYNAMIC_COMPLIANT, out=tmp_path / rw.DYNAMIC_COMPLIANT.name, resume=True)
-    assert again.data.identical(grasp(rw.DYNAMIC_COMPLIANT).data)
+@pytest.mark.parametrize(
+    "model",
+    [rw.DYNAMIC_RIGID.with_inertia(0.5), pytest.param(rw.DYNAMIC_COMPLIANT, marks=pytest.mark.long)],
+    ids=str,
+)
+def test_workers_give_the_same_bytes(shared: Farm, tmp_path: Path, model: rw.Rung) -> None:
+    told: list[tuple[str, int, int]] = []
+    many = grasp(model, cluster=shared.address, on_progress=_listen(told), out=tmp_path)
+    one = grasp(model)
+    assert many.data.identical(one.data)
+    done = [count for _, count, _ in told]
+    assert done == sorted(done) and done[-1] == many.evaluations == told[-1][2]
+    again = grasp(model, out=tmp_path, resume=True)
+    assert again.data.identical(one.data)
 
 
+def test_a_worker_that_fails_is_named(shared: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch, pytest.raises(rw.SetError, match="another version of rungwise"):
+        patch.setattr(module, "version", lambda: "older")
+        grasp(cluster=shared.address)
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(rw.SetError, match="a worker failed, TypeError: listdir"),
+    ):
+        patch.setattr(module, "work", os.listdir)
+        grasp(cluster=shared.address)
+
+
+def test_runs_of_a_worker_that_dies_are_done_by_another(shared: Farm) -> None:
+    def kill(_what: str, done: int, _known: int) -> None:
+        if done > 100:
+            shared.workers[0].kill()
+
+    many = grasp(cluster=shared.address, on_progress=kill)
+    assert shared.workers[0].wait() < 0
+    assert many.data.identical(grasp().data)
+
+
+@pytest.mark.long
 def test_when_none_is_left_batches_are_kept(
     farm: Farm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,6 +137,7 @@ def test_when_none_is_left_batches_are_kept(
     assert found.data.identical(grasp(tol=0.03).data)
 
 
+@pytest.mark.long
 def test_when_the_scheduler_dies_it_is_one_line_and_batches_are_kept(farm: Farm, tmp_path: Path) -> None:
     process = subprocess.Popen([*command(tmp_path), "--cluster", farm.address], stderr=subprocess.PIPE)
     until_kept(process, tmp_path)
@@ -127,6 +163,7 @@ def until_kept(process: subprocess.Popen[bytes], folder: Path) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.long
 def test_a_worker_that_dies_loses_nothing(farm: Farm, tmp_path: Path) -> None:
     process = subprocess.Popen([*command(tmp_path), "--cluster", farm.address], stdout=subprocess.PIPE)
     until_kept(process, tmp_path)
@@ -136,18 +173,6 @@ def test_a_worker_that_dies_loses_nothing(farm: Farm, tmp_path: Path) -> None:
     expected = grasp(rw.DYNAMIC_RIGID)
     assert json.loads(output)["sets"][0]["evaluations"] == expected.evaluations
     assert rw.load_set(tmp_path / "set" / "dynamic-rigid").data.identical(expected.data)
-
-
-def test_a_worker_that_fails_is_named(farm: Farm, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch, pytest.raises(rw.SetError, match="another version of rungwise"):
-        patch.setattr(module, "version", lambda: "older")
-        grasp(cluster=farm.address)
-    with (
-        monkeypatch.context() as patch,
-        pytest.raises(rw.SetError, match="a worker failed, TypeError: listdir"),
-    ):
-        patch.setattr(module, "work", os.listdir)
-        grasp(cluster=farm.address)
 
 
 def test_no_scheduler_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ import pytest
 
 import rungwise as rw
 from rungwise import cli
+from rungwise.compilation.progress import compiling
 from rungwise.simulation import workers as workers
 
 OVER = "v1=0.2:2.2,v2=0.2:2.2,mu=0:0.9"
@@ -78,6 +79,7 @@ def test_ten_kills_at_random_moments_lose_nothing(tmp_path: Path) -> None:
     assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
 
 
+@pytest.mark.long
 def test_a_command_that_is_killed_goes_on(tmp_path: Path) -> None:
     process = subprocess.Popen(command(tmp_path / "parts"), stdout=subprocess.DEVNULL)
     while batches_in(tmp_path / "parts") < 3:
@@ -140,17 +142,26 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(folder)], check=True)
 
 
-def test_a_disk_that_is_full_is_one_line(small_disk: Path, tmp_path: Path) -> None:
-    failed = subprocess.run(command(small_disk / "set"), capture_output=True, text=True)
-    assert failed.returncode == 2 and failed.stdout == ""
-    assert failed.stderr == (
+def test_a_disk_that_is_full_is_one_line(
+    small_disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(out: Path, *more: str) -> object:
+        monkeypatch.setattr(sys, "argv", ["rungwise", *command(out, *more)[3:]])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code
+
+    monkeypatch.setattr(compiling, "tell", lambda _: None)
+    assert run(small_disk / "set") == 2
+    failed = capsys.readouterr()
+    assert failed.out == ""
+    assert failed.err == (
         f"rungwise: out: {small_disk / 'set'} cannot be written (No space left on device);"
         " finished batches are kept, and --resume goes on from them\n"
     )
     assert list(small_disk.rglob("batches/[0-9]*.npz"))
     subprocess.run(["mount", "-o", "remount,size=50m", str(small_disk)], check=True)
-    subprocess.run(command(small_disk / "set", "--resume"), check=True, capture_output=True)
-    subprocess.run(command(tmp_path / "whole"), check=True, capture_output=True)
+    assert run(small_disk / "set", "--resume") == run(tmp_path / "whole") == 0
     assert contents(small_disk / "set") == contents(tmp_path / "whole")
 
 

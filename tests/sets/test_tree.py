@@ -43,6 +43,7 @@ def test_evaluations_grow_like_the_surface(axes: int, levels: tuple[int, ...], g
     assert (np.divide(counts[1:], counts[:-1]) < 1.02 * growth).all()
 
 
+@pytest.mark.long
 def test_a_surface_at_256_costs_a_twentieth_of_the_grid() -> None:
     assert grown(ball, 3, 8)[1].count < 256**3 / 20
 

@@ -38,7 +38,14 @@ def test_a_block_in_a_corner_is_not_raised_without_friction() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "seed"), [("corner_pivot", 1), ("book", 1), ("card", 1), ("corridor", 0), ("planar_hand", 1)]
+    ("name", "seed"),
+    [
+        ("corner_pivot", 1),
+        ("card", 1),
+        pytest.param("book", 1, marks=pytest.mark.long),
+        pytest.param("corridor", 0, marks=pytest.mark.long),
+        pytest.param("planar_hand", 1, marks=pytest.mark.long),
+    ],
 )
 def test_a_scene_with_fingers_is_planned_and_lifted(name: str, seed: int) -> None:
     """On the quasistatic rung, then on the richest one, where it holds at a tenth of the error."""

@@ -41,7 +41,7 @@ def spread(
 ) -> Iterator[Made]:  # fmt: skip
     """What the function makes of each part, in their order; `runs`: how many there are in all parts. `look`
     is called about ten times a second: in this process by the function, which it is given; what it raises
-    ends the work. Other processes are waited for until shortly after the deadline: then TimeOver is raised."""
+    ends the work. Other processes are given up shortly after the deadline, by TimeOver."""
     if processes == 1 or runs <= FEW or deadline.is_over:
         return (_seen(function(job, part, look), look) for part in parts)
     try:
