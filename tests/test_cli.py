@@ -244,6 +244,7 @@ WRONG += [
 ]
 
 
+@pytest.mark.few(120)
 @pytest.mark.parametrize("as_json", [(), ("--json",)], ids=["text", "json"])
 @pytest.mark.parametrize(("arguments", "words"), WRONG, ids=lambda x: ascii(" ".join(map(str, x))[:60]))
 def test_wrong_use(
@@ -519,7 +520,7 @@ def test_sets_refuses_wrong_input(
 def test_doomed_states(rungwise: Command, tmp_path: Path) -> None:
     arguments = (
         "doomed", "two_finger", "--model", "kinematic", "--over", "x1,x2,x3=-1.6:1.6",
-        "--inputs", "v1=0.5:1,v2=0.5:1", "--cells", 18, "--set", "offset=0.3",
+        "--inputs", "v1=0.5:1,v2=0.5:1", "--cells", 23, "--set", "offset=0.3",
     )  # fmt: skip
     answer = rungwise(*arguments, "--out", tmp_path, "--json")
     assert answer.code == 0 and answer.json["volumes"]["doomed"] > 0.3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from types import ModuleType
 
 import pytest
@@ -12,9 +13,14 @@ from tests.pages import ROOT
 from tests.test_examples import script
 
 
-@pytest.fixture
-def table(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    return script("docs/constants.py", monkeypatch)
+@pytest.fixture(scope="module")
+def table() -> Iterator[ModuleType]:
+    """The script, which reads the sources once."""
+    with pytest.MonkeyPatch.context() as patch:
+        found = script("docs/constants.py", patch)
+        constants = list(found.constants())
+        patch.setattr(found, "constants", lambda: constants)
+        yield found
 
 
 def test_every_number_is_listed_once_and_nothing_else(table: ModuleType) -> None:

@@ -70,6 +70,7 @@ def test_bands_prints_every_case(monkeypatch: pytest.MonkeyPatch, capsys: pytest
     assert len(json.loads(capsys.readouterr().out)["bands"]) == len(bands.cases())
 
 
+@pytest.mark.long
 def test_sensitivities_of_a_push_are_the_differences_of_runs(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,20 +154,24 @@ def test_benchmark_of_published_tasks(
 
 
 @pytest.mark.parametrize(
-    "kinds", [("drag",), pytest.param(("surface", "dry", "drag"), marks=pytest.mark.long)]
+    ("kinds", "first"),
+    [(("surface", "dry"), 1004), pytest.param(("surface", "dry", "drag"), 1003, marks=pytest.mark.long)],
 )
 def test_push_is_planned_with_every_kind_of_resistance(
     kinds: tuple[str, ...],
+    first: int,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     supports = script("examples/push_supports.py", monkeypatch)
+    drag = rw.load(supports.scene("drag"))
+    assert isinstance(drag, rw.Scene) and not len(drag.bind().records.supports)
     monkeypatch.setattr(supports, "RESISTANCE", {kind: supports.RESISTANCE[kind] for kind in kinds})
-    assert supports.main(["--instances", "1", "--first", "1003", "--out", str(tmp_path)]) == 0
+    assert supports.main(["--instances", "1", "--first", str(first), "--out", str(tmp_path)]) == 0
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(supports.RESISTANCE)
-    drag = rw.load(tmp_path / "push_drag.yaml")
-    assert drag.file.task is not None and not len(drag.bind().records.supports)
+    kept = rw.load(tmp_path / f"push_{kinds[-1]}.yaml")
+    assert kept.file.task is not None
 
 
 def test_figure_2(

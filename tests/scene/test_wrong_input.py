@@ -557,6 +557,7 @@ def tried(path: Path, kind: str) -> tuple[object, ...]:
     return WRONG[kind][[p for p, k, _ in PARTS if k == kind].index(path) % 4 :: 4]
 
 
+@pytest.mark.few(120)
 @pytest.mark.parametrize(
     ("path", "kind"), [(p, k) for p, k, _ in PARTS if p], ids=lambda x: label(x) if type(x) is tuple else x
 )
@@ -568,6 +569,7 @@ def test_wrong_value(path: Path, kind: str) -> None:
         assert names_the_field(message, path), (value, message)
 
 
+@pytest.mark.few(120)
 @pytest.mark.parametrize("path", [p for p, _, _ in PARTS if p], ids=label)
 def test_any_value_is_taken_or_refused_in_one_line(path: Path) -> None:
     for value in ANY:
@@ -699,6 +701,7 @@ def test_negative_and_zero(path: Path, value: object) -> None:
     )
 
 
+@pytest.mark.few(60)
 @pytest.mark.parametrize("path", [p for p, k, _ in PARTS if k == NUMBER], ids=label)
 def test_expressions_that_are_not_finite(path: Path) -> None:
     assert refusal(put(path, "0/0")) == f"{label(path)}: must be a number, not nan"
