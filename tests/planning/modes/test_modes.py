@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import rungwise as rw
-from rungwise.planning.modes.balance import PART, SLIDE, modes, motion, rests
+from rungwise.planning.modes.balance import modes, motion, rests
+from rungwise.planning.modes.cones import PART, SLIDE
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
-from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.modes.planner import anew_on
+from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
 from rungwise.world.find import world_of
@@ -195,7 +197,7 @@ def _impossible() -> dict[str, tuple[rw.Scene, str]]:
 def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
     """Or that nothing came nearer than the start; no plan is said to lack nothing."""
     scene, part = _impossible()[name]
-    found = rw.plan(scene, to="quasistatic-rigid", seed=0, budget=500)
+    found = rw.plan(scene, to="quasistatic-rigid", seed=0, budget=10_000)
     assert not found.found
     near = re.search(r"the nearest plan lacks (\S+) of the goal, with (.*)", found.reason)
     start = re.search(
@@ -206,6 +208,18 @@ def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
     assert float(said[1]) > 1e-6
     assert near is None or f"{part}.x = " in near[2]
     assert name == "backwards" or "by contact modes most failed by" in found.reason
+
+
+@pytest.mark.parametrize("budget", [1, 3_000])
+def test_a_tree_that_finds_nothing_ends_with_the_budget(budget: int) -> None:
+    """What trees draw and follow counts, also where hardly anything is run."""
+    scene, _ = _impossible()["smooth"]
+    work = begin(task_of(scene), Budget(budget), 1, 1)
+    predictor = work.predictor(Stage(rw.QUASISTATIC_RIGID, 0.01))
+    assert anew_on(work, predictor) is None
+    trees = work.budget.spent.total()
+    assert budget <= trees <= 2 * budget + 5_000
+    assert work.budget.ended == "the budget is spent"
 
 
 def test_saved_plans_are_read_again(tmp_path: Any) -> None:

@@ -77,8 +77,8 @@ def plan(
         schedule: a name of `SCHEDULES`, or stages: rungs, or rungs with an accuracy, the error allowed per
             step as a part of the size of what is moved. The task's own if not given (see `usual`).
         parameters: of the instance; task_seed: draws the instance by the task's rules instead.
-        budget: simulated steps, refused ones included, that searches may spend (a round of a tree of contact
-            modes counts as a hundred), without bound if None; limit: seconds after which the call returns
+        budget: simulated steps, refused ones included, that searches may spend (a step of a tree of contact
+            modes counts as three), without bound if None; limit: seconds after which the call returns
             with what it has found.
         improve: simulated steps that are spent on plans of less cost once there is one.
         robust: rate of success, of which the plan must keep a lower bound (95 %) in so many `samples` of

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rungwise.deadline import TimeOver
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -105,10 +106,13 @@ def _leg_by_leg(work: Work, predictor: Predictor, before: Before) -> Found | Non
     planner = mode_planner(work, predictor)
     if planner is None:
         return None
-    for manner in AGAIN:
-        found = planner.again(before.vectors, manner) if work.budget.left else None
-        if found is not None:
-            return found
+    try:
+        for manner in AGAIN:
+            found = planner.again(before.vectors, manner) if work.budget.left else None
+            if found is not None:
+                return found
+    except TimeOver:
+        pass  # what is left of the time may still do for another repair
     return None
 
 

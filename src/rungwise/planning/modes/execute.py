@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -105,8 +106,11 @@ class Scene:
             found += [float(leg.changes[f]), float(used), part, *finger.drives(first.q)]
         return np.array(found)
 
-    def leg(self, q: Reals, vector: Reals, manner: Manner) -> Begun | None:
-        """The leg of these numbers (d,), made again from a place (n,); None where that cannot be."""
+    def leg(
+        self, q: Reals, vector: Reals, manner: Manner, look: Callable[[int], None]
+    ) -> Begun | None:  # fmt: skip
+        """The leg of these numbers (d,), made again from a place (n,); None where that cannot be. `look` is
+        called with the steps that it takes, and may raise."""
         ground = self._numbers[int(vector[0])]
         seen, k = ground.look(q), 2 + len(ground.columns)
         target, begun = q.copy(), q.copy()
@@ -132,7 +136,7 @@ class Scene:
         want = (target - begun)[ground.columns] * ground.units
         best, left = None, NEARER * float(np.linalg.norm(want))
         for mode, _ in modes(ground, start, want)[:AGAIN]:
-            way = follow(ground, start, used, mode, target, manner.press)
+            way = follow(ground, start, used, mode, target, manner.press, look)
             away = ground.away(way.places[-1], target)
             if len(way.places) > 1 and away < left:
                 best, left = way, away

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
-from rungwise.planning.modes.balance import PART, STICK, motion
+from rungwise.planning.modes.balance import motion
+from rungwise.planning.modes.cones import PART, STICK
 from rungwise.planning.modes.ground import Ground, Seen
 
 STEP, LONGEST = 0.04, 400
@@ -62,13 +64,15 @@ class _Roles(NamedTuple):
 
 def follow(
     ground: Ground, begun: Seen, used: Ints, mode: tuple[int, ...], target: Reals, press: float,
-    longest: int = LONGEST,
+    look: Callable[[int], None],
 ) -> Way:  # fmt: skip
-    """The way of the object in a mode of its closed contacts, towards where it is at `target` (n,)."""
+    """The way of the object in a mode of its closed contacts, towards where it is at `target` (n,). `look` is
+    called with the steps that are made, and may raise."""
     size, seen = ground.task.size, begun
     roles = _Roles([], [], np.zeros((0, 2)), []).then(seen, list(mode))
     places, pushes, why = [seen.q], list[Reals](), LENGTH
-    for _ in range(longest):
+    for _ in range(LONGEST):
+        look(1)
         want = (target - seen.q)[ground.columns] * ground.units
         if np.linalg.norm(want) < ARRIVED * size:
             why = TARGET

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, kernel
 from rungwise.planning.modes.arms import Arm
+from rungwise.planning.modes.cones import Memory, memory_for, see
 from rungwise.planning.modes.fingers import Finger
+from rungwise.planning.modes.motions import turn
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches
 from rungwise.world.find import world_of
@@ -31,6 +33,9 @@ BEGUN = (0.25, 0.75, 0.5)
 REACHES, LEAP, DAMPED = 30, 0.3, 0.02
 """Steps of damped least squares; the greatest change of a joint in one, in radians; damping, in parts of the
 size."""
+Flags: TypeAlias = NDArray[np.bool_]
+MORE = 8
+"""Contacts and edges for which more memory is taken than is asked for."""
 AROUND = 240
 """Places on the outline among which those that are opposite of others are sought."""
 
@@ -59,11 +64,12 @@ class Ground:
     columns: Ints
     units: Reals
     pairs: Ints
-    surrounds: NDArray[np.bool_]
+    surrounds: Flags
     own: Ints
     avoided: Ints
     closed: float
     apart: float
+    _memories: list[Memory] = field(default_factory=list)
 
     @classmethod
     def of(cls, task: Task, around: Surroundings, fingers: tuple[Finger, ...], body: int) -> Ground:
@@ -92,13 +98,9 @@ class Ground:
     def look(self, q: Reals) -> Seen:
         """What touches at a place (n,)."""
         touches = self.around.touches(q, 4.0 * self.closed)
-        near = touches.gaps < self.closed
-        held = np.full(len(self.fingers), -1)
-        for f, pair in enumerate(self.own):
-            rows = np.flatnonzero(near & (touches.pairs == pair))
-            if len(rows):
-                held[f] = rows[touches.gaps[rows].argmin()]
-        return Seen(q, touches, np.flatnonzero(near & self.surrounds[touches.pairs]), held)
+        closed, held = np.empty(len(touches.gaps), np.int64), np.empty(len(self.fingers), np.int64)
+        count = _sort(touches.gaps, touches.pairs, self.closed, self.surrounds, self.own, closed, held)
+        return Seen(q, touches, closed[:count], held)
 
     def away(self, a: Reals, b: Reals) -> float:
         """How far the object is from one place (n,) to another."""
@@ -155,6 +157,20 @@ class Ground:
             turning = arms[:, 0] * force[:, 1] - arms[:, 1] * force[:, 0]
             found.append(np.column_stack([force, turning]) / self.units)
         return np.stack(found, axis=1)
+
+    def memory(self, contacts: int, edges: int = 0) -> Memory:
+        """Memory of kernels for so many contacts with surroundings, and edges of forces."""
+        for memory in self._memories:
+            if len(memory.friction) >= contacts and len(memory.edges) > edges:
+                return memory
+        size = (len(self.columns), len(self.around.stiffness))
+        self._memories[:] = [memory_for(contacts + MORE, len(self.fingers), edges + MORE, *size)]
+        return self._memories[0]
+
+    @cached_property
+    def kept(self) -> Reals:
+        """Part of the friction of each finger that its forces may use (f,)."""
+        return np.array([1.0 - finger.reserve for finger in self.fingers])
 
     @cached_property
     def frictions(self) -> Reals:
@@ -215,7 +231,9 @@ class Ground:
         """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
         q = seen.q.copy()
         q[self.columns] += change
-        for f in np.flatnonzero(used):
+        held = np.where(self.is_placed & (used > 0), seen.held, -1)
+        _carry(seen.touches.rows, held, self.placing, self.columns, change, q)
+        for f in np.flatnonzero(~self.is_placed & (used > 0)):
             rows, finger = seen.touches.rows[seen.held[f]], self.fingers[f]
             own = rows[:, finger.moved] @ finger.rates(q)
             along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=None)[0]
@@ -226,15 +244,13 @@ class Ground:
         """What touches where the kept contacts, by their features, and those of the fingers are closed."""
         for _ in range(CORRECTIONS):
             seen = self.look(q)
-            rows = [k for k in seen.closed if int(seen.touches.features[k]) in kept]
-            held = used * (seen.held >= 0)
-            gaps = seen.touches.gaps[[*rows, *seen.held[held > 0]]]
+            touches, held = seen.touches, used * (seen.held >= 0)
+            rows = [k for k in seen.closed.tolist() if int(touches.features[k]) in kept]
+            gaps = touches.gaps[[*rows, *seen.held[held > 0].tolist()]]
             if np.abs(gaps).max(initial=0.0) < EXACT * self.closed:
                 return seen
             if rows:
-                normals = seen.touches.rows[rows, 0][:, self.columns] / self.units
-                change = -np.linalg.pinv(normals, rcond=1e-6) @ seen.touches.gaps[rows] / self.units
-                q = self.moved(seen, change, held)
+                q = self.moved(seen, self._closing(touches, np.array(rows)), held)
                 seen = self.look(q)
             q = q.copy()
             for f in np.flatnonzero(held * (seen.held >= 0)):
@@ -244,3 +260,60 @@ class Ground:
                     q, finger.drives(q) - normal * seen.touches.gaps[seen.held[f]] / (normal @ normal)
                 )
         return self.look(q)
+
+    def _closing(self, touches: Touches, rows: Ints) -> Reals:
+        """The least change (k,) of the object that closes some contacts (r,)."""
+        memory = self.memory(len(rows))
+        see(touches.rows, touches.friction, rows, self.columns, self.units, memory)
+        normals = memory.normals[: len(rows)]
+        turn(normals, memory)
+        return -memory.turned @ (normals.T @ touches.gaps[rows]) / self.units
+
+    @cached_property
+    def is_placed(self) -> Flags:
+        """Whether x and y of a finger place it (f,)."""
+        return np.array([finger.arm is None for finger in self.fingers])
+
+    @cached_property
+    def placing(self) -> Ints:
+        """The columns of x and y of each finger that these place (f, 2)."""
+        return np.array([f.columns if f.arm is None else (0, 0) for f in self.fingers], np.int64)
+
+
+@kernel
+def _sort(
+    gaps: Reals, pairs: Ints, near: float, surrounds: Flags, own: Ints, closed: Ints, held: Ints
+) -> int:  # fmt: skip
+    """Of contacts (c,), write the closed ones with the surroundings, and the nearest closed one of each
+    finger (f,), -1 where there is none; returns how many the first are."""
+    count = 0
+    for f in range(len(own)):
+        held[f] = -1
+    for k in range(len(gaps)):
+        if not gaps[k] < near:
+            continue
+        if surrounds[pairs[k]]:
+            closed[count] = k
+            count += 1
+        for f in range(len(own)):
+            if own[f] == pairs[k] and (held[f] < 0 or gaps[k] < gaps[held[f]]):
+                held[f] = k
+    return count
+
+
+@kernel
+def _carry(rows: Reals, held: Ints, places: Ints, columns: Ints, change: Reals, q: Reals) -> None:
+    """Lead fingers (f,), of x and y at these places (f, 2) of q (n,), so that where they touch, at contacts
+    (f,), -1 for none, neither opens nor slips while the object changes by (k,)."""
+    for f in range(len(held)):
+        if held[f] < 0:
+            continue
+        normal, tangent = rows[held[f], 0], rows[held[f], 1]
+        opens, slips = 0.0, 0.0
+        for c in range(len(columns)):
+            opens -= normal[columns[c]] * change[c]
+            slips -= tangent[columns[c]] * change[c]
+        i, j = places[f, 0], places[f, 1]
+        area = normal[i] * tangent[j] - normal[j] * tangent[i]
+        q[i] += (opens * tangent[j] - slips * normal[j]) / area
+        q[j] += (slips * normal[i] - opens * tangent[i]) / area

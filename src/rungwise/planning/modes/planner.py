@@ -33,9 +33,9 @@ ATTEMPTS, EVENLY, BY_MODES = 12, 0.4, 0.8
 objects, and a turn by modes where they do not."""
 OTHERS = 0.1
 """How often another object than one of the goal is moved."""
-ROUND = 100
-"""Simulated steps that a round of a tree counts as, so that a budget bounds searches that run little. Chosen
-by trial, to a factor of three of the time that either takes."""
+STEP = 3
+"""Simulated steps that a step of a tree counts as, or a grasp that is drawn there, so that a budget bounds
+searches that run little. Chosen by trial, to a factor of three of the time that either takes."""
 GOAL_PLACES = "places at the goal"
 """By which these are kept."""
 IDLE = 8
@@ -125,7 +125,7 @@ class ModePlanner:
         node = self.nodes[0]
         for vector in vectors:
             own = manner._replace(press=max(manner.press, float(vector[1])))
-            made = self.scene.leg(node.places.q[0], vector, own)
+            made = self.scene.leg(node.places.q[0], vector, own, self._look)
             if made is None:
                 self.work.failures["no leg from where the object is"] += 1
                 return None
@@ -154,7 +154,9 @@ class ModePlanner:
         vectors = [scene.vector(ground, leg, manner) for leg in legs]
         for k, leg in enumerate(legs):
             planned = leg.way.places[-1]
-            made = Begun(ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner)
+            made = (
+                Begun(ground, ground.look(q), leg) if k == 0 else scene.leg(q, vectors[k], manner, self._look)
+            )
             if made is None:
                 work.failures["no leg from where the object is"] += 1
                 return None
@@ -169,10 +171,13 @@ class ModePlanner:
                 return None
         return None
 
-    def _look(self) -> None:
-        """Called in each round of a tree. Raises TimeOver."""
-        self.work.budget.spent[str(self.predictor.stage)] += ROUND
-        self.work.budget.look()
+    def _look(self, steps: int) -> None:
+        """Called after so many steps of a tree. Raises TimeOver, also where the budget is spent."""
+        budget = self.work.budget
+        budget.spent[str(self.predictor.stage)] += STEP * steps
+        if not budget.left:
+            raise TimeOver("in a tree")
+        budget.announce()
 
     def _ran(self, node: Node, begun: Begun, manner: Manner) -> Node | None:
         """The node at the end of a leg, kept where more may follow."""

@@ -75,19 +75,19 @@ class Tree:
 
 def propose(
     ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
-    rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[], None], path: Reals,
+    rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[int], None], path: Reals,
 ) -> list[Leg] | None:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
-    counts why nodes were not extended; `look` is called again and again, and may raise. `home` (n,): where
-    fingers are when idle; `path` (p, n): places on the way, towards which most legs go, none where
-    it is not known."""
+    counts why nodes were not extended; `look` is called with the steps and the draws that are made, and may
+    raise. `home` (n,): where fingers are when idle; `path` (p, n): places on the way, towards which most legs
+    go, none where it is not known."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
     low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
         return []
     for _ in range(rounds):
-        look()
+        look(1)
         if len(path) and rng.random() < ON_PATH:
             target = path[_next(ground, tree, path, rng)]
         elif rng.random() < TO_GOAL:
@@ -96,7 +96,7 @@ def propose(
             target = home.copy()
             target[ground.columns] = rng.uniform(low, high)
         node = _chosen(ground, tree, target, rng)
-        for leg in _extended(ground, tree, node, target, home, press, rng, failed):
+        for leg in _extended(ground, tree, node, target, home, press, rng, failed, look):
             seen = ground.look(leg.way.places[-1])
             tree.seen.append(seen)
             tree.used.append(leg.way.used)
@@ -136,7 +136,7 @@ def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator)
 
 def _extended(
     ground: Ground, tree: Tree, node: int, target: Reals, home: Reals, press: float,
-    rng: np.random.Generator, failed: Counter[str],
+    rng: np.random.Generator, failed: Counter[str], look: Callable[[int], None],
 ) -> Iterator[Leg]:  # fmt: skip
     """Legs from a node towards a target, in some of its modes: the best, and at times others."""
     seen, used = tree.seen[node], tree.used[node]
@@ -151,10 +151,10 @@ def _extended(
     picked = range(count) if rng.random() < GREEDY else rng.permutation(len(every))[:count].tolist()
     for k in picked:
         mode = every[k][0]
-        grasps = list(_grasps(ground, seen, used, mode, want, home, press, rng, failed))
+        grasps = list(_grasps(ground, seen, used, mode, want, home, press, rng, failed, look))
         ways = list[tuple[float, int, Leg]]()
         for begun, own, changes in grasps:
-            way = follow(ground, begun, own, mode, target, press)
+            way = follow(ground, begun, own, mode, target, press, look)
             if len(way.places) > 1:
                 ways.append((ground.away(way.places[-1], target), len(ways), Leg(changes, way)))
         if grasps and not ways:
@@ -166,7 +166,7 @@ def _extended(
 
 def _grasps(
     ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, home: Reals, press: float,
-    rng: np.random.Generator, failed: Counter[str],
+    rng: np.random.Generator, failed: Counter[str], look: Callable[[int], None],
 ) -> Iterator[tuple[Seen, Ints, Ints]]:  # fmt: skip
     """Places of fingers with which a mode can be made: what touches there, fingers that hold (f,), and those
     that changed (f,)."""
@@ -184,6 +184,7 @@ def _grasps(
         return
     found, fits, placed = 0, carried(ground, seen) is not None, 0
     for _ in range(TRIES):
+        look(1)
         changes, own, picked = _drawn(ground, used, rng)
         staying = used * (1 - changes)
         if edges is not None:

@@ -190,7 +190,7 @@ def _nearest(work: Work) -> str:
     if work.was_there and work.task.lasting:
         return f"; plans came to what the goal asks for, and did not hold it for {work.task.lasting:g}"
     begun = float(work.lack(work.start)[0])
-    if work.nearest_at is None or work.nearest >= begun:
+    if work.nearest_at is None or work.nearest > begun - LEAST:
         lacks = f", which lacks {begun:.3g} of it" if LEAST < begun < np.inf else ""
         return f"; no plan ended nearer to the goal than the start{lacks}"
     bodies = {name for groups in work.groups for group in groups for name in group.bodies}

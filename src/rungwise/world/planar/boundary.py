@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rungwise.kernel import Reals, RecordArray
+from rungwise.kernel import Reals, RecordArray, kernel
 from rungwise.scene.template.records import HALFPLANE, Records
 
 
@@ -41,21 +41,39 @@ class Boundary:
     def part_of(self, point: Reals) -> tuple[float, float]:
         """The part 0..1 of the whole length next to a point (2,), and how far along, 0..1, from the nearer
         end of a straight piece to its middle the point is, 1 on an arc."""
-        lengths = np.diff(self.ends, prepend=0.0)
-        off = point - self.at
-        gone = np.clip((off * self.along).sum(axis=1), 0.0, lengths)
-        arc = self.radius > 0.0
-        out = point - self.centre
-        turned = np.mod(np.arctan2(out[:, 1], out[:, 0]) - self.angle, 2.0 * math.pi)
-        safe = np.where(arc, self.radius, 1.0)
-        on_arc = np.where(turned * safe <= lengths, turned * safe, np.where(turned > math.pi, 0.0, lengths))
-        gone = np.where(arc, on_arc, gone)
-        angle = self.angle + gone / safe
-        circle = self.centre + safe[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        near = np.where(arc[:, None], circle, self.at + gone[:, None] * self.along)
-        k = int(np.linalg.norm(point - near, axis=1).argmin())
-        inside = 1.0 if arc[k] else 2.0 * min(gone[k], lengths[k] - gone[k]) / lengths[k]
-        return float((self.ends[k] - lengths[k] + gone[k]) / self.ends[-1]), float(inside)
+        x, y = float(point[0]), float(point[1])
+        part, inside = _part_of(
+            x, y, self.ends, self.at, self.along, self.centre, self.radius, self.angle
+        )  # fmt: skip
+        return float(part), float(inside)
+
+
+@kernel
+def _part_of(
+    x: float, y: float, ends: Reals, at: Reals, along: Reals, centre: Reals, radius: Reals, angle: Reals
+) -> tuple[float, float]:  # fmt: skip
+    """See `Boundary.part_of`."""
+    best, part, inside, before = math.inf, 0.0, 1.0, 0.0
+    for k in range(len(ends)):
+        length = ends[k] - before
+        if radius[k] > 0.0:
+            turned = (math.atan2(y - centre[k, 1], x - centre[k, 0]) - angle[k]) % (2.0 * math.pi)
+            gone = turned * radius[k]
+            if gone > length:
+                gone = 0.0 if turned > math.pi else length
+            at_angle = angle[k] + gone / radius[k]
+            near_x = centre[k, 0] + radius[k] * math.cos(at_angle)
+            near_y = centre[k, 1] + radius[k] * math.sin(at_angle)
+        else:
+            gone = (x - at[k, 0]) * along[k, 0] + (y - at[k, 1]) * along[k, 1]
+            gone = min(max(gone, 0.0), length)
+            near_x, near_y = at[k, 0] + gone * along[k, 0], at[k, 1] + gone * along[k, 1]
+        away = math.hypot(x - near_x, y - near_y)
+        if away < best:
+            best, part = away, before + gone
+            inside = 1.0 if radius[k] > 0.0 else 2.0 * min(gone, length - gone) / length
+        before = ends[k]
+    return part / ends[-1], inside
 
 
 def boundary(records: Records, body: int) -> Boundary:

@@ -8,10 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, copy, kernel
 from rungwise.scene import Scene
-from rungwise.scene.template.records import SERVO
+from rungwise.scene.template.records import SERVO, Records
 from rungwise.simulation.planar.state.nearby import gather, look
+from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
 from rungwise.system.planar.place import place
 from rungwise.system.planar.terms import constants, loads, turn_supports
@@ -22,6 +23,25 @@ from rungwise.world.planar.place import PlanarPlace
 
 FEATURES = 4 * VERTICES * VERTICES
 """More than there are features of one pair of shapes."""
+
+
+@kernel
+def _seek(records: Records, workspace: Workspace, q: Reals, within: float, contacts: int) -> int:
+    """Place the bodies at q (n,) and gather what is nearer than `within`; returns how many contacts that are,
+    of so many slots."""
+    state = workspace.state
+    copy(q, state.q)
+    features = state.manifolds.features
+    for slot in range(features.shape[0]):
+        features[slot] = ABSENT
+    clock = state.clock[0]
+    clock.margin, clock.tried, clock.next, clock.near = math.inf, 0.0, 0.0, within
+    place(records, state.q, state.placed, False)
+    look(records, workspace, state.v)
+    count, found = gather(records, workspace), 0
+    while found < count and workspace.scratch.slots[found] < contacts:
+        found += 1
+    return found
 
 
 class PlanarSurroundings:
@@ -35,6 +55,7 @@ class PlanarSurroundings:
         self.stiffness = np.where(servo, own["stiffness"], 0.0)
         self.limit = np.where(servo & limited, own["limit"], math.inf)
         self._passive, self._contacts = np.zeros(len(state.q)), 2 * len(self._records.pairs)
+        self._of_pair = np.array(self._records.pairs["contact"], np.int64)
         self._outlines: dict[int, Outline] = {}
         count = int(constants(self._records, self._workspace.terms))
         self._rubbed = np.flatnonzero(self._workspace.terms.account[:count] == SUPPORT)
@@ -44,21 +65,13 @@ class PlanarSurroundings:
         return np.array(self._records.coordinates["body"], np.int64)
 
     def touches(self, q: Reals, within: float) -> Touches:
-        records, workspace = self._records, self._workspace
-        state, clock = workspace.state, workspace.state.clock[0]
-        state.q[:], state.manifolds.features[:] = q, ABSENT
-        clock["margin"], clock["tried"], clock["next"], clock["near"] = math.inf, 0.0, 0.0, within
-        place(records, state.q, state.placed, False)
-        look(records, workspace, state.v)
-        count = int(gather(records, workspace))
-        slots = workspace.scratch.slots[:count]
-        count = int((slots < self._contacts).sum())
-        slots, pairs = slots[:count], slots[:count] // 2
-        points, terms = state.manifolds.points[slots], workspace.terms
+        records, state, terms = self._records, self._workspace.state, self._workspace.terms
+        count = int(_seek(records, self._workspace, np.ascontiguousarray(q), within, self._contacts))
+        slots = self._workspace.scratch.slots[:count]
+        pairs, points = slots // 2, state.manifolds.points[slots]
         return Touches(
-            pairs=records.pairs["contact"][pairs],
-            features=pairs * FEATURES + state.manifolds.features[slots],
-            gaps=points[:, GAP], points=points[:, POINT_X:], normals=points[:, NORMAL_X:POINT_X],
+            pairs=self._of_pair[pairs], features=pairs * FEATURES + state.manifolds.features[slots],
+            gaps=points[:, GAP].copy(), points=points[:, POINT_X:], normals=points[:, NORMAL_X:POINT_X],
             rows=terms.rows[: 2 * count].reshape(count, 2, len(q)).copy(),
             friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(),
         )  # fmt: skip

@@ -1,0 +1,282 @@
+"""Least squares over the edges of friction cones, and motions of contact modes, compiled.
+
+Forces are least squares with coefficients of at least 0 (Lawson and Hanson, Solving Least Squares Problems,
+1974, chapter 23), with an orthonormal basis of the columns in use. Sizes: k coordinates of the object, e
+contacts, f fingers, m edges, d rows of a problem.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rungwise.block import Block
+from rungwise.kernel import Ints, Reals, kernel
+
+PART, SLIDE, STICK = 0, 1, 2
+"""What a contact does in a mode; which way it slides follows from the motion."""
+MOST = 5
+"""Contacts of which modes are told apart; more are kept or parted together with the nearest of these."""
+TINY, UNBALANCED = 1e-9, 1e-6
+"""Slip, over the motion, that counts as none; force, over the load, that counts as balanced."""
+AMID = 3e-3
+"""Weight of the forces themselves, beside their balance: of all that balance the least, amid the cones."""
+_RANK = 1e-7
+"""Part of a column below which what is left of it counts as none."""
+_ROUNDING, _ROUNDS = 1e-11, 3
+"""Part of what is wanted along a column that counts as none; and how often, for each column, one is taken."""
+
+
+class Memory(Block):
+    """Memory of these kernels, and what they answer. normals, tangents (e, k), friction (e,): of the object's
+    contacts, over its units; edges (m, k): of forces on it, those of fingers first; share (m,): of each in
+    the force; change (k,): of the object; pushes (n,): of fingers on their own coordinates."""
+
+    normals: Reals
+    tangents: Reals
+    friction: Reals
+    columns: Reals
+    wanted: Reals
+    left: Reals
+    sizes: Reals
+    share: Reals
+    trial: Reals
+    lengths: Reals
+    basis: Reals
+    factor: Reals
+    passive: Ints
+    inside: Ints
+    held: Reals
+    axes: Reals
+    turned: Reals
+    edges: Reals
+    change: Reals
+    hoped: Reals
+    pushes: Reals
+    modes: Ints
+    motions: Reals
+
+
+def memory_for(contacts: int, fingers: int, edges: int, size: int, coordinates: int) -> Memory:
+    """Memory for so many contacts, fingers and edges, of an object of `size` coordinates, of all
+    `coordinates`."""
+    own = 2 * (contacts + fingers)
+    rows, edges = size + own, max(own, edges) + 1
+    told = min(contacts, MOST)
+    most = 2**told * (told + 2)
+    shapes: dict[str, tuple[int, ...]] = {
+        "normals": (contacts, size), "tangents": (contacts, size), "friction": (contacts,),
+        "columns": (edges, rows), "wanted": (rows,), "left": (rows,), "sizes": (edges,), "share": (edges,),
+        "trial": (edges,), "lengths": (edges,), "basis": (edges, rows), "factor": (edges, edges),
+        "passive": (edges,), "inside": (edges,), "held": (2 * contacts + 1, size), "axes": (size, size),
+        "turned": (size, size), "edges": (edges, size), "change": (size,), "hoped": (size,),
+        "pushes": (coordinates,), "modes": (most, contacts), "motions": (most, size),
+    }  # fmt: skip
+    kinds = {name: np.int64 if name in ("passive", "inside", "modes") else np.float64 for name in shapes}
+    return Memory(**{name: np.zeros(shape, kinds[name]) for name, shape in shapes.items()})
+
+
+@kernel
+def see(
+    rows: Reals, friction: Reals, which: Ints, columns: Ints, units: Reals, memory: Memory
+) -> None:  # fmt: skip
+    """Write normals, tangents and friction of some contacts (e,) of all (c,) with these rows (c, 2, n)."""
+    for i in range(which.shape[0]):
+        for c in range(columns.shape[0]):
+            memory.normals[i, c] = rows[which[i], 0, columns[c]] / units[c]
+            memory.tangents[i, c] = rows[which[i], 1, columns[c]] / units[c]
+        memory.friction[i] = friction[which[i]]
+
+
+@kernel
+def grip(
+    rows: Reals, friction: Reals, held: Ints, kept: Reals, columns: Ints, units: Reals, memory: Memory
+) -> None:
+    """Write the edges of fingers that touch at contacts (f,) and use this part of their friction (f,)."""
+    for f in range(held.shape[0]):
+        for side in range(2):
+            mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+            for c in range(columns.shape[0]):
+                own = rows[held[f], 0, columns[c]] + mu * rows[held[f], 1, columns[c]]
+                memory.edges[2 * f + side, c] = own / units[c]
+
+
+@kernel
+def press_of(rows: Reals, friction: Reals, held: Ints, kept: Reals, memory: Memory) -> None:
+    """Write the `pushes` of fingers from the `share` of their edges."""
+    for c in range(memory.pushes.shape[0]):
+        memory.pushes[c] = 0.0
+        for f in range(held.shape[0]):
+            for side in range(2):
+                mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+                own = rows[held[f], 0, c] + mu * rows[held[f], 1, c]
+                memory.pushes[c] -= memory.share[2 * f + side] * own
+
+
+@kernel
+def nonnegative(m: int, d: int, memory: Memory) -> float:
+    """Coefficients of at least 0 (m,), in `share`, with which `columns` (m, d) come nearest to `wanted` (d,);
+    returns the distance, which is `left` (d,)."""
+    columns, left, inside, share = memory.columns, memory.left, memory.inside, memory.share
+    size, count = 0.0, 0
+    for i in range(d):
+        left[i] = memory.wanted[i]
+        size += left[i] * left[i]
+    size = math.sqrt(size)
+    for j in range(m):
+        share[j], inside[j], total = 0.0, 0, 0.0
+        for i in range(d):
+            total += columns[j, i] * columns[j, i]
+        memory.sizes[j] = math.sqrt(total)
+    for _ in range(_ROUNDS * m):
+        best, which = _ROUNDING * size, -1
+        for j in range(m):
+            if inside[j] == 0 and memory.sizes[j] > 0.0:
+                along = _dot(columns[j], left, d) / memory.sizes[j]
+                if along > best:
+                    best, which = along, j
+        if which < 0:
+            break
+        if count == d or not _joined(which, count, d, memory):
+            inside[which] = -1
+            continue
+        memory.passive[count], inside[which] = which, 1
+        taken = _settled(count + 1, d, memory)
+        if taken == 0:
+            inside[which] = -1
+            continue
+        count = taken
+        for j in range(m):
+            if inside[j] < 0:
+                inside[j] = 0
+        for i in range(d):
+            left[i] = memory.wanted[i]
+        for i in range(count):
+            j = memory.passive[i]
+            for r in range(d):
+                left[r] -= share[j] * columns[j, r]
+    return math.sqrt(_dot(left, left, d))
+
+
+@kernel
+def _dot(a: Reals, b: Reals, d: int) -> float:
+    total = 0.0
+    for i in range(d):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
+def _joined(j: int, count: int, d: int, memory: Memory) -> bool:
+    """Take a column into the basis as the last of so many and one; False where it depends on these."""
+    basis, factor = memory.basis, memory.factor
+    for i in range(d):
+        basis[count, i] = memory.columns[j, i]
+    for i in range(count):
+        factor[i, count] = 0.0
+    for _ in range(2):
+        for i in range(count):
+            along = _dot(basis[i], basis[count], d)
+            factor[i, count] += along
+            for r in range(d):
+                basis[count, r] -= along * basis[i, r]
+    norm = math.sqrt(_dot(basis[count], basis[count], d))
+    if not norm > _RANK * memory.sizes[j]:
+        return False
+    factor[count, count] = norm
+    for i in range(d):
+        basis[count, i] /= norm
+    return True
+
+
+@kernel
+def _settled(count: int, d: int, memory: Memory) -> int:
+    """Least squares over the columns in use, of which those that would be negative are given up, the last of
+    them never; returns how many are left, or 0 where rounding alone brought the last one in."""
+    passive, share, trial = memory.passive, memory.share, memory.trial
+    first = True
+    while True:
+        for i in range(count - 1, -1, -1):
+            total = _dot(memory.basis[i], memory.wanted, d)
+            for j in range(i + 1, count):
+                total -= memory.factor[i, j] * trial[j]
+            trial[i] = total / memory.factor[i, i]
+        if first and not trial[count - 1] > 0.0:
+            return 0
+        first, part, worst = False, 1.0, -1
+        for i in range(count):
+            if not trial[i] > 0.0:
+                before = share[passive[i]]
+                own = before / (before - trial[i]) if before > trial[i] else 0.0
+                if worst < 0 or own < part:
+                    part, worst = own, i
+        if worst < 0:
+            for i in range(count):
+                share[passive[i]] = trial[i]
+            return count
+        kept = 0
+        for i in range(count):
+            j = passive[i]
+            share[j] += part * (trial[i] - share[j])
+            if i == worst or not share[j] > 0.0:
+                share[j], memory.inside[j] = 0.0, 0
+            elif _joined(j, kept, d, memory):
+                passive[kept] = j
+                kept += 1
+            else:
+                share[j], memory.inside[j] = 0.0, 0
+        count = kept
+        if count == 0:
+            return 0
+
+
+@kernel
+def contact_edges(mode: Ints, change: Reals, reserve: float, memory: Memory, begin: int) -> int:
+    """Write the edges of the forces at contacts that a mode keeps into `edges`, from `begin` on: both of the
+    cone, or the one against the slip by a change (k,). Returns where they end."""
+    normals, tangents, friction = memory.normals, memory.tangents, memory.friction
+    size, count = change.shape[0], begin
+    tol = TINY * (1.0 + math.sqrt(_dot(change, change, size)))
+    for i in range(mode.shape[0]):
+        if mode[i] == PART:
+            continue
+        slip = _dot(tangents[i], change, size)
+        sticks = mode[i] == STICK or abs(slip) <= tol
+        for side in range(2 if sticks else 1):
+            mu = (1.0 - reserve) * friction[i] * (1.0 - 2.0 * side)
+            if not sticks:
+                mu = -friction[i] if slip > 0.0 else friction[i]
+            for c in range(size):
+                memory.edges[count, c] = normals[i, c] + mu * tangents[i, c]
+            count += 1
+    return count
+
+
+@kernel
+def balances(m: int, fingers: int, weight: Reals, scale: float, least: Reals, memory: Memory) -> bool:
+    """Whether forces along `edges` (m, k), each of those of fingers at least `least` (2 f,), balance a weight
+    (k,)."""
+    size, total = weight.shape[0], 0.0
+    for c in range(size):
+        memory.wanted[c] = -weight[c] / scale
+        for j in range(2 * fingers):
+            memory.wanted[c] -= least[j] * memory.edges[j, c] / scale
+        total += memory.wanted[c] * memory.wanted[c]
+    for j in range(m):
+        for c in range(size):
+            memory.columns[j, c] = memory.edges[j, c]
+    return nonnegative(m, size, memory) <= UNBALANCED * (1.0 + math.sqrt(total))
+
+
+@kernel
+def center(m: int, fingers: int, scale: float, least: Reals, memory: Memory) -> None:
+    """After `balances`: the `share` of each edge in the least of all forces that balance, amid the cones."""
+    size = memory.change.shape[0]
+    for j in range(m):
+        memory.wanted[size + j] = 0.0
+        for i in range(m):
+            memory.columns[j, size + i] = AMID if i == j else 0.0
+    nonnegative(m, size + m, memory)
+    for j in range(m):
+        memory.share[j] = scale * memory.share[j] + (least[j] if j < 2 * fingers else 0.0)

@@ -1,0 +1,266 @@
+"""Motions of contact modes, compiled: projections, all modes of some contacts, limit surfaces of supports."""
+
+from __future__ import annotations
+
+import math
+
+from rungwise.kernel import Ints, Reals, kernel
+from rungwise.planning.modes.cones import MOST, PART, SLIDE, STICK, TINY, Memory, nonnegative
+
+RIGIDLY = 1e3
+"""Weight with which contacts of an object on supports are kept."""
+GAIN = 1e-3
+"""Part of the wanted motion, squared, that a mode must make."""
+KEPT, WEAK = 1e-4, 1e-3
+"""Motion of an object on supports against contacts that are kept, in parts of the wanted one, that counts as
+none; and the part of the strongest finger's force with which others press at least."""
+_RANK, _LEANS = 1e-7, 1e-6
+"""Parts of the first row, and of a support's, below which others count as dependent."""
+_SAME = 1e-5
+"""Parts of motions, beside `TINY`, by which equal ones differ."""
+
+
+@kernel
+def _dot(a: Reals, b: Reals, d: int) -> float:
+    total = 0.0
+    for i in range(d):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
+def project(count: int, memory: Memory, motion: Reals) -> int:
+    """Make a motion (k,) one against which no row of `held` (count, k) works; returns how many of these are
+    independent, with their `axes`."""
+    held, axes, first = memory.held, memory.axes, 0.0
+    size = motion.shape[0]
+    for step in range(size):
+        best, which = 0.0, -1
+        for i in range(count):
+            own = _dot(held[i], held[i], size)
+            if own > best:
+                best, which = own, i
+        best = math.sqrt(best)
+        if step == 0:
+            first = best
+        if which < 0 or not best > _RANK * first:
+            return step
+        for c in range(size):
+            axes[step, c] = held[which, c] / best
+        along = _dot(axes[step], motion, size)
+        for c in range(size):
+            motion[c] -= along * axes[step, c]
+        for i in range(count):
+            along = _dot(axes[step], held[i], size)
+            for c in range(size):
+                held[i, c] -= along * axes[step, c]
+    return int(size)
+
+
+@kernel
+def hold(mode: Ints, memory: Memory) -> int:
+    """Write the rows that a mode keeps into `held`; returns how many there are."""
+    normals, tangents, count = memory.normals, memory.tangents, 0
+    for i in range(mode.shape[0]):
+        if mode[i] != PART:
+            for c in range(normals.shape[1]):
+                memory.held[count, c] = normals[i, c]
+            count += 1
+        if mode[i] == STICK:
+            for c in range(normals.shape[1]):
+                memory.held[count, c] = tangents[i, c]
+            count += 1
+    return count
+
+
+@kernel
+def projected(mode: Ints, want: Reals, motion: Reals, memory: Memory) -> bool:
+    """The motion (k,) of a mode nearest to the wanted one (k,); False where it closes contacts that part."""
+    size = want.shape[0]
+    for c in range(size):
+        motion[c] = want[c]
+    project(hold(mode, memory), memory, motion)
+    tol = TINY * (1.0 + math.sqrt(_dot(motion, motion, size)))
+    for i in range(mode.shape[0]):
+        if mode[i] == PART and _dot(memory.normals[i], motion, size) < -tol:
+            return False
+    return True
+
+
+@kernel
+def every_mode(contacts: int, want: Reals, memory: Memory) -> int:
+    """Modes of so many contacts that make some of the wanted motion (k,), each motion once; returns how many
+    there are, with their `modes` and `motions`, those that keep most contacts first."""
+    count, found, size = min(contacts, MOST), 0, want.shape[0]
+    least, motion = GAIN * _dot(want, want, size), memory.hoped
+    for number in range(count, -1, -1):
+        for kept in range(2**count):
+            bits = 0
+            for i in range(count):
+                bits += (kept >> i) & 1
+            if bits != number:
+                continue
+            for sticking in range(-1, count + 1):
+                alone = 0 <= sticking < count
+                if (alone and not (kept >> sticking) & 1) or (sticking == count and number < 2):
+                    continue
+                mode = memory.modes[found, :contacts]
+                for i in range(contacts):
+                    mode[i] = PART
+                    if i < count and (kept >> i) & 1:
+                        mode[i] = STICK if sticking in (i, count) else SLIDE
+                if not projected(mode, want, motion, memory) or _dot(motion, want, size) < least:
+                    continue
+                if _is_new(motion, found, memory.motions):
+                    for c in range(size):
+                        memory.motions[found, c] = motion[c]
+                    found += 1
+                    if found == memory.modes.shape[0]:
+                        return found
+    return found
+
+
+@kernel
+def _is_new(motion: Reals, count: int, motions: Reals) -> bool:
+    for k in range(count):
+        same = True
+        for c in range(motion.shape[0]):
+            same = same and abs(motion[c] - motions[k, c]) <= TINY + _SAME * abs(motions[k, c])
+        if same:
+            return False
+    return True
+
+
+@kernel
+def turn(surface: Reals, memory: Memory) -> None:
+    """The matrix `turned` (k, k) by which a support turns forces into motions: (S^T S)^-1 for its rows S (r,
+    k), as far as these are independent."""
+    size, axes, turned = surface.shape[1], memory.axes, memory.turned
+    count = 0
+    for step in range(size):
+        best, which = 0.0, -1
+        for i in range(surface.shape[0]):
+            for c in range(size):
+                memory.hoped[c] = surface[i, c]
+            for j in range(step):
+                along = _dot(axes[j], memory.hoped, size)
+                for c in range(size):
+                    memory.hoped[c] -= along * axes[j, c]
+            own = _dot(memory.hoped, memory.hoped, size)
+            if own > best and own > (_LEANS * _LEANS) * _dot(surface[i], surface[i], size):
+                best, which = own, i
+                for c in range(size):
+                    memory.change[c] = memory.hoped[c]
+        if which < 0:
+            break
+        for c in range(size):
+            axes[step, c] = memory.change[c] / math.sqrt(best)
+        count += 1
+    gram = memory.factor
+    for a in range(count):
+        for b in range(count):
+            total = 0.0
+            for i in range(surface.shape[0]):
+                total += _dot(axes[a], surface[i], size) * _dot(axes[b], surface[i], size)
+            gram[a, b] = total
+    _invert(count, gram)
+    for c in range(size):
+        for e in range(size):
+            total = 0.0
+            for a in range(count):
+                for b in range(count):
+                    total += axes[a, c] * gram[a, b] * axes[b, e]
+            turned[c, e] = total
+
+
+@kernel
+def _invert(size: int, matrix: Reals) -> None:
+    """The inverse of a positive definite matrix, in its place (Gauss and Jordan)."""
+    for p in range(size):
+        pivot = matrix[p, p]
+        matrix[p, p] = 1.0
+        for c in range(size):
+            matrix[p, c] /= pivot
+        for r in range(size):
+            if r != p:
+                factor = matrix[r, p]
+                matrix[r, p] = 0.0
+                for c in range(size):
+                    matrix[r, c] -= factor * matrix[p, c]
+
+
+@kernel
+def leans(m: int, mode: Ints, want: Reals, memory: Memory) -> bool:
+    """Whether forces along `edges` (m, k) move an object on a support in a mode towards where it wants to go
+    by `want` (k,): along turned @ edges. Then `change` is its motion, and `share` is what each edge takes of
+    the force, to a scale."""
+    size, scale = want.shape[0], math.sqrt(_dot(want, want, want.shape[0]))
+    change, rows = memory.change, hold(mode, memory)
+    for j in range(m):
+        _slide(j, rows, memory)
+    for i in range(size + rows):
+        memory.wanted[i] = want[i] / scale if i < size else 0.0
+    nonnegative(m, size + rows, memory)
+    for c in range(size):
+        change[c] = 0.0
+        for j in range(m):
+            change[c] += scale * memory.share[j] * memory.columns[j, c]
+    for j in range(m):
+        memory.share[j] = memory.share[j] / memory.lengths[j] if memory.lengths[j] > 0.0 else 0.0
+    return _dot(change, want, size) >= GAIN * scale * scale
+
+
+@kernel
+def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: Memory) -> bool:
+    """As `leans`, with the edges of the fingers first, where each of these presses, and the mode is kept; the
+    force is then as great as the support's friction, `limit` at most."""
+    scale, least, greatest = math.sqrt(_dot(want, want, want.shape[0])), math.inf, 0.0
+    if not leans(m, mode, want, memory):
+        return False
+    for f in range(fingers):
+        own = memory.share[2 * f] + memory.share[2 * f + 1]
+        least, greatest = min(least, own), max(greatest, own)
+    if least < WEAK * greatest or not _keeps(mode, hold(mode, memory), scale, memory):
+        return False
+    total = 0.0
+    for c in range(want.shape[0]):
+        memory.wanted[c] = 0.0
+        for j in range(m):
+            memory.wanted[c] += memory.share[j] * memory.edges[j, c]
+    for c in range(want.shape[0]):
+        total += memory.wanted[c] * _dot(memory.turned[c], memory.wanted, want.shape[0])
+    for j in range(m):
+        memory.share[j] *= limit / math.sqrt(total)
+    return True
+
+
+@kernel
+def _slide(j: int, rows: int, memory: Memory) -> None:
+    """The column of an edge: the motion that it makes, of length 1, and what contacts that are kept move by;
+    `lengths` is what it was."""
+    size, column, total = memory.change.shape[0], memory.columns[j], 0.0
+    for c in range(size):
+        column[c] = _dot(memory.turned[c], memory.edges[j], size)
+        total += column[c] * column[c]
+    norm = math.sqrt(total)
+    memory.lengths[j] = norm
+    for c in range(size):
+        column[c] = column[c] / norm if norm > 0.0 else 0.0
+    for i in range(rows):
+        column[size + i] = RIGIDLY * _dot(memory.held[i], column, size)
+
+
+@kernel
+def _keeps(mode: Ints, rows: int, scale: float, memory: Memory) -> bool:
+    """Whether `change` keeps the contacts that a mode keeps, closes none, and slides as was hoped."""
+    normals, tangents, size = memory.normals, memory.tangents, memory.change.shape[0]
+    for i in range(rows):
+        if abs(_dot(memory.held[i], memory.change, size)) > KEPT * scale:
+            return False
+    for i in range(mode.shape[0]):
+        if _dot(normals[i], memory.change, size) < -KEPT * scale:
+            return False
+        slips = _dot(tangents[i], memory.change, size) * _dot(tangents[i], memory.hoped, size)
+        if mode[i] == SLIDE and slips < 0.0:
+            return False
+    return True
