@@ -56,6 +56,26 @@ def test_hard_assemblies_are_solved(name: str) -> None:
     assert found.residuals.penetration <= 1e-8 * size and found.residuals.cone <= 1e-8 * size
 
 
+def leaning(boxes: int, push: float, ratio: float) -> tuple[rw.Problem, float]:
+    """A stack, and how far from the middle of a box the resultant of the loads above it comes at most."""
+    problem = assemblies.stack(boxes, push, 0.5, ratio)
+    load, far = -problem.b[problem.rows :].reshape(boxes, 6)[:, :3], 0.0
+    for i in range(boxes):
+        lever = np.arange(boxes - i)[:, None] + 0.5
+        far = max(far, float(np.abs((load[i:, :2] * lever).sum(0) / load[i:, 2].sum()).max()))
+    return problem, far
+
+
+@pytest.mark.few(3)
+@pytest.mark.parametrize("seed", range(12))
+def test_stacks_that_stand_below_far_heavier_boxes_are_at_rest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    boxes, ratio = int(rng.integers(20, 41)), 10.0 ** rng.uniform(4, 6)
+    push = rng.uniform(0.1, 0.4) / leaning(boxes, 1.0, ratio)[1]
+    found = rw.solve(leaning(boxes, push, ratio)[0])
+    assert found.status == "solved" and np.abs(found.v).max() < 1e-9
+
+
 def test_islands_are_found_and_solved_as_one_problem() -> None:
     """Two piles side by side, of forces a thousandfold apart, their contacts shuffled."""
     one, two = assemblies.turning(assemblies.pile(3, 3.0)), assemblies.turning(assemblies.pile(6, 10.0))

@@ -28,6 +28,7 @@ from rungwise.contact.solvers.measure import natural
 from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.polish.exact import exact
 from rungwise.contact.solvers.polish.refine import SMALL, rate_error, refined, sharpened
+from rungwise.contact.solvers.polish.rest import rested
 from rungwise.contact.solvers.polish.settled import calmed, clip
 from rungwise.contact.solvers.small import MARGIN, try_at_once
 from rungwise.contact.solvers.work import Work, allowed
@@ -236,6 +237,9 @@ def _judged_scaled(problem: Problem, system: System, x: Array, tol: float, work:
             settled = finer.copy()
         other = _judged(problem, system, system.recover(settled * system.force), tol)
         answer = other if other.residual < answer.residual else answer
+    if answer.residual > tol and (rest := rested(problem, answer.x)) is not answer.x:
+        other = _as_it_is(problem, system, rest)
+        answer = other if other.residual <= tol else answer
     return answer
 
 
