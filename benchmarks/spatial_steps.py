@@ -38,6 +38,8 @@ from rungwise.kernel import linking_time
 
 Array = NDArray[np.float64]
 STIFFNESS, DAMPING = 1e6, 2e3
+EVERYWHERE = np.empty((0, 4), np.int64)
+"""Rows may have entries in any column."""
 MATCH = 1e-2
 """Metres by which a contact may move on a body from one step to the next."""
 ROUNDING = 1e-12
@@ -190,7 +192,12 @@ class Space:
         start = flat.copy(), tau.copy()
         began = time.perf_counter() - linking_time()
         status, found, stage = solve_spatial(
-            p, Sizes(m.nv, k, len(p.F)), Unknowns(modes, v, flat, tau), np.zeros(1, np.int64)
+            p,
+            Sizes(m.nv, k, len(p.F)),
+            Unknowns(modes, v, flat, tau),
+            EVERYWHERE,
+            EVERYWHERE,
+            np.zeros(1, np.int64),
         )
         t = self.tally
         t.seconds.append(time.perf_counter() - linking_time() - began)

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
+from rungwise.contact.block_factors import Pattern, add, add_product, clear, plan
+from rungwise.contact.block_factors import factorise as factorise_blocks
+from rungwise.contact.block_factors import substitute as substitute_blocks
 from rungwise.contact.linear import factorise, solve_in_place, substitute, substitute_many
 
 
@@ -34,3 +39,39 @@ def test_singular_systems_are_noticed():
     a = np.array([[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]])
     assert solve_in_place(a.copy(), 2, 1, np.zeros(2, np.int64)) == 1
     assert not factorise(a[:, :2].copy(), 2, np.zeros(2, np.int64))
+
+
+@pytest.mark.parametrize("bodies", [1, 2, 7, 20])
+def test_factors_by_blocks_are_those_of_the_whole(bodies):
+    """Bodies of one to seven velocities, and groups that touch one, two or three of them."""
+    rng = np.random.default_rng(bodies)
+    for _ in range(5):
+        first = np.concatenate([[0], np.cumsum(rng.integers(1, 8, bodies))])
+        n, whole = int(first[-1]), np.zeros((first[-1], first[-1]))
+        for a, b in itertools.pairwise(first):
+            own = rng.normal(size=(b - a, b - a))
+            whole[a:b, a:b] = own @ own.T + np.eye(b - a)
+        sizes = np.repeat(np.diff(first), np.diff(first))
+        columns = [np.arange(a, b) for a, b in itertools.pairwise(first)]
+        touched = [
+            np.concatenate([columns[b] for b in sorted(rng.choice(bodies, min(bodies, k), replace=False))])
+            for k in rng.integers(1, 4, 3 * bodies)
+        ]
+        pattern = Pattern(
+            np.concatenate([[0], np.cumsum(sizes)]), np.concatenate([columns[b] for b in np.searchsorted(
+                first, np.arange(n), side="right") - 1]),
+            np.concatenate([[0], np.cumsum([len(t) for t in touched])]), np.concatenate(touched),
+        )  # fmt: skip
+        blocks = plan(pattern)
+        clear(blocks)
+        for i, j in zip(*whole.nonzero(), strict=True):
+            add(blocks, i, j, whole[i, j])
+        for t in touched:
+            W, E = rng.normal(size=(3, len(t))), np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+            add_product(blocks, t, 0, E, W)
+            whole[np.ix_(t, t)] += W.T @ E @ W
+        assert factorise_blocks(blocks)
+        b = rng.normal(size=n)
+        x = b.copy()
+        substitute_blocks(blocks, x)
+        assert whole @ x == pytest.approx(b, abs=1e-7)

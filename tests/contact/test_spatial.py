@@ -18,6 +18,8 @@ from rungwise.contact.step.residual_in_space import residual_in_space
 
 Array = NDArray[np.float64]
 G, H = 9.81, 1e-3
+EVERYWHERE = np.empty((0, 4), np.int64)
+"""Entries may be in any column."""
 CORNERS = np.array([[x, y, -1.0] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
 
 
@@ -32,7 +34,11 @@ class Answer(NamedTuple):
 
 
 def solve(
-    p: ContactProblem, force: Array | None = None, tau: Array | None = None, v: Array | None = None
+    p: ContactProblem,
+    force: Array | None = None,
+    tau: Array | None = None,
+    v: Array | None = None,
+    where: tuple[NDArray[np.int64], NDArray[np.int64]] = (EVERYWHERE, EVERYWHERE),
 ) -> Answer:
     """The answer, whose residual is the judge's; without a solution it is zero. From these forces and
     velocities."""
@@ -41,7 +47,7 @@ def solve(
     tau = np.zeros(limited) if tau is None else tau.copy()
     mode, v = np.full(contacts + limited, -7, np.int64), np.full(n, np.nan) if v is None else v.copy()
     sizes, unknowns = Sizes(n, contacts, limited), Unknowns(mode, v, force, tau)
-    status, found, stage = solve_spatial(p, sizes, unknowns, np.zeros(1, np.int64))
+    status, found, stage = solve_spatial(p, sizes, unknowns, *where, np.zeros(1, np.int64))
     if status == SOLVED:
         assert found == residual_in_space(p, sizes, unknowns) <= TOLERANCE
     else:
@@ -340,3 +346,28 @@ def test_the_residual_of_sparse_rows_is_that_of_dense_ones(d: int, size: float) 
         if len(v):
             v[0] = np.nan
             assert residual_in_space(p, sizes, moved) == np.inf
+
+
+def test_answers_are_the_same_to_the_bit_where_it_is_known_which_columns_have_entries() -> None:
+    rng = np.random.default_rng(6)
+    for bodies in (2, 5, 14):
+        p = draw(rng, 3, bodies=bodies)
+        n, contacts = len(p.c), len(p.mu)
+        columns, couplings = np.zeros((contacts, 4), np.int64), np.zeros((n, 2), np.int64)
+        for k in range(contacts):
+            met = np.flatnonzero(p.W[3 * k : 3 * k + 3].any(axis=0))
+            split = int(rng.integers(met[0], n + 1))
+            columns[k] = met[0], split, split, n
+        for i in range(n):
+            couplings[i] = np.flatnonzero(p.H[i])[[0, -1]] + [0, 1]
+        everywhere, spans = solve(p), solve(p, where=(columns, couplings))
+        assert everywhere.status == spans.status == SOLVED
+        for one, other in zip(everywhere[3:6], spans[3:6], strict=True):
+            assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("compliant", [False, True])
+def test_many_bodies_that_touch_each_other_are_solved(compliant: bool) -> None:
+    """Islands of so many coordinates that their matrices are kept by blocks."""
+    rng = np.random.default_rng(8)
+    assert all(solve(draw(rng, 3, compliant, bodies=15)).status == SOLVED for _ in range(10))

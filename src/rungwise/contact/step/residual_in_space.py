@@ -7,37 +7,29 @@ are found once, and rates are computed once. Results agree up to the rounding of
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
 from rungwise.contact.step.residual import FLOOR, REST, ROUNDING, worse
+from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, kernel
-
-
-class Touched(NamedTuple):
-    """Coordinates that rows touch: those of contact or, after all contacts, limited row g are
-    coordinate[first[g]:first[g + 1]]."""
-
-    first: Ints
-    coordinate: Ints
 
 
 @allocating_kernel
 def residual_in_space(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> float:
     """Largest scaled violation of the problem's rows in use by `unknowns`; inf when something is not
     finite."""
+    nowhere = np.empty((0, 4), np.int64)
+    return float(residual_where(problem, sizes, touch(problem, sizes, nowhere, nowhere), unknowns))
+
+
+@allocating_kernel
+def residual_where(problem: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns) -> float:
+    """The residual, where it is known which coordinates the rows touch."""
     n, contacts, limited = sizes
     force, tau = unknowns.force, unknowns.tau
-    p, d = problem, problem.R.shape[1]
-    first, coordinate = (
-        np.empty(contacts + limited + 1, np.int64),
-        np.empty((contacts + limited) * n, np.int64),
-    )
-    touched = Touched(first, coordinate)
-    _find_touched(p, sizes, np.zeros(n, np.bool_), touched)
+    p, d, (first, coordinate, _, _) = problem, problem.R.shape[1], touched
     u, s = np.empty(contacts * d), np.empty(limited)
     velocity = _fill_rates(p, sizes, touched, unknowns, u, s)
     largest = 0.0
@@ -70,36 +62,13 @@ def residual_in_space(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns)
 
 
 @kernel
-def _find_touched(p: ContactProblem, sizes: Sizes, meets: NDArray[np.bool_], touched: Touched) -> None:
-    """Coordinates of each contact's rows, and of each limited row; `meets` (n,) is false before and after."""
-    contacts, limited = sizes.contacts, sizes.limited
-    first, coordinate = touched
-    d, count = p.R.shape[1], 0
-    for g in range(contacts + limited):
-        first[g] = count
-        if g < contacts:
-            for r in range(g * d, g * d + d):
-                for j in range(len(meets)):
-                    meets[j] |= p.W[r, j] != 0.0
-        else:
-            for j in range(len(meets)):
-                meets[j] |= p.S[g - contacts, j] != 0.0
-        for j in range(len(meets)):
-            if meets[j]:
-                coordinate[count] = j
-                count += 1
-                meets[j] = False
-    first[contacts + limited] = count
-
-
-@kernel
 def _fill_rates(
     p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns, u: Reals, s: Reals
 ) -> float:
     """Write (W v + R lambda + w) and (S v + R_s tau + w_s); returns the largest term, at least the problem's
     quantum."""
     contacts, limited = sizes.contacts, sizes.limited
-    first, coordinate = touched
+    first, coordinate, _, _ = touched
     _, v, force, tau = unknowns
     d, greatest = p.R.shape[1], p.quantum[0]
     for k in range(contacts):
@@ -152,13 +121,13 @@ def _balance(
 ) -> float:
     """`found` (3, n) holds sums, their largest terms, and the largest entries of rows."""
     n, contacts, limited = sizes
-    first, coordinate = touched
+    first, coordinate, begin, end = touched
     _, v, force, tau = unknowns
     total, scale, lever = found[0], found[1], found[2]
     d = p.R.shape[1]
     for i in range(n):
         left, most = -p.c[i], abs(p.c[i])
-        for j in range(n):
+        for j in range(begin[i], end[i]):
             term = p.H[i, j] * v[j]
             left += term
             most = max(most, abs(term))

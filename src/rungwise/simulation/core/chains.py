@@ -25,10 +25,21 @@ def correct_many(problem: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> N
 
 @imported_kernel("rungwise.contact.solvers.space.chain")
 def solve_spatial(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, halt: Ints
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints, halt: Ints
 ) -> tuple[int, float, int]:
     """Solve the step's problem where contacts have three directions; v holds velocities to start from."""
     raise NotImplementedError
+
+
+@inner_kernel
+def solve_in_space(
+    problem: ContactProblem, sizes: Sizes, terms: Terms, scratch: Scratch
+) -> tuple[int, float, int]:
+    """Solve from the forces and velocities of the scratch, into these; returns as `solve_spatial`."""
+    entries = terms.entries
+    return solve_spatial(
+        problem, sizes, unknowns_in(scratch), entries.columns, entries.couplings, scratch.halt
+    )
 
 
 @inner_kernel

@@ -24,7 +24,7 @@ from rungwise.models.limit import (
     noticed_load,
     resting_inertia,
 )
-from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_spatial
+from rungwise.simulation.core.chains import correct_in_plane, solve_in_plane, solve_in_space
 from rungwise.simulation.core.notes import note
 from rungwise.simulation.core.state import State, Trial, sizes_in, unknowns_in
 from rungwise.simulation.core.support import solve_supported
@@ -242,7 +242,7 @@ def solve_assembled(trial: Trial, convex: bool) -> int:
     elif d == 2:
         status, found, stage = solve_in_plane(problem, sizes, terms, scratch)
     else:
-        status, found, stage = solve_spatial(problem, sizes, unknowns, scratch.halt)
+        status, found, stage = solve_in_space(problem, sizes, terms, scratch)
     state.clock[0].residual = found
     if scratch.hard.shape[0] > 0 and (status != SOLVED or stage >= PIVOTING):
         note(problem, sizes, status, stage, state, scratch)

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.solvers.plane import factors
-from rungwise.contact.solvers.plane.factors import Factors, add, substitute
+from rungwise.contact import block_factors
+from rungwise.contact.block_factors import Factors, Pattern, add, substitute
 from rungwise.contact.solvers.plane.flips import flip
 from rungwise.contact.solvers.plane.judge import exertion_of, moved, rates, residual_of
 from rungwise.contact.solvers.plane.part import Part
@@ -63,7 +63,7 @@ def solve_part(part: Part, unknowns: Unknowns, enough: float, halt: Ints) -> flo
     for i in range(n):
         v[i] = 0.0
         soft.unit[i] = 1.0 / math.sqrt(part.diagonal[i])
-    matrix = factors.plan(part)
+    matrix = block_factors.plan(Pattern(part.H_first, part.H_column, part.first, part.column))
     collect(sizes, unknowns, soft.centre)
     rho, before, factored, lowered = FIRST, math.inf, False, False
     for _ in range(MAX_ROUNDS):
@@ -183,7 +183,7 @@ def _push(part: Part, unknowns: Unknowns, soft: Yielding) -> None:
 def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
     """Factors of H + W^T push W + S^T push S in these units."""
     contacts, unit, push, column = len(part.mu), soft.unit, soft.push, part.column
-    factors.clear(matrix)
+    block_factors.clear(matrix)
     for i in range(len(part.c)):
         for e in range(part.H_first[i], part.H_first[i + 1]):
             j = part.H_column[e]
@@ -202,7 +202,7 @@ def _factorise(part: Part, soft: Yielding, matrix: Factors) -> bool:
             for f in range(part.first[g], part.first[g + 1]):
                 value = normal * part.normal[f] + tangential * part.tangential[f]
                 add(matrix, i, column[f], value * unit[column[f]])
-    return factors.factorise(matrix)
+    return block_factors.factorise(matrix)
 
 
 @kernel

@@ -18,15 +18,24 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact.solvers.space.measure import Island, Point, Span, measure
-from rungwise.contact.solvers.space.newton import GIVE, Steps, descend
+from rungwise.contact.solvers.space.newton import GIVE, Steps, descend, is_wide, plan_blocks
 from rungwise.contact.solvers.space.path import Duals, advance, begin, product_ahead
 from rungwise.contact.solvers.space.proximal import approach, residual_at
-from rungwise.contact.solvers.space.rows import Bodies, Groups, demanded_yield, fill_groups, sort_rows
+from rungwise.contact.solvers.space.rows import (
+    Bodies,
+    Groups,
+    Order,
+    demanded_yield,
+    fill_bodies,
+    fill_groups,
+    sort_rows,
+)
 from rungwise.contact.solvers.space.sweeps import Answers, accelerate, respond, sweep
 from rungwise.contact.step.modes import FORWARD, OPEN, STICK
 from rungwise.contact.step.planar import GUESS, NO_SOLUTION, PIVOTING, PROXIMAL, SOLVED, TOLERANCE, WEDGED
 from rungwise.contact.step.problem import ContactProblem, Sizes, Unknowns
-from rungwise.contact.step.residual_in_space import residual_in_space
+from rungwise.contact.step.residual_in_space import residual_where
+from rungwise.contact.step.touched import Touched, touch
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _MARGIN, _ENOUGH = 0.1, 0.5
@@ -67,56 +76,57 @@ class Room(NamedTuple):
 
 @allocating_kernel
 def solve_spatial(
-    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, halt: Ints
+    problem: ContactProblem, sizes: Sizes, unknowns: Unknowns, columns: Ints, couplings: Ints, halt: Ints
 ) -> tuple[int, float, int]:
     """Solve, starting from `force`, `tau`, and rest or v, into these and the modes, where a contact that
     slips is FORWARD whatever its heading; returns (status, residual, stage). Without a solution forces and
-    velocities are zero, and the residual is the least that was found. It ends so when `halt` (1,) is set."""
+    velocities are zero, and the residual is the least that was found. It ends so when `halt` (1,) is set.
+    Where entries are, `columns` and `couplings` say as for `touch`, unless they are empty."""
     n, contacts, limited = sizes
     _, v, force, tau = unknowns
     p, d = problem, problem.R.shape[1]
     rows, count = contacts * d + limited, contacts + limited
+    touched = touch(p, sizes, columns, couplings)
     going = v[:n].copy()
     v[:n] = 0.0
     # What rested goes on resting, and what moved steadily moves on so: nothing need be sorted.
-    for turn in range(2 if _all_touch(p, n, contacts * d, limited) else 1):
+    for turn in range(2 if _all_touch(touched, n) else 1):
         if turn == 1:
             v[:n] = going
-        error = residual_in_space(p, sizes, unknowns)
+        error = residual_where(p, sizes, touched, unknowns)
         if error <= _MARGIN * TOLERANCE:
-            _tell_modes(p, sizes, unknowns)
+            _tell_modes(p, sizes, touched, unknowns)
             return SOLVED, error, GUESS
-    bodies = Bodies(
-        np.empty((n, n)), np.empty((n, n)), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n),
-        np.empty(n, np.int64), np.empty(n),
-    )  # fmt: skip
+    sorted_by = Order(
+        np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64), np.empty(n, np.int64)
+    )
     island, order = np.empty((n + count, 2), np.int64), np.empty(count, np.int64)
-    islands = sort_rows(p, sizes, bodies, island, order)
-    if islands < 0:
+    islands = sort_rows(p, sizes, touched, sorted_by, island, order)
+    bodies = _bodies(sorted_by)
+    if not fill_bodies(p, n, bodies):
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
         return NO_SOLUTION, math.inf, GUESS
+    entries = touched.first[count]
     groups = Groups(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count + 1, np.int64),
         np.empty(count, np.int64), np.empty(count), np.empty(count), np.empty((count, d, d)), np.empty(rows),
-        np.empty(count * n, np.int64), np.empty(rows * n), np.empty(count),
-        np.empty(count),
+        np.empty(entries, np.int64), np.empty(d * entries), np.empty(count), np.empty(count),
     )  # fmt: skip
     answers = Answers(
         np.empty(count + 1, np.int64), np.empty(count + 1, np.int64), np.empty(count * n, np.int64),
         np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
-    fill_groups(p, n, contacts, bodies, order, groups)
-    demand = demanded_yield(p, sizes)
-    vectors, dual = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows))
+    fill_groups(p, contacts, touched, sorted_by, bodies, order, groups)
+    demand = demanded_yield(p, sizes, touched)
+    vectors, dual, narrow = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows)), _narrow(island, islands)
     point = _point(vectors[0], n, rows)
-    steps = Steps(
-        np.empty(n * n), np.empty(n, np.int64), np.empty(n), np.empty(rows), np.empty((count, d, 2 * d)),
-        np.empty((count, d, 2 * d)), np.zeros(rows),
-    )  # fmt: skip
-    room = Room(
-        point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows), answers,
-        Duals(dual[0], dual[1], dual[2], dual[3]), steps,
-    )  # fmt: skip
+    matrix, pivots, dv, dx = (
+        np.empty(narrow * narrow),
+        np.empty(narrow, np.int64),
+        np.empty(n),
+        np.empty(rows),
+    )
+    slope, inverse, centre = np.empty((count, d, 2 * d)), np.empty((count, d, 2 * d)), np.zeros(rows)
     _take_start(groups, contacts, d, force, tau, point.x)
     for i in range(n):
         v[i] = going[bodies.place[i]] / bodies.unit[i]
@@ -128,6 +138,11 @@ def solve_spatial(
             span = Span(low, island[i, 0], first, island[i, 1])
             touching = Island(bodies, groups, span, p.quantum[0], halt)
             low, first = touching.span.high, touching.span.last
+            steps = Steps(matrix, pivots, plan_blocks(touching), dv, dx, slope, inverse, centre)
+            room = Room(
+                point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows),
+                answers, Duals(dual[0], dual[1], dual[2], dual[3]), steps,
+            )  # fmt: skip
             if polishes:
                 descend(touching, GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
             else:
@@ -135,7 +150,7 @@ def solve_spatial(
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
         _give_back(groups, contacts, d, point.x, force, tau)
-        error = residual_in_space(p, sizes, unknowns)
+        error = residual_where(p, sizes, touched, unknowns)
         # What rests is measured by its own speed in an island, by all speeds in the end.
         if error <= TOLERANCE or worst == PIVOTING:
             break
@@ -146,25 +161,41 @@ def solve_spatial(
     )
     if status != SOLVED:
         v[:n], force[: contacts * d], tau[:limited] = 0.0, 0.0, 0.0
-    _tell_modes(p, sizes, unknowns)
+    _tell_modes(p, sizes, touched, unknowns)
     return status, error, worst
 
 
+@allocating_kernel
+def _bodies(sorted_by: Order) -> Bodies:
+    """Room for the blocks of H and their factors."""
+    place, _, first, last = sorted_by
+    n, room = len(place), 0
+    at = np.empty(n, np.int64)
+    for i in range(n):
+        at[i] = room - first[i]
+        room += last[i] - first[i]
+    return Bodies(np.empty(room), np.empty(room), at, first, last, np.empty(n), place, np.empty(n))
+
+
 @inner_kernel
-def _all_touch(p: ContactProblem, n: int, rows: int, limited: int) -> bool:
+def _narrow(island: Ints, islands: int) -> int:
+    """Coordinates of the greatest island that is not wide."""
+    most, low = 0, 0
+    for i in range(islands):
+        if not is_wide(island[i, 0] - low):
+            most = max(most, island[i, 0] - low)
+        low = island[i, 0]
+    return most
+
+
+@allocating_kernel
+def _all_touch(touched: Touched, n: int) -> bool:
     """Whether each coordinate has a part in a contact or limited row: motion of what touches nothing is known
     to rounding."""
-    for i in range(n):
-        touches = False
-        for r in range(rows):
-            if p.W[r, i] != 0.0:
-                touches = True
-                break
-        for r in range(limited):
-            touches |= p.S[r, i] != 0.0
-        if not touches:
-            return False
-    return True
+    touches = np.zeros(n, np.bool_)
+    for e in range(touched.first[-1]):
+        touches[touched.coordinate[e]] = True
+    return bool(touches.all())
 
 
 @allocating_kernel
@@ -324,9 +355,9 @@ def _exertion(bodies: Bodies, groups: Groups, quantum: float, x: Reals) -> float
 
 
 @kernel
-def _tell_modes(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
+def _tell_modes(p: ContactProblem, sizes: Sizes, touched: Touched, unknowns: Unknowns) -> None:
     """A contact that pushes slips where its friction is at the limit and its rate is more than rounding."""
-    n, contacts, limited = sizes
+    _, contacts, limited = sizes
     mode, v, force, tau = unknowns
     d = p.R.shape[1]
     for k in range(contacts):
@@ -334,19 +365,20 @@ def _tell_modes(p: ContactProblem, sizes: Sizes, unknowns: Unknowns) -> None:
         for i in range(k * d + 1, k * d + d):
             rubs += force[i] * force[i]
         inside = math.sqrt(rubs) < _INSIDE * p.mu[k] * force[k * d]
-        sticks = inside or (p.mu[k] > 0.0 and _is_still(p, n, k, v, force))
+        sticks = inside or (p.mu[k] > 0.0 and _is_still(p, touched, k, v, force))
         mode[k] = OPEN if force[k * d] <= 0.0 else STICK if sticks else FORWARD
     for r in range(limited):
         mode[contacts + r] = STICK if abs(tau[r]) < _INSIDE * p.F[r] else FORWARD
 
 
 @kernel
-def _is_still(p: ContactProblem, n: int, k: int, v: Reals, force: Reals) -> bool:
+def _is_still(p: ContactProblem, touched: Touched, k: int, v: Reals, force: Reals) -> bool:
     """Whether the tangential rate of a contact is rounding of its terms."""
     d, rate, scale = p.R.shape[1], 0.0, p.quantum[0]
     for i in range(k * d + 1, k * d + d):
         own = p.w[i]
-        for j in range(n):
+        for e in range(touched.first[k], touched.first[k + 1]):
+            j = touched.coordinate[e]
             own += p.W[i, j] * v[j]
             scale = max(scale, abs(p.W[i, j] * v[j]))
         for j in range(d):

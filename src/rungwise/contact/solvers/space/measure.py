@@ -75,7 +75,7 @@ def measure(island: Island, point: Point, scale: Reals) -> float:
     for i in range(low, high):
         scale[i - low] = abs(bodies.c[i])
         for j in range(bodies.first[i], bodies.last[i]):
-            scale[i - low] = max(scale[i - low], abs(bodies.H[i, j] * v[j]))
+            scale[i - low] = max(scale[i - low], abs(bodies.H[bodies.at[i] + j] * v[j]))
     per_speed = 1.0 / speed if speed > 0.0 else 0.0
     per_force = 1.0 / largest if largest > 0.0 else 0.0
     for g in range(first, last):

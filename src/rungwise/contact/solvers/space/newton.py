@@ -16,10 +16,15 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+import numpy as np
+
+from rungwise.contact.block_factors import Factors, Pattern, add, add_product, clear, plan
+from rungwise.contact.block_factors import factorise as factorise_blocks
+from rungwise.contact.block_factors import substitute as substitute_blocks
 from rungwise.contact.linear import factorise, substitute
 from rungwise.contact.solvers.space.measure import Island, Point, measure
 from rungwise.contact.solvers.space.rows import Groups
-from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel, rare_kernel
 
 GIVE = 1e-6
 """Yield of a force, over the yield of its bodies and contact, with which steps are computed: steps err by as
@@ -29,16 +34,20 @@ _FIRMER, _LEAST = 1e-3, 1e-14
 yield. Chosen by trial, to a decade."""
 _HALVINGS, _FALL = 7, 1e-2
 """Most lengths of a step, and the least fall of the map over the length. Chosen by trial."""
+_WIDE = 60
+"""Coordinates of an island from which on its matrix is kept by its blocks, which is faster then."""
 _CHORDS, _FAST = 3, 0.2
 """Most steps with old factors, and the factor by which each must bring the map down. Chosen by trial."""
 
 
 class Steps(NamedTuple):
-    """Scratch: matrix (n n,), order (n,), step dv (n,) and dx (rows,); slope (g, d, 2 d) of each group's
-    projection beside scratch; inverse (g, d, 2 d): M^-1 and E of each group; centre (rows,)."""
+    """Scratch: step dv (n,) and dx (rows,); slope (g, d, 2 d) of each group's projection beside scratch;
+    inverse (g, d, 2 d): M^-1 and E of each group; centre (rows,); and the room for factors of an island's
+    matrix: matrix (n n,) and order (n,) of few coordinates, `blocks` of many, else empty."""
 
     matrix: Reals
     order: Ints
+    blocks: Factors
     dv: Reals
     dx: Reals
     slope: Reals
@@ -56,7 +65,7 @@ def evaluate(island: Island, hold: float, point: Point, steps: Steps) -> float:
     for i in range(low, high):
         total = -bodies.c[i]
         for j in range(bodies.first[i], bodies.last[i]):
-            total += bodies.H[i, j] * v[j]
+            total += bodies.H[bodies.at[i] + j] * v[j]
         G[i] = total
     size = 0.0
     for g in range(first, last):
@@ -194,13 +203,15 @@ def prepare(island: Island, give: float, hold: float, steps: Steps) -> bool:
 def assemble(island: Island, steps: Steps) -> bool:
     """Factorise H + W^T E W; False where it is singular."""
     bodies, groups, (low, high, first, last), _, _ = island
+    if is_wide(high - low):
+        return bool(_assemble_blocks(island, steps))
     n, d = high - low, groups.R.shape[1]
     K = steps.matrix[: n * n].reshape(n, n)
     for i in range(n):
         for j in range(n):
             K[i, j] = 0.0
         for j in range(bodies.first[low + i], bodies.last[low + i]):
-            K[i, j - low] = bodies.H[low + i, j]
+            K[i, j - low] = bodies.H[bodies.at[low + i] + j]
     for g in range(first, last):
         size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
         width = groups.column[g + 1] - begin
@@ -217,6 +228,52 @@ def assemble(island: Island, steps: Steps) -> bool:
                     for j in range(width):
                         own[groups.touched[begin + j] - low] += push * W[a, j]
     return n == 0 or bool(factorise(K, n, steps.order))
+
+
+@inner_kernel
+def is_wide(n: int) -> bool:
+    """Whether the matrix of an island of n coordinates is kept by its blocks."""
+    return n >= _WIDE
+
+
+@rare_kernel
+def _assemble_blocks(island: Island, steps: Steps) -> bool:
+    """Factorise as `assemble`, where each group couples few of many coordinates."""
+    bodies, groups, (low, high, first, last), _, _ = island
+    d, blocks = groups.R.shape[1], steps.blocks
+    clear(blocks)
+    for i in range(low, high):
+        for j in range(bodies.first[i], bodies.last[i]):
+            add(blocks, i - low, j - low, bodies.H[bodies.at[i] + j])
+    for g in range(first, last):
+        if steps.inverse[g, 0, d] == 0.0:
+            continue
+        size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
+        width = groups.column[g + 1] - begin
+        W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
+        add_product(
+            blocks, groups.touched[begin : begin + width], low, steps.inverse[g, :size, d : d + size], W
+        )
+    return bool(factorise_blocks(blocks))
+
+
+@allocating_kernel
+def plan_blocks(island: Island) -> Factors:
+    """Room for the factors of a wide island; none of a narrow one."""
+    bodies, groups, (low, high, first, last), _, _ = island
+    n, count = (high - low, last - first) if is_wide(high - low) else (0, 0)
+    H_first, rows = np.zeros(n + 1, np.int64), np.zeros(count + 1, np.int64)
+    for i in range(n):
+        H_first[i + 1] = H_first[i] + bodies.last[low + i] - bodies.first[low + i]
+    for g in range(count):
+        rows[g + 1] = groups.column[first + g + 1] - groups.column[first]
+    H_column, column = np.empty(H_first[n], np.int64), np.empty(rows[count], np.int64)
+    for i in range(n):
+        for e in range(H_first[i], H_first[i + 1]):
+            H_column[e] = bodies.first[low + i] - low + e - H_first[i]
+    for e in range(rows[count]):
+        column[e] = groups.touched[groups.column[first] + e] - low
+    return plan(Pattern(H_first, H_column, rows, column))
 
 
 @kernel
@@ -238,7 +295,10 @@ def find_step(island: Island, point: Point, steps: Steps) -> None:
             for j in range(width):
                 dv[groups.touched[begin + j] - low] -= groups.W[at] * total
                 at += 1
-    substitute(steps.matrix[: n * n].reshape(n, n), n, steps.order, dv)
+    if is_wide(n):
+        substitute_blocks(steps.blocks, dv[:n])
+    else:
+        substitute(steps.matrix[: n * n].reshape(n, n), n, steps.order, dv)
     for g in range(first, last):
         if inverse[g, 0, d] == 0.0:
             continue

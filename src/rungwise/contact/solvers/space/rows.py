@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact.step.problem import ContactProblem, Sizes
+from rungwise.contact.step.touched import Touched
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _DEMANDED = 1e3
@@ -21,13 +22,24 @@ _DEMANDED = 1e3
 decade."""
 
 
+class Order(NamedTuple):
+    """Coordinates (n,), sorted: place in the problem, rank of a place among the sorted, first and last
+    coordinate of the own block, the latter excluded."""
+
+    place: Ints
+    rank: Ints
+    first: Ints
+    last: Ints
+
+
 class Bodies(NamedTuple):
-    """n coordinates, sorted: H (n, n), its factors L L^T by blocks (n, n), first and last (n,) coordinate of
-    the own block, the latter excluded, load c (n,), place (n,) in the problem, unit (n,): a velocity of the
-    problem over one here."""
+    """n coordinates, sorted: H and its factors L L^T, by blocks, whose entry (i, j) stands at[i] + j; first
+    and last (n,) coordinate of the own block, the latter excluded, load c (n,), place (n,) in the problem,
+    unit (n,): a velocity of the problem over one here."""
 
     H: Reals
     factor: Reals
+    at: Ints
     first: Ints
     last: Ints
     c: Reals
@@ -60,15 +72,19 @@ class Groups(NamedTuple):
 
 
 @allocating_kernel
-def sort_rows(p: ContactProblem, sizes: Sizes, bodies: Bodies, island: Ints, order: Ints) -> int:
-    """Fill the bodies, the ends (islands, 2) of each island's coordinates and groups in `island`, and the
-    groups' order in `order` (groups,). Returns the number of islands; -1 where H is not positive definite."""
+def sort_rows(
+    p: ContactProblem, sizes: Sizes, touched: Touched, sorted_by: Order, island: Ints, order: Ints
+) -> int:
+    """Fill the order of coordinates, the ends (islands, 2) of each island's coordinates and groups in
+    `island`, and the groups' order in `order` (groups,). Returns the number of islands."""
     n, contacts, limited = sizes
     block, isle = np.empty(n, np.int64), np.empty(n, np.int64)
     groups, d = contacts + limited, p.R.shape[1]
+    place, rank, first, last = sorted_by
     for i in range(n):
         block[i] = i
-        for j in range(i):
+    for i in range(n):
+        for j in range(touched.begin[i], min(touched.end[i], i)):
             if p.H[i, j] != 0.0:
                 _join(block, i, j)
     for i in range(n):
@@ -76,11 +92,16 @@ def sort_rows(p: ContactProblem, sizes: Sizes, bodies: Bodies, island: Ints, ord
     home = np.empty(groups, np.int64)
     for g in range(groups):
         home[g] = -1
-        if g < contacts:
-            for r in range(g * d, g * d + _size(p, g, contacts)):
-                home[g] = _touch(p.W[r, :n], isle, home[g])
-        else:
-            home[g] = _touch(p.S[g - contacts, :n], isle, home[g])
+        rows = (
+            p.W[g * d : g * d + _size(p, g, contacts)]
+            if g < contacts
+            else p.S[g - contacts : g - contacts + 1]
+        )
+        for e in range(touched.first[g], touched.first[g + 1]):
+            if _meets(rows, touched.coordinate[e]):
+                if home[g] >= 0:
+                    _join(isle, home[g], touched.coordinate[e])
+                home[g] = touched.coordinate[e]
     count, done, placed = 0, 0, 0
     for top in range(n):
         if _root(isle, top) != top:
@@ -91,10 +112,10 @@ def sort_rows(p: ContactProblem, sizes: Sizes, bodies: Bodies, island: Ints, ord
             begin = done
             for j in range(i, n):
                 if _root(block, j) == i:
-                    bodies.place[done] = j
+                    place[done], rank[j] = j, done
                     done += 1
             for j in range(begin, done):
-                bodies.first[j], bodies.last[j] = begin, done
+                first[j], last[j] = begin, done
         for g in range(groups):
             if home[g] >= 0 and _root(isle, home[g]) == top:
                 order[placed] = g
@@ -107,12 +128,21 @@ def sort_rows(p: ContactProblem, sizes: Sizes, bodies: Bodies, island: Ints, ord
             placed += 1
             island[count, 0], island[count, 1] = done, placed
             count += 1
-    return count if _fill_bodies(p, n, bodies) else -1
+    return count
 
 
 @inner_kernel
 def _size(p: ContactProblem, g: int, contacts: int) -> int:
     return p.R.shape[1] if g < contacts and p.mu[g] > 0.0 else 1
+
+
+@inner_kernel
+def _meets(rows: Reals, j: int) -> bool:
+    """Whether one of the rows has an entry in this column."""
+    found = False
+    for r in range(rows.shape[0]):
+        found |= rows[r, j] != 0.0
+    return found
 
 
 @inner_kernel
@@ -130,21 +160,10 @@ def _join(label: Ints, i: int, j: int) -> None:
     label[max(a, b)] = min(a, b)
 
 
-@inner_kernel
-def _touch(row: Reals, isle: Ints, home: int) -> int:
-    """Join the coordinates of a row; returns one of them, or `home`."""
-    for i in range(len(row)):
-        if row[i] != 0.0:
-            if home >= 0:
-                _join(isle, home, i)
-            home = i
-    return home
-
-
 @kernel
-def _fill_bodies(p: ContactProblem, n: int, bodies: Bodies) -> bool:
+def fill_bodies(p: ContactProblem, n: int, bodies: Bodies) -> bool:
     """Scale, sort and factorise; whether H is positive definite."""
-    H, L, first, last, c, place, unit = bodies
+    H, L, at, first, last, c, place, unit = bodies
     for i in range(n):
         own = p.H[place[i], place[i]]
         if not own > 0.0:
@@ -153,39 +172,45 @@ def _fill_bodies(p: ContactProblem, n: int, bodies: Bodies) -> bool:
         c[i] = unit[i] * p.c[place[i]]
     for i in range(n):
         for j in range(first[i], last[i]):
-            H[i, j] = unit[i] * unit[j] * p.H[place[i], place[j]]
+            H[at[i] + j] = unit[i] * unit[j] * p.H[place[i], place[j]]
         for j in range(first[i], i + 1):
-            total = H[i, j]
+            total = H[at[i] + j]
             for k in range(first[i], j):
-                total -= L[i, k] * L[j, k]
+                total -= L[at[i] + k] * L[at[j] + k]
             if j < i:
-                L[i, j] = total * L[j, j]
+                L[at[i] + j] = total * L[at[j] + j]
             elif not total > 0.0:
                 return False
             else:
-                L[i, i] = 1.0 / math.sqrt(total)
+                L[at[i] + i] = 1.0 / math.sqrt(total)
     return True
 
 
 @inner_kernel
 def substitute_bodies(bodies: Bodies, low: int, high: int, x: Reals) -> None:
     """Replace x (n,) by H^-1 x from coordinate `low` up to `high`, which are ends of blocks."""
-    L, first, last = bodies.factor, bodies.first, bodies.last
+    L, at, first, last = bodies.factor, bodies.at, bodies.first, bodies.last
     for i in range(low, high):
         total = x[i]
         for j in range(first[i], i):
-            total -= L[i, j] * x[j]
-        x[i] = total * L[i, i]
+            total -= L[at[i] + j] * x[j]
+        x[i] = total * L[at[i] + i]
     for i in range(high - 1, low - 1, -1):
         total = x[i]
         for j in range(i + 1, last[i]):
-            total -= L[j, i] * x[j]
-        x[i] = total * L[i, i]
+            total -= L[at[j] + i] * x[j]
+        x[i] = total * L[at[i] + i]
 
 
 @kernel
 def fill_groups(
-    p: ContactProblem, n: int, contacts: int, bodies: Bodies, order: Ints, groups: Groups
+    p: ContactProblem,
+    contacts: int,
+    touched: Touched,
+    sorted_by: Order,
+    bodies: Bodies,
+    order: Ints,
+    groups: Groups,
 ) -> None:
     """Fill the groups, in this order."""
     d = p.R.shape[1]
@@ -197,52 +222,56 @@ def fill_groups(
         if r < 0:
             size = _size(p, source, contacts)
             groups.mu[g], groups.limit[g] = p.mu[source], math.inf
-            rows = p.W[source * d : source * d + size, :n]
+            rows = p.W[source * d : source * d + size]
             for i in range(size):
                 groups.w[groups.row[g] + i] = p.w[source * d + i]
                 for j in range(size):
                     groups.R[g, i, j] = p.R[source, i, j]
         else:
-            size, rows = 1, p.S[r : r + 1, :n]
+            size, rows = 1, p.S[r : r + 1]
             groups.mu[g], groups.limit[g] = -1.0, p.F[r]
             groups.w[groups.row[g]], groups.R[g, 0, 0] = p.w_s[r], p.R_s[r]
         groups.row[g + 1] = groups.row[g] + size
-        _compress(rows, bodies, g, groups)
+        meets = touched.coordinate[touched.first[source] : touched.first[source + 1]]
+        _compress(rows, meets, sorted_by.rank, bodies, g, groups)
 
 
-@kernel
-def demanded_yield(p: ContactProblem, sizes: Sizes) -> float:
+@allocating_kernel
+def demanded_yield(p: ContactProblem, sizes: Sizes, touched: Touched) -> float:
     """The greatest rate that is demanded over the greatest force that a load calls for; 0 where there is
     none of either."""
     n, contacts, limited = sizes
-    rate, force, rows = 0.0, 0.0, contacts * p.R.shape[1]
-    for r in range(rows):
+    rate, force, d = 0.0, 0.0, p.R.shape[1]
+    for r in range(contacts * d):
         rate = max(rate, abs(p.w[r]))
     for r in range(limited):
         rate = max(rate, abs(p.w_s[r]))
+    lever = np.zeros(n)
+    for g in range(contacts + limited):
+        for e in range(touched.first[g], touched.first[g + 1]):
+            i = touched.coordinate[e]
+            if g >= contacts:
+                lever[i] = max(lever[i], abs(p.S[g - contacts, i]))
+            for r in range(g * d, g * d + d if g < contacts else g * d):
+                lever[i] = max(lever[i], abs(p.W[r, i]))
     for i in range(n):
-        lever = 0.0
-        for r in range(rows):
-            lever = max(lever, abs(p.W[r, i]))
-        for r in range(limited):
-            lever = max(lever, abs(p.S[r, i]))
-        if lever > 0.0:
-            force = max(force, abs(p.c[i]) / lever)
+        if lever[i] > 0.0:
+            force = max(force, abs(p.c[i]) / lever[i])
     return rate / force if force > 0.0 and rate > _DEMANDED * p.quantum[0] else 0.0
 
 
 @inner_kernel
-def _compress(rows: Reals, bodies: Bodies, g: int, groups: Groups) -> None:
-    """Keep the columns in which a row has an entry."""
-    size, n = rows.shape
+def _compress(rows: Reals, meets: Ints, rank: Ints, bodies: Bodies, g: int, groups: Groups) -> None:
+    """Keep the columns in which a row has an entry, sorted."""
+    size, width, total = rows.shape[0], 0, 0.0
     touched = groups.touched[groups.column[g] :]
-    width, total = 0, 0.0
-    for i in range(n):
-        found = False
-        for r in range(size):
-            found |= rows[r, bodies.place[i]] != 0.0
-        if found:
-            touched[width] = i
+    for e in range(len(meets)):
+        if _meets(rows, meets[e]):
+            own, at = rank[meets[e]], width
+            while at > 0 and touched[at - 1] > own:
+                touched[at] = touched[at - 1]
+                at -= 1
+            touched[at] = own
             width += 1
     groups.column[g + 1], groups.entry[g + 1] = groups.column[g] + width, groups.entry[g] + size * width
     at = groups.entry[g]

@@ -37,7 +37,8 @@ class Answers(NamedTuple):
 def respond(island: Island, answers: Answers) -> None:
     """Fill the answers of an island; those of an island start where its rows' entries would in a full W."""
     bodies, groups, span, _, _ = island
-    n, L, first, last = len(bodies.c), bodies.factor, bodies.first, bodies.last
+    n, L, begin_at = len(bodies.c), bodies.factor, bodies.at
+    first, last = bodies.first, bodies.last
     answers.column[span.first], answers.entry[span.first] = n * span.first, n * groups.row[span.first]
     for g in range(span.first, span.last):
         size, begin, end = groups.row[g + 1] - groups.row[g], groups.column[g], groups.column[g + 1]
@@ -62,8 +63,8 @@ def respond(island: Island, answers: Answers) -> None:
             for j in range(width):
                 place = moved[j]
                 for k in range(first[place], place):
-                    Z[r, j] -= L[place, k] * Z[r, j - place + k]
-                Z[r, j] *= L[place, place]
+                    Z[r, j] -= L[begin_at[place] + k] * Z[r, j - place + k]
+                Z[r, j] *= L[begin_at[place] + place]
             for s in range(r + 1):
                 total = 0.0
                 for j in range(width):
@@ -73,8 +74,8 @@ def respond(island: Island, answers: Answers) -> None:
             for j in range(width - 1, -1, -1):
                 place = moved[j]
                 for k in range(place + 1, last[place]):
-                    Z[r, j] -= L[k, place] * Z[r, j - place + k]
-                Z[r, j] *= L[place, place]
+                    Z[r, j] -= L[begin_at[k] + place] * Z[r, j - place + k]
+                Z[r, j] *= L[begin_at[place] + place]
 
 
 @kernel

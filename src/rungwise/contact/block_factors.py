@@ -14,7 +14,6 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.contact.solvers.plane.part import Part
 from rungwise.kernel import Ints, Reals, allocating_kernel, inner_kernel, kernel
 
 _WIDE = 3
@@ -22,6 +21,16 @@ _WIDE = 3
 _NONE = -1
 
 Bytes: TypeAlias = NDArray[np.uint8]
+
+
+class Pattern(NamedTuple):
+    """Where a matrix has entries: H_first (n + 1,), where the rows of H begin in H_column; first (g + 1,),
+    where the velocities begin in `column` that groups touch, each of which couples all of its own."""
+
+    H_first: Ints
+    H_column: Ints
+    first: Ints
+    column: Ints
 
 
 class Factors(NamedTuple):
@@ -50,18 +59,19 @@ class Factors(NamedTuple):
 
 
 @allocating_kernel
-def plan(part: Part) -> Factors:
-    """Factors of the pattern of a part, their blocks yet to be filled."""
-    n = len(part.c)
-    node, slot, count = _nodes(part)
+def plan(pattern: Pattern) -> Factors:
+    """Factors of a pattern, their blocks yet to be filled."""
+    n = len(pattern.H_first) - 1
+    node, slot, count = _nodes(pattern)
     near = np.zeros((count, count), np.uint8)
     for i in range(n):
-        for e in range(part.H_first[i], part.H_first[i + 1]):
-            near[node[i], node[part.H_column[e]]] = near[node[part.H_column[e]], node[i]] = 1
-    for g in range(len(part.first) - 1):
-        for e in range(part.first[g], part.first[g + 1]):
-            for f in range(part.first[g], e):
-                a, b = node[part.column[e]], node[part.column[f]]
+        for e in range(pattern.H_first[i], pattern.H_first[i + 1]):
+            a, b = node[i], node[pattern.H_column[e]]
+            near[a, b] = near[b, a] = 1
+    for g in range(len(pattern.first) - 1):
+        for e in range(pattern.first[g], pattern.first[g + 1]):
+            for f in range(pattern.first[g], e):
+                a, b = node[pattern.column[e]], node[pattern.column[f]]
                 near[a, b] = near[b, a] = 1
     place, start, later = _eliminate(near)
     size = np.zeros(count, np.int64)
@@ -90,15 +100,15 @@ def plan(part: Part) -> Factors:
 
 
 @allocating_kernel
-def _nodes(part: Part) -> tuple[Ints, Ints, int]:
+def _nodes(pattern: Pattern) -> tuple[Ints, Ints, int]:
     """The node of each velocity, its place there, and how many nodes there are."""
-    n = len(part.c)
+    n = len(pattern.H_first) - 1
     all_of, both, count = np.zeros(n, np.int64), np.zeros(n, np.int64), 0
-    for g in range(len(part.first) - 1):
-        for e in range(part.first[g], part.first[g + 1]):
-            all_of[part.column[e]] += 1
-            if e > part.first[g] and part.column[e - 1] == part.column[e] - 1:
-                both[part.column[e]] += 1
+    for g in range(len(pattern.first) - 1):
+        for e in range(pattern.first[g], pattern.first[g + 1]):
+            all_of[pattern.column[e]] += 1
+            if e > pattern.first[g] and pattern.column[e - 1] == pattern.column[e] - 1:
+                both[pattern.column[e]] += 1
     node, slot = np.empty(n, np.int64), np.zeros(n, np.int64)
     for i in range(n):
         joins = i > 0 and slot[i - 1] < _WIDE - 1 and all_of[i] == both[i] == all_of[i - 1]
@@ -162,7 +172,7 @@ def _spread(source: Bytes, target: Bytes, own: int) -> int:
         degree += target[j]
     degree -= target[own]
     target[own] = 0
-    return degree
+    return int(degree)
 
 
 @inner_kernel
@@ -179,6 +189,40 @@ def add(factors: Factors, i: int, j: int, value: float) -> None:
 
 
 @inner_kernel
+def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals) -> None:
+    """Add W^T E W to the matrix, where column j of W (d, w) stands for velocity touched[j] - low."""
+    size, width = W.shape
+    i = 0
+    while i < width:
+        a = factors.position[touched[i] - low]
+        i_end = i + 1
+        while i_end < width and factors.position[touched[i_end] - low] == a:
+            i_end += 1
+        j = 0
+        while j < width:
+            b = factors.position[touched[j] - low]
+            j_end = j + 1
+            while j_end < width and factors.position[touched[j_end] - low] == b:
+                j_end += 1
+            if a == b:
+                block = factors.diagonal[a]
+            elif a > b:
+                block = factors.lower[_block(factors, b, a)]
+            else:
+                block = factors.upper[_block(factors, a, b)]
+            for m in range(i, i_end):
+                row = 3 * factors.slot[touched[m] - low]
+                for c in range(size):
+                    push = 0.0
+                    for r in range(size):
+                        push += W[r, m] * E[r, c]
+                    for k in range(j, j_end):
+                        block[row + factors.slot[touched[k] - low]] += push * W[c, k]
+            j = j_end
+        i = i_end
+
+
+@inner_kernel
 def _block(factors: Factors, owner: int, other: int) -> int:
     """The block of two nodes, the first of which is eliminated first."""
     low, high = factors.start[owner], factors.start[owner + 1] - 1
@@ -188,7 +232,7 @@ def _block(factors: Factors, owner: int, other: int) -> int:
             low = middle + 1
         else:
             high = middle
-    return low
+    return int(low)
 
 
 @kernel
