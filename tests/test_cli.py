@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 import pytest
@@ -667,3 +667,54 @@ def test_plans_that_cannot_be(rungwise: Command, tmp_path: Path) -> None:
     apart = ("--parting", tmp_path / "apart.png")
     refused(rungwise("view", "push", *apart), "parting: needs one saved plan (JSON)")
     refused(rungwise("view", wrong, *apart, "--png", "x.png"), "--parting is a picture of its own")
+
+
+def test_exit_codes_of_outcomes_are_those_of_the_page() -> None:
+    page = Path(__file__).parents[1] / "docs" / "outcomes.md"
+    rows = [line.split("|") for line in page.read_text("utf-8").splitlines() if line.startswith("| `")]
+    told = {row[1].strip(" `"): int(row[-2].split(";")[0]) for row in rows}
+    assert told == {str(outcome): outcome.exit_code for outcome in rw.Outcome}
+
+
+def test_a_run_that_a_limit_ends_is_told_and_its_answer_is_open(rungwise: Command, tmp_path: Path) -> None:
+    found = rungwise(*SIM, "--limit", 0, "--json", "--out", tmp_path)
+    assert found.code == rw.Outcome.RUNNING.exit_code == 1
+    assert found.json["outcome"] == "running" and "0 s are over" in found.json["reason"]
+    assert rw.load_run(tmp_path)[1]["outcome"] == "running"
+
+
+QUICK = {"models", "scenes", "check"}
+"""Commands that never take long."""
+WORK = {
+    "sets": "two_finger --model kinematic --over v1,v2",
+    "doomed": "two_finger --model kinematic --over x1,x2,x3=-1.6:1.6 --inputs v1=0.5:1,v2=0.5:1",
+    "plan": "push --task-seed 4",
+    "design": "two_finger --over v2",
+    "compare": "two_finger",
+    "replay": "ball",
+    "view": "two_finger --html {out}/page.html",
+    "sim": "two_finger --model kinematic",
+}
+
+
+def test_each_command_that_can_take_long_has_one_limit() -> None:
+    helps = dict[str, str]()
+    for each in cli.app.registered_commands:
+        assert each.callback is not None
+        hints = get_type_hints(each.callback, include_extras=True)
+        if "limit" in hints:
+            helps[each.callback.__name__] = hints["limit"].__metadata__[0].help
+        else:
+            assert each.callback.__name__ in QUICK
+    assert helps.keys() >= WORK.keys() and len(set(helps.values())) == 1
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_a_command_without_time_says_so(name: str, rungwise: Command, tmp_path: Path) -> None:
+    """In one line where there is nothing to tell; none has a positive answer but pictures."""
+    found = rungwise(name, *WORK[name].format(out=tmp_path).split(), "--limit", 0)
+    if found.code == 2:
+        refused(found, "limit: ", "over")
+    else:
+        assert found.code == (0 if name == "view" else 1)
+        assert "running" in found.out or "time is over" in found.out or "time was over" in found.out

@@ -16,6 +16,7 @@ from .contact.files import read_problem, write_fclib
 from .contact.problem import Problem
 from .contact.solution import ContactSolution, Status
 from .contact.solve import solve
+from .deadline import LimitError
 from .errors import InputError
 from .hierarchy.compare import compare
 from .hierarchy.comparison import Comparison
@@ -103,6 +104,7 @@ __all__ = [
     "KeywordError",
     "Kind",
     "Label",
+    "LimitError",
     "ModelError",
     "Outcome",
     "PictureError",

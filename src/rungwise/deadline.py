@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,10 +17,15 @@ from rungwise.kernel import Ints
 STEPPING, PROVING = "within a step", "in the search for a proof"
 EARLY_S = 1e-3
 """How long an alarm that is early waits before it looks at the clock again."""
+T = TypeVar("T")
 
 
 class TimeOver(Exception):
     """The time that a call has is over; what was found before counts. The text says what was being done."""
+
+
+class LimitError(InputError):
+    """The time of a call was over before it had anything to return; one line says what it had not done."""
 
 
 class Deadline:
@@ -28,6 +34,7 @@ class Deadline:
     halt (1,) is set when it has come, within the context of `running`: compiled loops read it."""
 
     def __init__(self, limit: float | None = None) -> None:
+        self.limit = limit
         self.ends = math.inf if limit is None else time.monotonic() + limit
         self.halt = np.zeros(1, np.int64)
         self._cells = [self.halt]
@@ -57,10 +64,37 @@ class Deadline:
         if self.is_over:
             raise TimeOver(PROVING)
 
+    def before(self, parts: Iterable[T]) -> Iterator[T]:
+        """The parts, one after another. Raises TimeOver where it has come before one."""
+        for part in parts:
+            self.look()
+            yield part
+
     @property
     def seconds(self) -> float | None:
         """The time that is left; None without a limit."""
         return None if self.ends == math.inf else max(0.0, self.ends - time.monotonic())
+
+    @property
+    def words(self) -> str:
+        """That it has come."""
+        return "the time is over" if self.limit is None else f"{self.limit:g} s are over"
+
+    def share(self, parts: int) -> float | None:
+        """What each of so many parts of the work may take of the time that is left; None without a limit."""
+        left = self.seconds
+        return None if left is None else left / parts
+
+    @contextmanager
+    def needed_for(self, what: str) -> Iterator[None]:
+        """Where the deadline comes within the context, LimitError is raised: without this there is nothing to
+        return."""
+        try:
+            yield
+        except TimeOver:
+            if not self.is_over:
+                raise  # not by this limit
+            raise LimitError(f"limit: the time was over before {what}; give more time") from None
 
     @contextmanager
     def running(self, *cells: Ints) -> Iterator[Deadline]:

@@ -27,7 +27,8 @@ class Code(IntEnum):
 class Outcome(StrEnum):
     """How a run ended: a text (`run.outcome == "goal"`), with its `code`, what it means, and advice.
 
-    `exit_code` is the exit code of the command line: 0 the answer is positive, 1 negative, 2 bad input.
+    `exit_code` is the exit code of the command line: 0 the answer is positive, 1 negative or open, 2 bad
+    input. Whatever Ctrl-C ends exits with 130.
     """
 
     code: Code
@@ -35,7 +36,12 @@ class Outcome(StrEnum):
     meaning: str
     advice: str
 
-    RUNNING = Code.RUNNING, 1, "the run was interrupted", "Continue it, or run it again."
+    RUNNING = (
+        Code.RUNNING,
+        1,
+        "the run was interrupted, or its limit in seconds was over",
+        "Continue it, or run it again.",
+    )
     GOAL = Code.GOAL, 0, "the goal condition holds", "Try it on the next rung, if there is one."
     UNSAFE = Code.UNSAFE, 1, "an unsafe condition holds", "Change inputs or design, or relax the condition."
     DOOMED = (

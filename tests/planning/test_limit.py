@@ -168,5 +168,5 @@ def test_a_design_keeps_what_it_found(options: dict[str, Any], monkeypatch: pyte
 
 
 def test_a_set_ends_with_the_cells_that_are_known() -> None:
-    with pytest.raises(rw.SetError, match="limit"):
+    with pytest.raises(rw.LimitError, match="before the first cells"):
         rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), limit=0.0)

@@ -64,7 +64,7 @@ def test_saved_runs_are_drawn_as_they_were(planar: rw.Run, spatial: Any, tmp_pat
 def test_plans_show_the_page_of_their_world(planar: rw.Run, spatial: Any) -> None:
     for run, kind in ((planar, "plane"), (spatial, "space")):
         plan = rw.plan("two_finger", seed=0)
-        object.__setattr__(plan, "replay", lambda run=run: run)
+        object.__setattr__(plan, "replay", lambda run=run, **_: run)
         assert f"main class=&quot;{kind}&quot;" in to_html(plan)
         if kind == "space":
             with pytest.raises(PictureError, match="drawn by rungwise"):

@@ -1,6 +1,6 @@
 """Command line: every command prints text, or one JSON object with --json. One file for each command.
 
-Exit codes: 0 the answer is positive, 1 it is negative, 2 bad input, 130 interrupted.
+Exit codes: 0 the answer is positive, 1 it is negative or open, 2 bad input, 130 interrupted.
 """
 
 from __future__ import annotations

@@ -15,6 +15,19 @@ from rungwise.scene.contract import AnyScene
 if TYPE_CHECKING:
     from rungwise.planning.plan import Plan
 
+
+def numeric(name: str, about: str, metavar: str = "NUMBER") -> Any:
+    """An option whose value is a number."""
+    return typer.Option(name, parser=number, metavar=metavar, help=about)
+
+
+def number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
+
+
 SceneArgument = Annotated[
     str, typer.Argument(help="Name of a scene that ships, or path of a YAML, MJCF or URDF file.")
 ]
@@ -30,19 +43,11 @@ ClusterOption = Annotated[
     str | None,
     typer.Option("--cluster", metavar="ADDRESS", help="Dask scheduler whose workers do the runs."),
 ]
+LimitOption = Annotated[
+    float | None,
+    numeric("--limit", "Ends after this time with what it has found, and says what is left.", "SECONDS"),
+]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of the draws.")]
-
-
-def numeric(name: str, about: str, metavar: str = "NUMBER") -> Any:
-    """An option whose value is a number."""
-    return typer.Option(name, parser=number, metavar=metavar, help=about)
-
-
-def number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise typer.BadParameter(f"must be a number, not {str(text)[:60]!r}") from None
 
 
 def load_scene(source: str) -> AnyScene:

@@ -8,17 +8,18 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rungwise.deadline import Deadline
     from rungwise.simulation.run import Simulation
     from rungwise.simulation.spatial.run import SpaceSimulation
 
 
-def watch(simulation: Simulation | SpaceSimulation, as_json: bool) -> bool:
-    """Run to the end with a progress bar; returns whether Ctrl-C ended it."""
+def watch(simulation: Simulation | SpaceSimulation, deadline: Deadline, as_json: bool) -> bool:
+    """Run to the end, or to the deadline, with a progress bar; returns whether Ctrl-C ended it."""
+    from rungwise.world.run import finished
+
     try:
         with bar(f"{simulation.scene.name} {simulation.model.name}", 1.0, as_json) as report:
-            while simulation.advance():
-                if report is not None:
-                    report(simulation.progress)
+            finished(simulation, None if report is None else lambda run: report(run.progress), deadline)
     except KeyboardInterrupt:
         return True
     return False

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.hierarchy.comparison import FAILS, Comparison, Measured
 from rungwise.hierarchy.counterexample import Counterexample, levers, side
 from rungwise.hierarchy.inputs import inputs_of
@@ -16,7 +19,7 @@ from rungwise.hierarchy.motions import MOVING, Bench
 from rungwise.hierarchy.nearest import nearest
 from rungwise.hierarchy.pairs import PAIRS, Pair
 from rungwise.hierarchy.refine import Settled, settle
-from rungwise.hierarchy.stages import cheapest, costs
+from rungwise.hierarchy.stages import Cost, cheapest, costs
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
@@ -42,6 +45,7 @@ def compare(
     accuracy: float = 0.01,
     duration: float | None = None,
     threads: int | None = None,
+    limit: float | None = None,
     on_progress: Progress | None = None,
 ) -> Comparison:
     """Measure how far the models are apart on a scene: the paper's Table 1.
@@ -55,9 +59,13 @@ def compare(
             scene's duration at the latest.
         threads: how many, in space processes; as many as there are cores if not given. The results do not
             depend on it.
+        limit: seconds after which the call returns with the rungs, pairs and stages that are measured; see
+            `unfinished` of the result.
         on_progress: called with what was measured, and how many parts of the work are done and known.
 
-    Raises SceneError or ModelError for wrong input. Ctrl-C raises KeyboardInterrupt."""
+    Raises SceneError or ModelError for wrong input, and LimitError where the limit is over before the scene's
+    parameters are matched. Ctrl-C raises KeyboardInterrupt."""
+    deadline = Deadline(seconds(limit))
     loaded, samples = load(scene), count("samples", samples, 0)
     rng = np.random.default_rng(count("seed", seed, 0))
     accuracy = _part(accuracy)
@@ -67,27 +75,62 @@ def compare(
     values = loaded.parameters(parameters)
     longest = _duration(loaded, values) if fixed is None else fixed
     steps = _Steps(on_progress, 2 + len(MOVING) + sum(1 + len(pair.paths) for pair in pairs))
-    extent, lengths = world_of(loaded).measures(values, longest)
-    match = world_of(loaded).matched(values, longest)
+    with deadline.needed_for("parameters of the scene were matched"):
+        extent, lengths = world_of(loaded).measures(values, longest, deadline)
+        match = world_of(loaded).matched(values, longest, deadline)
     pairs = [pair._replace(paths=tuple(p for p in pair.paths if p.is_within(match))) for pair in pairs]
-    bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads)
+    bench = Bench(match, inputs_of(loaded, values), longest, extent, lengths, threads, deadline)
     drawn = bench.inputs.draw(samples, rng)
-    until = bench.last(drawn, PART * accuracy) if fixed is None else np.full(len(drawn), longest)
-    steps.done("parameters matched")
-    runs = dict[str, Settled]()
-    for rung in MOVING:
-        runs[rung.name] = settle(bench, rung, drawn, until, accuracy)
-        steps.done(rung.name)
-    measured = [_measure(bench, pair, runs, drawn, until, accuracy, rng, steps) for pair in pairs]
-    stages = costs(bench, drawn, until, runs[DYNAMIC_COMPLIANT.name].motions)
-    steps.done("stages")
-    shown = [each for part in measured for each in _counterexamples(bench, part, runs, drawn, until)]
+    part = _Part(np.full(len(drawn), math.nan if fixed is None else longest))
+    try:
+        _fill(part, bench, pairs, drawn, accuracy, rng, steps)
+    except TimeOver:
+        if not deadline.is_over:
+            raise  # by what is told of progress
+    runs = part.runs
+    shown = [each for found in part.pairs for each in _counterexamples(bench, found, runs, drawn, part.until)]
     return Comparison(
         scene=loaded, parameters=values, accuracy=accuracy, extent=extent, inputs=bench.inputs, samples=drawn,
-        until=until, notes=match.notes, ends={name: each.motions.ends for name, each in runs.items()},
-        errors={name: each.error for name, each in runs.items()}, pairs=tuple(measured), costs=tuple(stages),
-        cheapest=cheapest(stages, accuracy), counterexamples=tuple(shown),
+        until=part.until, notes=match.notes, ends={name: each.motions.ends for name, each in runs.items()},
+        errors={name: each.error for name, each in runs.items()}, pairs=tuple(part.pairs),
+        costs=tuple(part.costs), cheapest=cheapest(part.costs, accuracy), counterexamples=tuple(shown),
+        unfinished=part.unfinished(pairs),
     )  # fmt: skip
+
+
+@dataclass
+class _Part:
+    """What is measured so far: until when runs go (m,), the rungs' runs, pairs, and stages, if `staged`."""
+
+    until: Reals
+    runs: dict[str, Settled] = field(default_factory=dict)
+    pairs: list[Measured] = field(default_factory=list)
+    costs: list[Cost] = field(default_factory=list)
+    staged: bool = False
+
+    def unfinished(self, pairs: Sequence[Pair]) -> str:
+        """What is not measured, in words; empty where all is."""
+        left = [rung.name for rung in MOVING if rung.name not in self.runs]
+        left += [pair.name for pair in pairs[len(self.pairs) :]] + ["the stages"] * (not self.staged)
+        return f"the time was over before these were measured: {', '.join(left)}" if left else ""
+
+
+def _fill(
+    part: _Part, bench: Bench, pairs: Sequence[Pair], drawn: Reals, accuracy: float,
+    rng: np.random.Generator, steps: _Steps,
+) -> None:  # fmt: skip
+    """Measure all that a comparison has. Raises TimeOver, and keeps what is measured then."""
+    if np.isnan(part.until).any():
+        part.until = bench.last(drawn, PART * accuracy)
+    steps.done("parameters matched")
+    for rung in MOVING:
+        part.runs[rung.name] = settle(bench, rung, drawn, part.until, accuracy)
+        steps.done(rung.name)
+    for pair in pairs:
+        part.pairs.append(_measure(bench, pair, part.runs, drawn, part.until, accuracy, rng, steps))
+    part.costs += costs(bench, drawn, part.until, part.runs[DYNAMIC_COMPLIANT.name].motions)
+    part.staged = True
+    steps.done("stages")
 
 
 def _duration(scene: AnyScene, values: dict[str, float]) -> float:
@@ -117,7 +160,7 @@ def _measure(
     bench: Bench, pair: Pair, runs: dict[str, Settled], inputs: Reals, until: Reals, accuracy: float,
     rng: np.random.Generator, steps: _Steps,
 ) -> Measured:  # fmt: skip
-    name, tol = f"{pair.richer.name} -> {pair.simpler.name}", PART * accuracy
+    name, tol = pair.name, PART * accuracy
     richer, simpler = runs[pair.richer.name].motions, runs[pair.simpler.name].motions
     near = nearest(bench, pair.richer, simpler, richer, inputs, until, tol, accuracy, rng)
     steps.done(name)
@@ -134,7 +177,7 @@ def _counterexamples(
     """What shows that a definition fails: the worst input of Definition 1 where the paper claims it, and the
     end of each path that does not lead to the simpler model."""
     pair, near = found.pair, found.nearest
-    name, shown = f"{pair.richer.name} -> {pair.simpler.name}", list[Counterexample]()
+    name, shown = pair.name, list[Counterexample]()
     if pair.definition == 1 and found.first == FAILS:
         k = near.worst
         end, tol = float(until[k]), float(runs[pair.simpler.name].tol[k])

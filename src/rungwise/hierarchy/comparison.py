@@ -51,7 +51,10 @@ def table(found: Comparison) -> Iterator[str]:
         yield from _pair(each)
     yield from wrap(BOUNDS, WIDE)
     yield from _runs(found)
-    yield from _stages(found)
+    if found.costs or not found.unfinished:
+        yield from _stages(found)
+    if found.unfinished:
+        yield from wrap(found.unfinished, WIDE, subsequent_indent="  ", break_on_hyphens=False)
     for example in found.counterexamples:
         text = f"counterexample: {example.words}: {example.distance:.2e} apart"
         yield from wrap(text, WIDE, subsequent_indent="  ")
@@ -169,7 +172,8 @@ class Comparison:
     `samples` (m, k): what was run, the scene's own inputs first; `until` (m,): when the last rung had come to
     an end; `notes`: what was matched; `ends`: how each rung's runs ended (m,), and `errors` of its motions
     (m,), infinite where none is known; `pairs`; `costs` of all stages, and `cheapest`, the one of fewest
-    solves within `accuracy` of the richest.
+    solves within `accuracy` of the richest; `unfinished`: what a limit in seconds left undone, in words.
+    Where it ended the first runs, `until` is nan.
     """
 
     scene: AnyScene
@@ -186,11 +190,15 @@ class Comparison:
     costs: tuple[Cost, ...]
     cheapest: Cost | None
     counterexamples: tuple[Counterexample, ...]
+    unfinished: str = ""
 
     @property
     def ok(self) -> bool:
-        """Whether the scene bears out what the paper's table says of each pair that was measured."""
-        return all(each.verdict in (HOLDS, SAME) for each in self.pairs if each.pair.definition)
+        """Whether the scene bears out what the paper's table says of each pair that was to be measured, and
+        nothing was left undone."""
+        return not self.unfinished and all(
+            each.verdict in (HOLDS, SAME) for each in self.pairs if each.pair.definition
+        )
 
     def __repr__(self) -> str:
         told = ", ".join(
@@ -222,7 +230,7 @@ class Comparison:
             "stages": [_plain(each) for each in self.costs],
             "cheapest": None if self.cheapest is None else _plain(self.cheapest),
             "counterexamples": [each.summary() for each in self.counterexamples],
-            "ok": self.ok,
+            "unfinished": self.unfinished, "ok": self.ok,
         }  # fmt: skip
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
 from rungwise.hierarchy.distance import farthest
 from rungwise.hierarchy.motions import MOMENTS, Bench
@@ -23,7 +24,7 @@ from rungwise.simulation.inputs import Segment
 from rungwise.world.any_run import AnyRun
 from rungwise.world.contract import Marks
 from rungwise.world.find import world_of
-from rungwise.world.run import simulate
+from rungwise.world.run import finished, simulation_of
 
 FORMAT = "rungwise counterexample 1"
 
@@ -41,13 +42,14 @@ class Side:
     tol: float | None
     step: float | None = None
 
-    def replay(self, scene: AnyScene) -> AnyRun:
+    def replay(self, scene: AnyScene, deadline: Deadline) -> AnyRun:
         chosen = rung(self.model)
-        run: AnyRun = simulate(
+        simulation = simulation_of(
             scene, chosen if chosen.inertia == self.inertia else chosen.with_inertia(self.inertia),
             parameters=self.parameters, inputs=self.inputs or None, duration=self.duration, tol=self.tol,
             step=self.step,
         )  # fmt: skip
+        run: AnyRun = finished(simulation, None, deadline)
         return run
 
 
@@ -69,9 +71,11 @@ class Counterexample:
 
     __repr__ = brief
 
-    def replay(self) -> tuple[AnyRun, AnyRun]:
-        """Both runs, anew."""
-        return self.richer.replay(self.scene), self.simpler.replay(self.scene)
+    @keywords
+    def replay(self, *, limit: float | None = None) -> tuple[AnyRun, AnyRun]:
+        """Both runs, anew; after `limit` seconds each as far as it has come, `running`."""
+        deadline = Deadline(seconds(limit))
+        return self.richer.replay(self.scene, deadline), self.simpler.replay(self.scene, deadline)
 
     def apart(self, richer: AnyRun, simpler: AnyRun) -> float:
         """How far two runs are apart, as the distance was measured."""

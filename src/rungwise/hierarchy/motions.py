@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.deadline import NEVER, Deadline, TimeOver
 from rungwise.hierarchy.distance import farthest
 from rungwise.hierarchy.inputs import Inputs
 from rungwise.kernel import Ints, Reals
@@ -58,7 +59,7 @@ class Motions(NamedTuple):
 @dataclass(frozen=True)
 class Bench:
     """What runs of a comparison have in common: the matched scene, inputs, the longest duration, the extent,
-    and levers (p,) of places (see `Marks`)."""
+    levers (p,) of places (see `Marks`), threads, and when they end at the latest."""
 
     matched: Matched
     inputs: Inputs
@@ -66,6 +67,7 @@ class Bench:
     extent: float
     levers: Reals
     threads: int | None
+    deadline: Deadline = NEVER
 
     @property
     def budget(self) -> int:
@@ -93,7 +95,7 @@ class Bench:
     ) -> Motions:
         """Runs (m,) under inputs (m, k) until times (m,), with the error allowed per step as a part
         of the extent, or a step; `bare`: whatever the scene's conditions say; `halved`: steps end in the
-        middle between moments, too."""
+        middle between moments, too. Raises TimeOver where the deadline ends one."""
         scene = self.matched.bare if bare else self.matched.scene
         parts = 2 * moments if halved else moments
         times = until[:, None] * np.arange(1, parts + 1) / parts
@@ -105,8 +107,11 @@ class Bench:
             scene, model, None, given.pop("inputs", None),
             np.repeat(until[:, None] / parts, parts, axis=1),
             parameters=values, step=step, tol=None if tol is None else tol * self.extent,
-            budget=self.budget if budget is None else min(budget, self.budget), threads=self.threads, **given,
+            budget=self.budget if budget is None else min(budget, self.budget), threads=self.threads,
+            limit=self.deadline.seconds, **given,
         )  # fmt: skip
+        if (found.outcome == Code.RUNNING).any():
+            raise TimeOver("in a run of a comparison")
         places = found.q.copy()
         start = State.of(scene, parameters=self.matched.values(model)).q
         for k in range(parts):

@@ -24,6 +24,10 @@ class Pair(NamedTuple):
     definition: int
     paths: tuple[Path, ...] = ()
 
+    @property
+    def name(self) -> str:
+        return f"{self.richer.name} -> {self.simpler.name}"
+
 
 PAIRS = (
     Pair(DYNAMIC_COMPLIANT, DYNAMIC_RIGID, 2, (RATIO, PROPORTIONAL, UNDAMPED)),

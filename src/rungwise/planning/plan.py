@@ -178,11 +178,11 @@ class Plan:
         return rungwise.to_html(self)
 
     @keywords
-    def plot(self, frames: int = 6) -> Figure:
+    def plot(self, frames: int = 6, *, limit: float | None = None) -> Figure:
         """Picture of so many frames of the plan's run (see `rungwise.plot`)."""
         import rungwise
 
-        return rungwise.plot(self, frames=frames)
+        return rungwise.plot(self, frames=frames, limit=limit)
 
     def __str__(self) -> str:
         lines = [self._head()]

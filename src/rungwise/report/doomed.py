@@ -8,8 +8,9 @@ from rungwise.models.ladder import LADDER
 from rungwise.sets.doomed.doomed import DoomedSet
 
 
-def summary(found: DoomedSet) -> dict[str, Any]:
-    """Bounds, parts of the box, and rungs on which the set holds, as `rungwise doomed --json` prints them."""
+def summary(found: DoomedSet, limit: float | None = None) -> dict[str, Any]:
+    """Bounds, parts of the box, and rungs on which the set holds, as `rungwise doomed --json` prints them;
+    within `limit` seconds."""
     return {
         "scene": found.scene.name,
         "model": found.model.name,
@@ -18,11 +19,12 @@ def summary(found: DoomedSet) -> dict[str, Any]:
         "inputs": {name: list(bounds) for name, bounds in found.inputs.items()},
         "cells": list(found.cells.shape),
         "volumes": found.volumes,
+        "unfinished": found.unfinished,
         "runs": found.runs,
         "steps": list(found.steps),
         "padding": found.request["padding"],
         "escapes": found.escapes,
-        "rule": None if found.scene.file.doomed is None else found.beside_rule(),
+        "rule": None if found.scene.file.doomed is None else found.beside_rule(limit=limit),
         "holds_on": {rung.name: found.holds_on(rung)[0] for rung in LADDER if rung.moves},
     }
 
@@ -44,6 +46,7 @@ def text(summary: dict[str, Any]) -> str:
     if summary["rule"] is not None:
         rule = ", ".join(f"{name} {part:.4f}" for name, part in summary["rule"].items())
         lines.append(f"  beside the scene's own rule, of random states: {rule}")
+    lines += [f"  {summary['unfinished']}"] if summary["unfinished"] else []
     rungs = [name for name, holds in summary["holds_on"].items() if holds]
     lines.append(f"  what is doomed here is doomed on {', '.join(rungs)}")
     return "\n".join(lines)

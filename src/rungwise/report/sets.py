@@ -7,18 +7,23 @@ from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.sets.feasible.difference import between
-from rungwise.sets.feasible.feasible import FeasibleSet
+from rungwise.sets.feasible.feasible import Certified, FeasibleSet
 from rungwise.sets.motions import SLOWEST
 from rungwise.sets.request import chosen
 
 
 def summary(
-    found: Sequence[FeasibleSet], certify: int = 0, box: Mapping[str, tuple[float, float]] | None = None
+    found: Sequence[FeasibleSet],
+    certify: int = 0,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    deadline: Deadline = NEVER,
 ) -> dict[str, Any]:
     """Counts, volumes and differences of neighbours on the ladder, as `rungwise sets --json` prints them.
 
-    With `certify` > 0, each set is tested at so many fresh points; `box` holds the intervals that were given.
+    With `certify` > 0, each set is tested at so many fresh points, as far as time is left; `box` holds the
+    intervals that were given.
     """
     first = found[0]
     return {
@@ -36,12 +41,19 @@ def summary(
                 "probes": each.probes,
                 "hits": each.hits,
                 "volumes": each.volumes(),
-                "certified": asdict(each.certify(certify)) if certify else None,
+                "certified": None if certified is None else asdict(certified),
             }
-            for each in found
+            for each, certified in zip(found, _certified(found, certify, deadline), strict=True)
         ],
         "between": [asdict(between(a, b)) for a, b in _neighbours(found)],
     }
+
+
+def _certified(found: Sequence[FeasibleSet], n: int, deadline: Deadline) -> list[Certified | None]:
+    """What fresh points say of each set; each takes its share of the time that is left."""
+    if n == 0:
+        return [None] * len(found)
+    return [each.certify(n, limit=deadline.share(len(found) - k)) for k, each in enumerate(found)]
 
 
 def _neighbours(found: Sequence[FeasibleSet]) -> list[tuple[FeasibleSet, FeasibleSet]]:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -26,7 +27,7 @@ from rungwise.scene.contract import AnyScene
 from rungwise.simulation.result import Run
 from rungwise.world.batch import Batch, Results
 from rungwise.world.find import world_of
-from rungwise.world.run import simulate
+from rungwise.world.run import finished, simulation_of
 
 SLOWEST, POSSIBLE, GUARANTEED = "slowest", "possible", "guaranteed"
 SOLUTIONS = (SLOWEST, POSSIBLE, GUARANTEED)
@@ -59,16 +60,19 @@ class Motions:
             self._batches.append(Batch(scene, model, over, motion=motion, **options))
         self.over = self._batches[0].over
 
-    def run(self, points: Reals, *, on_progress: Callable[[int], None] | None = None) -> Results:
-        """Run the points as `Batch.run` does. Margins are the greatest (possible) or least (guaranteed) of
-        the margins known."""
-        found = self._batches[0].run(points, on_progress=on_progress)
+    def run(
+        self, points: Reals, *, deadline: Deadline = NEVER, on_progress: Callable[[int], None] | None = None
+    ) -> Results:
+        """Run the points as `Batch.run` does; all that one motion leaves open when the deadline has come is
+        `running`. Margins are the greatest (possible) or least (guaranteed) of the margins known."""
+        found = self._batches[0].run(points, limit=deadline.seconds, on_progress=on_progress)
         for batch in self._batches[1:]:
-            open_ = (found.outcome != Code.INVALID) & ((found.outcome == Code.GOAL) == self._wanted)
-            at = np.flatnonzero(open_)
+            done = ~np.isin(found.outcome, (Code.INVALID, Code.RUNNING))
+            at = np.flatnonzero(done & ((found.outcome == Code.GOAL) == self._wanted))
             if len(at):
                 told = None if on_progress is None else lambda _: on_progress(len(points))
-                _merge(found, at, batch.run(points[at], on_progress=told), self._wanted)
+                other = batch.run(points[at], limit=deadline.seconds, on_progress=told)
+                _merge(found, at, other, self._wanted)
         return found
 
 
@@ -77,21 +81,23 @@ def _merge(found: Results, at: NDArray[np.intp], other: Results, wanted: bool) -
     decision."""
     margin = found.margin[at]
     nearer = np.fmin(margin, other.margin) if wanted else np.fmax(margin, other.margin)
-    changed = (other.outcome == Code.GOAL) != wanted
+    changed = ((other.outcome == Code.GOAL) != wanted) | (other.outcome == Code.RUNNING)
     for field in fields(Results):
         values = getattr(found, field.name)
         values[at[changed]] = getattr(other, field.name)[changed]
     found.margin[at[~changed]] = nearer[~changed]
 
 
-def decisive(scene: AnyScene, model: Rung, solutions: str, **options: Any) -> Run:
+def decisive(scene: AnyScene, model: Rung, solutions: str, deadline: Deadline, **options: Any) -> Run:
     """The run that decides a point: the first that reaches the goal (possible) or does not (guaranteed), or
-    else the slowest."""
+    else the slowest. A run that the deadline ends decides nothing, and is returned as far as it has come."""
     first: Run | None = None
     for motion in motions(scene, model, solutions):
-        run: Run = simulate(scene, model, motion=motion or None, **options)
+        simulation = simulation_of(scene, model, motion=motion or None, **options)
+        run: Run = finished(simulation, None, deadline)
         first = first or run
-        if (run.outcome.code == Code.GOAL) != (solutions == GUARANTEED):
+        is_decided = (run.outcome.code == Code.GOAL) != (solutions == GUARANTEED)
+        if is_decided or run.outcome.code == Code.RUNNING:
             return run
     assert first is not None
     return first

@@ -36,9 +36,10 @@ class PictureError(InputError):
 
 
 @keywords
-def plot(result: Shown, *, frames: int = 6) -> Figure:
+def plot(result: Shown, *, frames: int = 6, limit: float | None = None) -> Figure:
     """The obvious picture: `frames` frames of a run or of a plan's run, slices of a set over its first two
-    axes, or how far the values of a design may drift.
+    axes, or how far the values of a design may drift. A plan's run is made for it, for at most `limit`
+    seconds: the picture shows it as far as it has come, and calls it `running`.
 
     Raises PictureError where there is nothing to draw, or matplotlib is missing.
     """
@@ -59,7 +60,7 @@ def plot(result: Shown, *, frames: int = 6) -> Figure:
     if isinstance(result, Plan):
         if not result.found:
             raise PictureError(f"plot: there is no plan: {result.reason}")
-        return _strip(result.replay(), frames)
+        return _strip(result.replay(limit=limit), frames)
     if result.outcome == Outcome.INVALID:
         raise PictureError(f"plot: the run did not begin: {result.reason}")
     return _strip(result, frames)
@@ -75,14 +76,15 @@ def _strip(run: AnyRun, frames: int) -> Figure:
 
 
 @keywords
-def to_html(result: Run | Plan | FeasibleSet | DoomedSet) -> str:
-    """A small table and, below it, the animation of a run or the slices of a set: a part of a page.
+def to_html(result: Run | Plan | FeasibleSet | DoomedSet, *, limit: float | None = None) -> str:
+    """A small table and, below it, the animation of a run or the slices of a set: a part of a page. `limit`
+    as for `plot`.
 
     Raises PictureError for anything else."""
     if isinstance(result, Run):
         return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
     if isinstance(result, Plan):
-        run = result.replay() if result.found else None
+        run = result.replay(limit=limit) if result.found else None
         return _table_of_plan(result) + ("" if run is None else _animation(run))
     if not isinstance(result, FeasibleSet | DoomedSet):
         raise PictureError(f"to_html: must be a run, a plan or a set, not {shown(result)}")

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.planning.plan import Plan, load_plan
@@ -34,6 +35,7 @@ def view(
     gif: str | Path | None = None,
     frames: int = 6,
     at: float | None = None,
+    limit: float | None = None,
 ) -> list[Path]:
     """Write pictures of a run or a plan, or of several runs beside each other, or of sets; returns the files
     written.
@@ -46,12 +48,14 @@ def view(
         png: a strip of `frames` pictures, or the one at time `at`; of sets, slices, and where they
             differ (needs the extra `view`).
         gif: a short animation (needs the extra `view`); not of sets.
+        limit: seconds for the runs that are made for it. Those of plans are shown as far as they have come,
+            and called `running`; of sets fewer runs are shown.
 
     Raises ViewError when the runs show different bodies, a folder holds no run, an extra is missing or a file
     cannot be written. Without html, png and gif the animation goes to `SCENE.html`.
     """
-    listed_runs = _listed(runs)
-    sources = [_source(one) for one in listed_runs]
+    listed_runs, deadline = _listed(runs), Deadline(seconds(limit))
+    sources = [_source(one, deadline.share(len(listed_runs) - k)) for k, one in enumerate(listed_runs)]
     if not sources:
         raise ViewError("runs: at least one is needed")
     if frames < 1:
@@ -60,7 +64,7 @@ def view(
     if found:
         if len(found) < len(sources) or gif is not None:
             raise ViewError("view: sets and runs go to files of their own, and sets to html and png only")
-        return _sets(found, html, png)
+        return _sets(found, html, png, deadline)
     try:
         drawer = _drawer(sources)
     except SceneError as error:
@@ -108,7 +112,7 @@ def _listed(runs: object) -> list[object]:
     raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(runs)}")
 
 
-def _source(source: object) -> Any:
+def _source(source: object, limit: float | None) -> Any:
     """The set in a folder of a set, the run of a plan; a run, or the folder of one, as it is."""
     if not _is_source(source):
         raise ViewError(f"runs: must be runs, plans, sets or where they are saved, not {shown(source)}")
@@ -124,7 +128,7 @@ def _source(source: object) -> Any:
         if isinstance(source, Plan):
             if not source.found:
                 raise ViewError(f"plan: there is none. {source.reason}")
-            return source.replay()
+            return source.replay(limit=limit)
         return source
     except ViewError:
         raise
@@ -145,7 +149,9 @@ def _point(folder: Path) -> None:
         raise ViewError(f"view: {folder} holds no result itself; these folders in it do: {listed(within)}")
 
 
-def _sets(found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path | None) -> list[Path]:
+def _sets(
+    found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path | None, deadline: Deadline
+) -> list[Path]:
     first = found[0]
     for other in found[1:]:
         if (other.scene.file, other.over, other.box.tolist()) != (
@@ -154,7 +160,7 @@ def _sets(found: Sequence[FeasibleSet], html: str | Path | None, png: str | Path
             raise ViewError("view: the sets must be of one scene, over the same parameters and box")
     files = []
     if html is not None or png is None:
-        text = sets.page(found)
+        text = sets.page(found, deadline)
         target = f"{first.scene.name}_sets.html" if html is None else html
         files.append(write("html", target, lambda file: file.write_text(text, "utf-8")))
     if png is not None:

@@ -262,11 +262,12 @@ class Place(Protocol):
     def scale(self, dimension: Dimension | None) -> float:
         """The size of the scene in this dimension; 1 where there is none."""
 
-    def values(self, states: States, terms: list[Term]) -> Reals:
-        """Values of terms (m, k). Raises StateError."""
+    def values(self, states: States, terms: list[Term], deadline: Deadline = NEVER) -> Reals:
+        """Values of terms (m, k). Raises StateError, and TimeOver."""
 
-    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
-        """Gaps (m, c), collisions (m,), and poses (m, b, 3), in space (m, b, 7). Raises StateError."""
+    def geometry(self, states: States, deadline: Deadline = NEVER) -> tuple[Reals, NDArray[np.bool_], Reals]:
+        """Gaps (m, c), collisions (m,), and poses (m, b, 3), in space (m, b, 7). Raises StateError, and
+        TimeOver."""
 
     def overlap(self, state: State) -> str:
         """Which bodies overlap most at a state; empty where none do."""
@@ -335,15 +336,17 @@ class World(Protocol):
     def end(self, run: Any) -> dict[str, Any]:
         """How a run ended: outcome, time, and the certificate that proves a jam or a missing support."""
 
-    def matched(self, parameters: dict[str, float], duration: float) -> Matched:
-        """The scene with parameters that mean the same on all rungs."""
+    def matched(self, parameters: dict[str, float], duration: float, deadline: Deadline = NEVER) -> Matched:
+        """The scene with parameters that mean the same on all rungs. Raises TimeOver."""
 
     def marks(self, parameters: Mapping[str, float]) -> Marks:
         """What motions are compared by."""
 
-    def measures(self, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+    def measures(
+        self, parameters: dict[str, float], duration: float, deadline: Deadline = NEVER
+    ) -> tuple[float, Reals]:
         """The scene's extent, and levers (p,) of its marks: of objects 1, and for angles how far they reach;
-        0 for robots, unless there are no objects. Raises SceneError where no run can begin."""
+        0 for robots, unless there are no objects. Raises SceneError where no run can begin, and TimeOver."""
 
     def describe(self, parameters: Mapping[str, float]) -> dict[str, Any]:
         """Contents of the scene at these parameters, as plain values."""

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline, seconds
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.plain import brief
@@ -25,6 +26,7 @@ from rungwise.simulation.rows import States
 from rungwise.simulation.state import State
 from rungwise.world.find import world_of
 
+ALL = "all states were looked at"
 SMALLEST = 5e-324
 """Smallest number greater than 0."""
 
@@ -75,15 +77,20 @@ def ask(
     condition: str,
     states: States,
     parameters: Mapping[str, float] | None = None,
+    *,
+    limit: float | None = None,
 ) -> Answers:
     """Whether a condition holds at states.
 
     `condition` is "goal", "unsafe" or "doomed" of the scene, or the text of a condition in its names. Forces
     and impulses are those that a state's run read there; without a run they are 0. What must hold for a time
     (`... for 0.2`) has held for as long as a state's own run saw it, and for none at other states. Raises
-    SceneError and StateError for wrong input.
+    SceneError and StateError for wrong input, and LimitError where `limit` seconds are over before all states
+    are looked at.
     """
-    return Question(load(scene), condition, parameters).ask(states)
+    deadline = Deadline(seconds(limit))
+    with deadline.needed_for(ALL):
+        return Question(load(scene), condition, parameters).ask(states, deadline)
 
 
 @keywords
@@ -91,10 +98,15 @@ def geometry(
     scene: AnyScene | str | Path | Mapping[str, Any],
     states: States,
     parameters: Mapping[str, float] | None = None,
+    *,
+    limit: float | None = None,
 ) -> Geometry:
     """Gaps, collisions and poses at states: the question of the geometric rung. Raises SceneError and
-    StateError for wrong input."""
-    return Question(load(scene), None, parameters).geometry(states)
+    StateError for wrong input, and LimitError where `limit` seconds are over before all states are looked
+    at."""
+    deadline = Deadline(seconds(limit))
+    with deadline.needed_for(ALL):
+        return Question(load(scene), None, parameters).geometry(states, deadline)
 
 
 class Question:
@@ -130,9 +142,9 @@ class Question:
         """The texts of the comparisons in each part that "and" joins."""
         return [[self._terms[k].text for k in _leaves(part)] for part in _joined(self._combined)]
 
-    def ask(self, states: States) -> Answers:
-        """Whether the condition holds at states. Raises StateError for wrong input."""
-        return self._answers(self._place.values(states, self._terms))
+    def ask(self, states: States, deadline: Deadline = NEVER) -> Answers:
+        """Whether the condition holds at states. Raises StateError for wrong input, and TimeOver."""
+        return self._answers(self._place.values(states, self._terms, deadline))
 
     def read(self, numbers: Reals) -> Answers:
         """Whether the condition holds at rows (m, w) of the numbers that conditions read, as memories of runs
@@ -154,10 +166,10 @@ class Question:
             scales=self._scales,
         )  # fmt: skip
 
-    def geometry(self, states: States) -> Geometry:
-        """Gaps, collisions and poses at states. Raises StateError for wrong input."""
+    def geometry(self, states: States, deadline: Deadline = NEVER) -> Geometry:
+        """Gaps, collisions and poses at states. Raises StateError for wrong input, and TimeOver."""
         contacts, bodies = self._place.scene.template.contacts, self._place.scene.template.bodies
-        gaps, collides, poses = self._place.geometry(states)
+        gaps, collides, poses = self._place.geometry(states, deadline)
         return Geometry(contacts=contacts, gaps=gaps, collides=collides, bodies=bodies, poses=poses)
 
     def overlap(self, state: State) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.errors import InputError
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
@@ -54,7 +55,7 @@ class Rolled:
     speed: Reals
     faults: dict[int, str]
     memory: Reals = field(repr=False)
-    _again: Callable[[int], Any] = field(repr=False)
+    _again: Callable[[int, Deadline], Any] = field(repr=False)
     _schedules: Callable[[int], tuple[Segment, ...]] = field(repr=False)
     _theta: float = field(repr=False)
 
@@ -113,16 +114,18 @@ class Rolled:
         return State(names, self.q[sample, k], self.v[sample, k], time, memory)
 
     @keywords
-    def run(self, sample: int) -> Any:
-        """The same run once more by `simulate`, with trajectory, reason and certificate. Raises InputError
-        for a sample with wrong values."""
-        return self._again(sample)
+    def run(self, sample: int, *, limit: float | None = None) -> Any:
+        """The same run once more by `simulate`, with trajectory, reason and certificate; after `limit`
+        seconds as far as it has come, `running`. Raises InputError for a sample with wrong values."""
+        return self._again(sample, Deadline(seconds(limit)))
 
-    def reason(self, sample: int) -> str:
-        """Why the run of this sample ended as it did, in one line."""
+    @keywords
+    def reason(self, sample: int, *, limit: float | None = None) -> str:
+        """Why the run of this sample ended as it did, in one line; for which it is made once more. After
+        `limit` seconds the line says how far that has come."""
         if self.outcome[sample] == Code.RUNNING:
             return OVER
         try:
-            return self.faults.get(sample) or str(self.run(sample).reason)
+            return self.faults.get(sample) or str(self.run(sample, limit=limit).reason)
         except InputError as error:
             return str(error)

@@ -23,20 +23,27 @@ def simulation_of(scene: AnyScene | str | Path | Mapping[str, Any], model: Rung 
 
 
 def finished(
-    simulation: Any, on_progress: Callable[[Any], None] | None = None, limit: float | None = None
+    simulation: Any, on_progress: Callable[[Any], None] | None = None, deadline: Deadline | None = None
 ) -> Any:
-    """The result of a run that is taken in turns, after its last, or as far as it has come after `limit`
-    seconds; `on_progress` is called after each other turn."""
-    if limit is None:
+    """The result of a run that is taken in turns, after its last, or as far as it has come by the deadline;
+    `on_progress` is called after each other turn."""
+    if deadline is None:
         return _finished(simulation, on_progress)
-    deadline = simulation.deadline = Deadline(limit)
+    simulation.deadline = deadline
     try:
         return _finished(simulation, on_progress)
     except TimeOver as over:
         if not deadline.is_over:
             raise  # not by this limit
-        simulation.reason = f"limit: {limit:g} s are over, {over} at t = {simulation.time:.6g}"
+        simulation.reason = f"limit: {deadline.words}, {over} at t = {simulation.time:.6g}"
         return simulation.result()
+
+
+def completed(simulation: Any, deadline: Deadline, on_progress: Callable[[Any], None] | None = None) -> Any:
+    """The result of a run that is taken in turns, after its last. Raises TimeOver where the deadline comes
+    first."""
+    simulation.deadline = deadline
+    return _finished(simulation, on_progress)
 
 
 def _finished(simulation: Any, on_progress: Callable[[Any], None] | None) -> Any:
@@ -74,9 +81,10 @@ def simulate(
     times a second, after whole steps. Ctrl-C raises KeyboardInterrupt within the same time, but for a step or
     a proof that takes longer.
     """
+    deadline = Deadline(seconds(limit))
     simulation = simulation_of(
         scene, model, parameters=parameters, step=step, tol=tol, duration=duration, span=span,
         theta=theta, motion=motion, state=state, inputs=inputs, frames=count("frames", frames, 3),
         stride=stride, save_hard=save_hard,
     )  # fmt: skip
-    return finished(simulation, on_progress, seconds(limit))
+    return finished(simulation, on_progress, deadline)

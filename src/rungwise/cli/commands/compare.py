@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,7 @@ def compare(
         arg.numeric("--time", "End of the runs; if not given, when the last rung has come to an end.")
     ] = None,
     threads: arg.ThreadsOption = None,
+    limit: arg.LimitOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the answer, and a file for each counterexample.")
     ] = None,
@@ -41,7 +43,7 @@ def compare(
     from rungwise.hierarchy.counterexample import saved
 
     if saved(scene):
-        return _replay(Path(scene), as_json)
+        return _replay(Path(scene), limit, as_json)
     with stoppable("nothing is kept"), plain_errors():
         if out is not None:
             arg.writable(out)
@@ -50,7 +52,8 @@ def compare(
         with progress.counting("compare", as_json) as on_progress:
             found = measure(
                 loaded, None if model == "all" else model, parameters=given, samples=samples, seed=seed,
-                accuracy=accuracy, duration=duration, threads=threads, on_progress=on_progress,
+                accuracy=accuracy, duration=duration, threads=threads, limit=limit,
+                on_progress=on_progress,
             )  # fmt: skip
     if out is not None:
         with writable_to(out):
@@ -59,14 +62,15 @@ def compare(
     return 0 if found.ok else 1
 
 
-def _replay(file: Path, as_json: bool) -> int:
+def _replay(file: Path, limit: float | None, as_json: bool) -> int:
     """Repeat both runs of a counterexample; the answer is positive where they are as far apart as before."""
     from rungwise.hierarchy.counterexample import load_counterexample
 
     with plain_errors():
         example = load_counterexample(file)
-        runs = example.replay()
-    away = example.apart(*runs)
+        runs = example.replay(limit=limit)
+    is_over = any(run.outcome == "running" for run in runs)
+    away = math.nan if is_over else example.apart(*runs)
     same = abs(away - example.distance) <= SAME * example.distance
     if as_json:
         told = {"words": example.words, "distance": away, "saved": example.distance, "ok": same}
@@ -75,5 +79,6 @@ def _replay(file: Path, as_json: bool) -> int:
         show(f"{example.scene.name}: {example.words}")
         for run in runs:
             show(f"  {run.model.name} at epsilon {run.model.inertia:g}: {run.outcome} at {run.time:.6g}")
-        show(f"  {away:.3g} apart; {example.distance:.3g} when it was saved")
+        apart = "the time was over before both runs had ended" if is_over else f"{away:.3g} apart"
+        show(f"  {apart}; {example.distance:.3g} when it was saved")
     return 0 if same else 1

@@ -28,9 +28,7 @@ def design(
     draws: Annotated[int, typer.Option("--draws", min=1, help="Samples to try a design.")] = 50,
     tol: Annotated[float, arg.numeric("--tol", "Accuracy of the set's boundary.")] = 0.01,
     budget: Annotated[int, typer.Option("--budget", min=1, help="Greatest number of runs.")] = 200_000,
-    limit: Annotated[
-        float | None, arg.numeric("--limit", "Ends with the best design so far.", metavar="SECONDS")
-    ] = None,
+    limit: arg.LimitOption = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the search and of the draws.")] = 0,
     values: arg.SetOption = None,
     out: Annotated[

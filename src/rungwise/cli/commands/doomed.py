@@ -32,12 +32,14 @@ def doomed(
         str, typer.Option("--solutions", help="slowest; or any motion that overlaps nothing (kinematic).")
     ] = "slowest",
     threads: arg.ThreadsOption = None,
+    limit: arg.LimitOption = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for the set and the figure.")] = None,
     as_json: arg.JsonOption = False,
 ) -> int:  # fmt: skip
     """States from which no input within bounds reaches the goal."""
     from importlib.util import find_spec
 
+    from rungwise.deadline import Deadline, seconds
     from rungwise.report import doomed as report
     from rungwise.sets.doomed.doomed import STRIDES, doomed_set
     from rungwise.viewing.sets.slices import doomed_slices, write_figure
@@ -48,16 +50,17 @@ def doomed(
         if name not in bounds:
             refuse(f"inputs: {name[:60]} needs an interval, {name[:60]}=LOW:HIGH")
     with stoppable("nothing is kept"), writable_to(out), plain_errors():
+        deadline = Deadline(seconds(limit))
         loaded, parameters = arg.load_with(scene, values)
         if out is not None:
             arg.writable(out)
         with progress.counting(model, as_json) as on_progress:
             found = doomed_set(
                 loaded, model, names, bounds, box=box, cells=cells, parameters=parameters,
-                solutions=solutions, strides=stride or STRIDES, padding=padding, threads=threads, out=out,
-                on_progress=on_progress,
+                solutions=solutions, strides=stride or STRIDES, padding=padding, threads=threads,
+                limit=deadline.seconds, out=out,                on_progress=on_progress,
             )  # fmt: skip
-        summary = report.summary(found)
+        summary = report.summary(found, deadline.seconds)
         if out is not None and find_spec("matplotlib") is not None:
             write_figure(doomed_slices(found), out / "doomed.png")
     show_json(summary) if as_json else show(report.text(summary))

@@ -32,10 +32,7 @@ def plan(
         ),
     ] = None,
     budget: Annotated[int, typer.Option("--budget", min=1, help="Most simulated steps.")] = 1_250_000,
-    limit: Annotated[
-        float | None,
-        arg.numeric("--limit", "The search ends after this time, wherever it is.", metavar="SECONDS"),
-    ] = None,
+    limit: arg.LimitOption = None,
     improve: Annotated[
         int, typer.Option("--improve", min=0, help="Simulated steps spent on plans of less cost.")
     ] = 0,

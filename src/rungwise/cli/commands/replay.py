@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, SetOption, load_plan_file, load_scene, numeric, parameters_of
+from rungwise.cli.arguments import (
+    JsonOption,
+    LimitOption,
+    SetOption,
+    load_plan_file,
+    load_scene,
+    numeric,
+    parameters_of,
+)
 from rungwise.cli.terminal import answer, plain_errors, refuse
 
 if TYPE_CHECKING:
@@ -39,25 +47,29 @@ def replay(
     step: Annotated[
         float | None, numeric("--step", "The judge's step; the model's own if not given.")
     ] = None,
+    limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Run a scene or a plan in space, give the same inputs to another simulator, and say where and why the
     two part."""
+    from rungwise.deadline import Deadline, seconds
     from rungwise.simulation.spatial.replay import replay as judged
 
     with plain_errors():
-        run = _planned(scene, model, values, duration, tol)
+        deadline = Deadline(seconds(limit))
+        options = {"duration": duration, "tol": tol, "limit": deadline.share(2)}
+        run = _planned(scene, model, values, options)
         if run is None:
-            run = _run(scene, model, values, duration, tol)
+            run = _run(scene, model, values, options)
         if run.outcome.name == "invalid":
             refuse(run.reason)
-        found = judged(cast("SpaceRun", run), in_=judge, step=step)
+        found = judged(cast("SpaceRun", run), in_=judge, step=step, limit=deadline.seconds)
     answer(found, as_json)
     return 0 if found.ok else 1
 
 
 def _planned(
-    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
+    source: str, model: str | None, values: list[str] | None, options: dict[str, Any]
 ) -> AnyRun | None:
     """The run of a saved plan; None for a scene."""
     from rungwise.world.contract import SOLIDS
@@ -68,15 +80,13 @@ def _planned(
     if values:
         refuse("set: a plan has its own parameters")
     plan = load_plan_file(Path(source))
-    run = plan.replay(model, tol=tol, duration=duration)
+    run = plan.replay(model, **options)
     if world_of(run.scene).shapes != SOLIDS:
         refuse(ELSEWHERE)
     return run
 
 
-def _run(
-    source: str, model: str | None, values: list[str] | None, duration: float | None, tol: float | None
-) -> AnyRun:
+def _run(source: str, model: str | None, values: list[str] | None, options: dict[str, Any]) -> AnyRun:
     """The run of a scene."""
     from rungwise.world.contract import SOLIDS
     from rungwise.world.find import world_of
@@ -89,7 +99,6 @@ def _run(
         loaded,
         model or "dynamic-compliant",
         parameters=parameters_of(loaded, values),
-        duration=duration,
-        tol=tol,
+        **options,
     )
     return run

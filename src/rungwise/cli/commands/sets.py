@@ -34,12 +34,7 @@ def sets(
     accuracy: Annotated[float | None, arg.numeric("--accuracy", "Error allowed per step of a run.")] = None,
     probes: Annotated[int | None, typer.Option("--probes", min=0, help="Random points per round.")] = None,
     budget: Annotated[int | None, typer.Option("--budget", min=1, help="Greatest number of runs.")] = None,
-    limit: Annotated[
-        float | None,
-        arg.numeric(
-            "--limit", "Each set ends after this time, with the cells that are known.", metavar="SECONDS"
-        ),
-    ] = None,
+    limit: arg.LimitOption = None,
     threads: arg.ThreadsOption = None,
     cluster: arg.ClusterOption = None,
     certify: Annotated[
@@ -64,6 +59,7 @@ def sets(
     """Where in a box of parameters a scene ends in its goal, and how it ends elsewhere."""
     from importlib.util import find_spec
 
+    from rungwise.deadline import Deadline, seconds
     from rungwise.models.ladder import LADDER
     from rungwise.report import files
     from rungwise.report import sets as report
@@ -87,11 +83,13 @@ def sets(
     kept = "nothing is kept without --out" if out is None else f"--resume goes on from what {out} keeps"
     finished = "; finished batches are kept, and --resume goes on from them"
     with stoppable(kept), writable_to(out, finished), plain_errors():
+        deadline = Deadline(seconds(limit))
         files.check(exports, len(names))
         loaded, parameters = arg.load_with(scene, values)
         if out is not None:
             arg.writable(out)
-        for name, each in wanted:
+        for number, (name, each) in enumerate(wanted):
+            left = len(wanted) - number + (certify > 0)
             below = found[-per_rung] if lift and name != rungs[0] else None
             folder = name if each == SLOWEST else f"{name}-{each}"
             with progress.counting(folder, as_json) as on_progress:
@@ -100,14 +98,14 @@ def sets(
                         loaded, name, names, tol=tol, box=box, parameters=parameters, solutions=each,
                         near=below, accuracy=accuracy, probes=probes,
                         budget=BUDGET if budget is None else budget,
-                        limit=limit, threads=threads, cluster=cluster,
+                        limit=deadline.share(left), threads=threads, cluster=cluster,
                         out=None if out is None else out / folder, resume=resume, on_progress=on_progress,
                     )
                 )  # fmt: skip
-        summary = report.summary(found, certify, box)
+        summary = report.summary(found, certify, box, deadline)
         written = files.write(found, exports)
         if html is not None:
-            written += view(found, html=html)
+            written += view(found, html=html, limit=deadline.seconds)
         if out is not None and find_spec("matplotlib") is not None:
             write_figure(feasible_slices(found), out / "sets.png")
     summary["files"] = [str(file) for file in written]

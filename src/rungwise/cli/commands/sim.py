@@ -36,6 +36,7 @@ def sim(
         Path | None,
         typer.Option("--inputs", help="YAML file: a list of segments for the scene's inputs over time."),
     ] = None,
+    limit: arg.LimitOption = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder for trajectory and summary.")] = None,
     save_hard: Annotated[
         Path | None,
@@ -44,6 +45,7 @@ def sim(
     as_json: arg.JsonOption = False,
 ) -> int:
     """Run a scene on one rung to its outcome."""
+    from rungwise.deadline import Deadline, seconds
     from rungwise.models.ladder import rung
     from rungwise.simulation.options import ModelError
     from rungwise.world.run import simulation_of
@@ -51,6 +53,7 @@ def sim(
     if step is not None and tol is not None:
         refuse("step and tol: give one of the two")
     with plain_errors():
+        deadline = Deadline(seconds(limit))
         loaded = arg.load_scene(scene)
         try:
             chosen = rung(model) if inertia is None else rung(model).with_inertia(inertia)
@@ -64,7 +67,7 @@ def sim(
             inputs=None if inputs is None else _schedule(inputs), save_hard=save_hard,
         )  # fmt: skip
         try:
-            interrupted = progress.watch(simulation, as_json)
+            interrupted = progress.watch(simulation, deadline, as_json)
         except OSError as error:
             refuse(f"save_hard: {save_hard} cannot be written ({error.strerror or error})")
     run = simulation.result()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, numeric
+from rungwise.cli.arguments import JsonOption, LimitOption, numeric
 from rungwise.cli.terminal import refuse, show, show_json
 
 
@@ -23,6 +23,7 @@ def solve(
     out: Annotated[
         Path | None, typer.Option("--out", help="npz file for r (normal first) and u = W r + q.")
     ] = None,
+    limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Solve a contact problem from disk."""
@@ -31,7 +32,7 @@ def solve(
     from rungwise.contact.solve import solve as solve_problem
 
     try:
-        solution = solve_problem(read_problem(file, kind), tol=tol)
+        solution = solve_problem(read_problem(file, kind), tol=tol, limit=limit)
     except ValueError as error:
         refuse(str(error))
     if out is not None:

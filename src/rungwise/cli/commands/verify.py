@@ -35,10 +35,7 @@ def verify(
             metavar="RATE",
         ),
     ] = 0.9,
-    limit: Annotated[
-        float | None,
-        arg.numeric("--limit", "Ends with the samples run so far.", metavar="SECONDS")
-    ] = None,
+    limit: arg.LimitOption = None,
     threads: arg.ThreadsOption = None,
     cluster: arg.ClusterOption = None,
     as_json: arg.JsonOption = False,

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rungwise.cli.arguments import JsonOption, SetOption, load_plan_file, load_with, numeric
+from rungwise.cli.arguments import JsonOption, LimitOption, SetOption, load_plan_file, load_with, numeric
 from rungwise.cli.terminal import plain_errors, refuse, show, show_json
 from rungwise.world.any_run import AnyRun
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rungwise.deadline import Deadline
 
 
 def view(
@@ -46,18 +48,22 @@ def view(
     live: Annotated[
         bool, typer.Option("--live", help="A page that is served, of runs in space (needs the extra watch).")
     ] = False,
+    limit: LimitOption = None,
     as_json: JsonOption = False,
 ) -> int:
     """Draw saved runs or sets, or runs of a scene or a plan on several rungs beside each other.
 
     Writes SCENE.html if no file is named."""
+    from rungwise.deadline import Deadline, seconds
     from rungwise.viewing.view import view as draw
     from rungwise.viewing.write import ViewError
 
     if parting is not None:
         if html or png or gif or values:
             refuse("view: --parting is a picture of its own; it goes with --model and --at alone")
-        return _parting(sources, model, parting, at, as_json)
+        return _parting(sources, model, parting, at, limit, as_json)
+    with plain_errors():
+        deadline = Deadline(seconds(limit))
     folders = [Path(source) for source in sources if Path(source).is_dir()]
     runs: list[AnyRun] = []
     if folders and (len(folders) < len(sources) or model or values):
@@ -66,11 +72,14 @@ def view(
         if len(sources) > 1:
             refuse(f"view: {sources[1]!r} is no folder; give folders of saved runs, or one scene")
         is_plan = Path(sources[0]).suffix == ".json"
-        runs = _replays(sources[0], model, values) if is_plan else _runs(sources[0], model, values)
+        made = _replays if is_plan else _runs
+        runs = made(sources[0], model, values, deadline)
     if live:
         return _live(runs)
     try:
-        written = draw(folders or runs, html=html, png=png, gif=gif, frames=frames, at=at)
+        written = draw(
+            folders or runs, html=html, png=png, gif=gif, frames=frames, at=at, limit=deadline.seconds
+        )
     except ViewError as error:
         refuse(str(error))
     outcomes = [{"model": run.model.name, "outcome": str(run.outcome)} for run in runs]
@@ -104,9 +113,11 @@ def _live(runs: Sequence[AnyRun]) -> int:
 
 
 def _parting(
-    sources: list[str], models: list[str] | None, file: Path, at: float | None, as_json: bool
-) -> int:
+    sources: list[str], models: list[str] | None, file: Path, at: float | None, limit: float | None,
+    as_json: bool,
+) -> int:  # fmt: skip
     """Draw where the motions of a plan part on two rungs, and tell it."""
+    from rungwise.deadline import Deadline, seconds
     from rungwise.planning.diagnosis.diagnose import diagnose
     from rungwise.planning.diagnosis.sentences import UNTOUCHED
     from rungwise.planning.plan import PLACES_ONLY
@@ -115,6 +126,7 @@ def _parting(
     if len(sources) > 1 or Path(sources[0]).suffix != ".json" or len(models or "ab") != 2:
         refuse("parting: needs one saved plan (JSON) and two rungs, or none")
     with plain_errors():
+        deadline = Deadline(seconds(limit))
         plan = load_plan_file(Path(sources[0]))
         if plan.stage is not None and not plan.stage.model.moves:
             refuse(f"plan: {PLACES_ONLY}")
@@ -122,8 +134,9 @@ def _parting(
             if not plan.found:
                 refuse(f"plan: there is none. {plan.reason}")
             found = diagnose(
-                plan.scene, *models, inputs=plan.segments, parameters=plan.parameters, tol=plan.tol
-            )
+                plan.scene, *models, inputs=plan.segments, parameters=plan.parameters, tol=plan.tol,
+                limit=deadline.share(2),
+            )  # fmt: skip
         elif moving := [each for each in plan.diagnosis if UNTOUCHED not in each.causes]:
             found = max(moving, key=lambda each: each.distance)
         else:
@@ -131,7 +144,7 @@ def _parting(
         draw = drawer_of(plan.scene).parting
         if draw is None:
             refuse("parting: is drawn of planar plans only")
-        written = draw(found, plan.scene, file, parameters=plan.parameters, at=at)
+        written = draw(found, plan.scene, file, parameters=plan.parameters, at=at, limit=deadline.seconds)
     if as_json:
         show_json({"files": [str(written)], "diagnosis": found.summary()})
     else:
@@ -139,26 +152,34 @@ def _parting(
     return 0
 
 
-def _replays(source: str, models: list[str] | None, values: list[str] | None) -> list[AnyRun]:
-    """The runs of a saved plan on its own rung, or on the rungs given."""
+def _replays(
+    source: str, models: list[str] | None, values: list[str] | None, deadline: Deadline
+) -> list[AnyRun]:
+    """The runs of a saved plan on its own rung, or on the rungs given, each in its share of the time."""
     if values:
         refuse("view: --set is for scenes; a plan has its parameters")
     with plain_errors():
         plan = load_plan_file(Path(source))
         if not plan.found:
             refuse(f"plan: there is none. {plan.reason}")
-        return [plan.replay(name) for name in models or [plan.summary()["model"]]]
+        names = models or [plan.summary()["model"]]
+        return [plan.replay(name, limit=deadline.share(len(names) - k)) for k, name in enumerate(names)]
 
 
-def _runs(source: str, models: list[str] | None, values: list[str] | None) -> list[AnyRun]:
-    """The scene's run on each of the rungs, for pictures."""
+def _runs(
+    source: str, models: list[str] | None, values: list[str] | None, deadline: Deadline
+) -> list[AnyRun]:
+    """The scene's run on each of the rungs, for pictures; each may take its share of the time."""
     from rungwise.models.ladder import LADDER
     from rungwise.world.run import simulate
 
     with plain_errors():
         scene, parameters = load_with(source, values)
         chosen = models or [rung.name for rung in LADDER if rung.moves]
-        runs = [simulate(scene, name, parameters=parameters) for name in chosen]
+        runs = [
+            simulate(scene, name, parameters=parameters, limit=deadline.share(len(chosen) - k))
+            for k, name in enumerate(chosen)
+        ]
     for run in runs:
         if run.outcome.name == "invalid":
             refuse(run.reason)

@@ -36,6 +36,7 @@ from rungwise.contact.problem import Array, Matrix
 from rungwise.contact.solvers.measure import natural, natural_parts
 from rungwise.contact.solvers.newton import newton
 from rungwise.contact.solvers.work import Work
+from rungwise.deadline import Deadline
 from rungwise.kernel import Ints
 
 NAME = "branching"
@@ -114,7 +115,7 @@ def _search(system: System, start: Array, tol: float, work: Work, nodes: int) ->
         if work.is_halted:
             return Found(best, least, done - 1, None)
         mode = waiting.pop()
-        p, x = separate(system, mode, _options(work))
+        p, x = separate(system, mode, until(work.deadline))
         if p is not None:
             excluded.append((mode, p))
         elif system.size <= LARGEST and x is not None:
@@ -203,8 +204,9 @@ def separate(
     return None, np.concatenate([contact, others])
 
 
-def _options(work: Work) -> dict[str, float]:
-    left = work.deadline.seconds
+def until(deadline: Deadline) -> dict[str, float]:
+    """Options of linear programs that end when the deadline has come."""
+    left = deadline.seconds
     return OPTIONS if left is None else OPTIONS | {"time_limit": min(OPTIONS["time_limit"], left)}
 
 

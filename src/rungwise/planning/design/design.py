@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rungwise.deadline import TimeOver
+from rungwise.deadline import LimitError, TimeOver
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import DYNAMIC_COMPLIANT, Rung
@@ -23,7 +23,6 @@ from rungwise.scene.contract import AnyScene
 from rungwise.scene.read import load
 from rungwise.sets.feasible.feasible import feasible_set
 from rungwise.sets.request import ACCURACY, box_of, smallest
-from rungwise.sets.store import SetError
 from rungwise.simulation.options import moving_rung
 from rungwise.simulation.workers import names_of
 from rungwise.world.carriers import TaskError
@@ -281,9 +280,7 @@ def _found(
                 tuner.scene, tuner.model, tuner.names, tol=tol, box=box, parameters=tuner.parameters,
                 accuracy=tuner.tol, budget=budget // 2, limit=tuner.time.seconds, threads=tuner.threads,
             )  # fmt: skip
-        except SetError:
-            if tuner.time.is_in_time():
-                raise
+        except LimitError:
             return None, "in the middle of the set", np.nan, 0.0
         tuner.count += found.evaluations
         labels = found.volumes(10_000)

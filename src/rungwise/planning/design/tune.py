@@ -72,7 +72,9 @@ class Tuner:
         """Rates of success (m,) of designs (m, d), and margins (m,): the least of a tenth of the samples."""
         quantiles = self.quantiles if quantiles is None else quantiles
         points = np.concatenate([self._worlds(design, quantiles) for design in designs])
-        found = self._batch.run(points, on_progress=self.time.look)
+        found = self._batch.run(points, deadline=self.time.deadline, on_progress=self.time.look)
+        if (found.outcome == Code.RUNNING).any():
+            raise TimeOver("in a run of a design")
         self.count += len(points)
         self.outcomes.update(OUTCOMES[Code(code)].name for code in found.outcome.tolist())
         if self.on_progress is not None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rungwise.deadline import Deadline
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung, rung
@@ -28,7 +28,7 @@ from rungwise.scene.read import load
 from rungwise.simulation.inputs import Segment
 from rungwise.world.find import world_of
 from rungwise.world.ingredients import BALANCE, INGREDIENTS, Motion, Parting, Variant
-from rungwise.world.run import finished, simulation_of
+from rungwise.world.run import completed, simulation_of
 
 CLOSES = 0.2
 """The part of the distance between two motions that may be left for a change to count as the cause."""
@@ -37,6 +37,7 @@ APART = 0.01
 MOMENTS = 400
 """Moments at which motions are compared."""
 NOTHING = "no difference"
+OPEN, UNTRIED = "not known", "the time was over before all changes were tried that may be the cause"
 WIDE = 98
 """Columns of a table."""
 
@@ -61,7 +62,8 @@ class Diagnosis:
     time, body, distance: where motions part, and how far they are from each other at most until both runs
     have ended; details: numbers for each cause (see `world.ingredients`); ends: how the first and the second
     run ended, with the certificate that proves a jam or a missing support; outcome: that of the second;
-    inputs, tols: of the runs, the same inputs for both, and the error allowed per step in each.
+    inputs, tols: of the runs, the same inputs for both, and the error allowed per step in each; unfinished:
+    what a limit in seconds left undone, in words: another change, or a lesser one, may then be the cause.
     """
 
     before: str
@@ -76,20 +78,23 @@ class Diagnosis:
     outcome: str
     inputs: tuple[Segment, ...] = ()
     tols: tuple[float, ...] = ()
+    unfinished: str = ""
 
     __repr__ = brief
 
     @property
     def cause(self) -> str:
-        return " + ".join(self.causes) if self.causes else NOTHING
+        """The causes in one text; where there is none, that there is no difference, or none is known."""
+        return " + ".join(self.causes) or (OPEN if self.unfinished else NOTHING)
 
     def __str__(self) -> str:
         """A line on where motions part, and one for each cause and each end that a certificate proves."""
         where = f"{self.body} parts at t = {self.time:.4g}, {self.distance:.3g} apart at most"
-        if not self.causes:
+        if self.cause == NOTHING:
             where = f"{NOTHING} ({self.distance:.2g} apart at most)"
         head = f"{self.before} -> {self.after}: {where}; {self.outcome}"
-        return "\n".join([head, *(f"  {line}" for line in self.reasons)])
+        said = [*self.reasons, self.unfinished] if self.unfinished else self.reasons
+        return "\n".join([head, *(f"  {line}" for line in said)])
 
     @property
     def reasons(self) -> list[str]:
@@ -103,7 +108,7 @@ class Diagnosis:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Diagnosis:
         """A diagnosis from its summary."""
-        kept = {each.name: values[each.name] for each in fields(cls)}
+        kept = {each.name: values[each.name] for each in fields(cls) if each.name in values}
         kept |= {name: tuple(kept[name]) for name in ("causes", "ends", "tols")}
         return cls(**kept | {"inputs": tuple(Segment(**segment) for segment in kept["inputs"])})
 
@@ -118,7 +123,7 @@ def table(found: Sequence[Diagnosis]) -> list[str]:
     for each in found:
         row = f"{each.after:29} {each.time:8.4g}  {each.body:8} {each.distance:8.3g}  {each.outcome:13}  "
         lines += wrap(row + each.cause, WIDE, subsequent_indent=" " * len(row))
-        for reason in each.reasons:
+        for reason in [*each.reasons, *([each.unfinished] if each.unfinished else [])]:
             lines += wrap(reason, WIDE, initial_indent="  ", subsequent_indent="    ")
     return lines
 
@@ -134,18 +139,24 @@ def diagnose(
     other_parameters: Mapping[str, float] | None = None,
     tol: float | None = None,
     other_tol: float | None = None,
+    limit: float | None = None,
     on_progress: Callable[[Any], None] | None = None,
 ) -> Diagnosis:
     """Why the motion under these inputs differs between two rungs, two sets of parameters, or two accuracies.
 
     `other_parameters` and `other_tol` belong to `after`, and are the same as before if not given; `tol` is
     the error allowed per step, 1e-4 of the size of objects if not given. `on_progress` is called about ten
-    times a second with the run that is made. Raises SceneError for wrong input.
+    times a second with the run that is made. After `limit` seconds the changes that were tried count, and
+    `unfinished` says that there are others.
+
+    Raises SceneError for wrong input, and LimitError where the limit is over before both motions are known.
     """
-    return diagnosed(
-        load(scene), before, after, Watch(on_progress), inputs=inputs, parameters=parameters,
-        other_parameters=other_parameters, tol=tol, other_tol=other_tol,
-    )  # fmt: skip
+    watch = Watch(on_progress, Deadline(seconds(limit)))
+    with watch.deadline.needed_for("the motions on both rungs were known"):
+        return diagnosed(
+            load(scene), before, after, watch, inputs=inputs, parameters=parameters,
+            other_parameters=other_parameters, tol=tol, other_tol=other_tol,
+        )  # fmt: skip
 
 
 def diagnosed(
@@ -179,17 +190,16 @@ def compare(
     runs, (first, last), until = both(a, b, inputs, weights, watch)
     motions = {frozenset[str](): first, frozenset(names): last}
     distance = distances(first, last, until)[0]
-    causes: tuple[str, ...] = ()
-    left: dict[str, float] = {}
+    tried = _Tried((), {})
     if distance > APART * size:
-        causes, left = _least(a, b, names, inputs, weights, motions, distance, until, watch)
+        tried = _least(a, b, names, inputs, weights, motions, distance, until, watch)
     time, column = _parting(first, last, until, max(APART * size, 0.1 * distance))
     body = a.scene.template.coordinates[column].split(".")[0]
-    details = world_of(a.scene).evidence(Parting((a, b), (first, last), time, body, size), causes)
+    details = world_of(a.scene).evidence(Parting((a, b), (first, last), time, body, size), tried.causes)
     return Diagnosis(
-        before=_name(a, b), after=_name(b, a), causes=causes, left=left, time=time, body=body,
+        before=_name(a, b), after=_name(b, a), causes=tried.causes, left=tried.left, time=time, body=body,
         distance=distance, details=details, ends=tuple(world_of(a.scene).end(run) for run in runs),
-        outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol),
+        outcome=str(runs[1].outcome), inputs=tuple(inputs), tols=(a.tol, b.tol), unfinished=tried.unfinished,
     )  # fmt: skip
 
 
@@ -213,36 +223,52 @@ def _name(world: Variant, other: Variant) -> str:
     return f"{world.model.name} @ {world.tol:g}" if same else world.model.name
 
 
+class _Tried(NamedTuple):
+    """The least change that was found to close the gap, what each that was tried left of it, and whether
+    others were not tried, in words."""
+
+    causes: tuple[str, ...]
+    left: dict[str, float]
+    unfinished: str = ""
+
+
 def _least(
     a: Variant, b: Variant, names: Sequence[str], inputs: Sequence[Segment], weights: Reals,
     motions: dict[frozenset[str], Motion], distance: float, until: float,
     watch: Watch,
-) -> tuple[tuple[str, ...], dict[str, float]]:  # fmt: skip
-    """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals; and
-    what each set that was tried left."""
+) -> _Tried:  # fmt: skip
+    """The smallest set of ingredients that closes the gap, the one that leaves least of it among equals."""
     last, left = motions[frozenset(names)], dict[str, float]()
     for size in range(1, len(names)):
-        found = []
+        found, unfinished = list[tuple[float, tuple[str, ...]]](), ""
         for taken in combinations(names, size):
             key = frozenset(taken)
-            if key not in motions:
-                motions[key] = _motion(a.mixed(b, key), inputs, weights, until, watch)
+            try:
+                if key not in motions:
+                    motions[key] = _motion(a.mixed(b, key), inputs, weights, until, watch)
+            except TimeOver:
+                if not watch.deadline.is_over:
+                    raise  # by what is told of progress
+                unfinished = UNTRIED
+                break
             part = distances(motions[key], last, until)[0] / distance
             left[" + ".join(taken)] = part
             if part <= CLOSES:
                 found.append((part, taken))
         if found:
             # The kinematic rung is rigid and knows no friction: to take it changes these, too.
-            return min(found, key=lambda each: (b.model.metric and BALANCE in each[1], *each))[1], left
-    return tuple(names), left
+            nearest = min(found, key=lambda each: (b.model.metric and BALANCE in each[1], *each))
+            return _Tried(nearest[1], left, unfinished)
+        if unfinished:
+            return _Tried((), left, unfinished)
+    return _Tried(tuple(names), left)
 
 
 def _run(world: Variant, inputs: Sequence[Segment], watch: Watch) -> Any:
     simulation = simulation_of(
         world.scene, world.model, parameters=world.parameters, inputs=inputs or None, tol=world.tol
     )
-    simulation.deadline = watch.deadline
-    run = finished(simulation, watch.on_progress)
+    run = completed(simulation, watch.deadline, watch.on_progress)
     if not run.began:
         raise SceneError(run.reason)
     return run

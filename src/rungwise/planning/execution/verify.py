@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rungwise.cluster import Cluster
-from rungwise.deadline import TimeOver
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
@@ -31,7 +31,7 @@ from rungwise.wording import choices
 from rungwise.world.any_run import AnyRun
 from rungwise.world.carriers import TaskError
 from rungwise.world.find import world_of
-from rungwise.world.run import simulate
+from rungwise.world.run import finished, simulation_of
 
 CONFIDENCE = 0.95
 """Confidence of the bounds of a rate (Clopper and Pearson)."""
@@ -96,13 +96,20 @@ class Verification:
             f" of {self.samples} reached the goal, {self.lower:.3f} to {self.upper:.3f} at 95 %>"
         )
 
-    def replay(self, sample: Sample) -> AnyRun:
-        """The run of a sample once more; with re-planning, of what was executed."""
-        trials = Trials(self.plan, moving_rung(self.model), self.tol, self.mode, self.seed)
-        inputs = trials.executed(self._points[sample.number])
-        run: AnyRun = simulate(
+    @keywords
+    def replay(self, sample: Sample, *, limit: float | None = None) -> AnyRun:
+        """The run of a sample once more; with re-planning, of what was executed. After `limit` seconds as far
+        as it has come, `running`. Raises LimitError where the limit is over before it is known what was
+        executed."""
+        deadline = Deadline(seconds(limit))
+        time = Budget(None, deadline.seconds)
+        trials = Trials(self.plan, moving_rung(self.model), self.tol, self.mode, self.seed, time=time)
+        with deadline.needed_for("it was known what re-planning executes"):
+            inputs = trials.executed(self._points[sample.number])
+        simulation = simulation_of(
             self.plan.scene, self.model, parameters=sample.parameters, tol=self.tol, inputs=inputs
         )
+        run: AnyRun = finished(simulation, None, deadline)
         return run
 
     def __str__(self) -> str:

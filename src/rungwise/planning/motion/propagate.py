@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rungwise.deadline import Deadline, TimeOver
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -72,7 +72,7 @@ class Budget:
 
     def __init__(self, steps: int | None = None, limit: float | None = None) -> None:
         self.most, self.spent, self.outcomes = steps, Counter[str](), Counter[str]()
-        self.ends = math.inf if limit is None else clock.monotonic() + limit
+        self.ends = Deadline(seconds(limit)).ends
         self.tell: Callable[[], None] = _nothing
         self._told = clock.monotonic()
 

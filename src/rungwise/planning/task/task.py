@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.planning.task.reserve import tightened
@@ -262,16 +263,24 @@ def fields_of(scene: AnyScene) -> TaskFields:
 
 @keywords
 def instances(
-    scene: AnyScene | str | Path | Mapping[str, Any], seed: int, count: int = 1
+    scene: AnyScene | str | Path | Mapping[str, Any],
+    seed: int,
+    count: int = 1,
+    *,
+    limit: float | None = None,
 ) -> list[dict[str, float]]:
     """Parameters of `count` instances of the scene's task, drawn from `seed`. Raises TaskError where too few
-    draws fit the task's `where` with bodies apart."""
+    draws fit the task's `where` with bodies apart, and LimitError where `limit` seconds are over before there
+    are so many."""
+    deadline = Deadline(seconds(limit))
     loaded, number = load(scene), options.count("count", count, 1)
     fields, found = fields_of(loaded), list[dict[str, float]]()
     rng = np.random.default_rng(options.count("seed", seed, 0))
     for _ in range(DRAWS * number):
         if len(found) == number:
             return found
+        if deadline.is_over:
+            raise LimitError(f"limit: {deadline.words}, when {len(found)} of {number} instances were drawn")
         values = drawn(loaded, "instances", loaded.parameters(), rng)
         if values is not None and _fits(loaded, values, fields.where):
             found.append(values)

@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, kernel
 
 Flags = NDArray[np.bool_]
@@ -26,8 +27,9 @@ def around(values: NDArray[np.float64], padding: int, greatest: bool) -> NDArray
     return values
 
 
-def backward(reaches: Flags, allowed: Flags, first: Ints, last: Ints) -> Flags:
+def backward(reaches: Flags, allowed: Flags, first: Ints, last: Ints, deadline: Deadline = NEVER) -> Flags:
     """The cells (n1, ..., nd) that reach cells where `reaches` holds, on a way through `allowed` cells.
+    Raises TimeOver where the deadline has come.
 
     Cell c, counted in C order, may lead to the boxes first[c, u]..last[c, u] (both (cells, boxes, d)) of
     cells, for each u; a box with first > last is empty.
@@ -37,6 +39,7 @@ def backward(reaches: Flags, allowed: Flags, first: Ints, last: Ints) -> Flags:
     reached = (reaches & allowed).astype(np.int64).ravel()
     open_ = np.flatnonzero(allowed.ravel() & (reached == 0))
     while len(open_):
+        deadline.look()
         table = np.zeros(shape + 1, np.int64)
         inner = reached.reshape(reaches.shape)
         for axis in range(inner.ndim):

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import KINEMATIC, Rung
@@ -59,7 +60,8 @@ class DoomedSet(LabelledSet):
     cell is no state (bodies overlap); `UNKNOWN` otherwise.
 
     `inputs` (k, 2) are the inputs' bounds, `steps` the macro-steps' lengths in time, `runs` their number,
-    `escapes` the part of the cells, invalid ones aside, from which the box may be left.
+    `escapes` the part of the cells, invalid ones aside, from which the box may be left. `unfinished` says
+    what a limit in seconds left undone: cells that only macro-steps doom which were not all run are unknown.
     """
 
     inputs: dict[str, tuple[float, float]]
@@ -68,6 +70,7 @@ class DoomedSet(LabelledSet):
     runs: int
     escapes: float
     request: dict[str, Any] = field(repr=False)
+    unfinished: str = ""
 
     @property
     def solutions(self) -> str:
@@ -109,18 +112,24 @@ class DoomedSet(LabelledSet):
         return True, "any motion without overlap is one of this set, whatever causes it"
 
     @keywords
-    def beside_rule(self, n: int = POINTS, seed: int = 4, threads: int | None = None) -> dict[str, float]:
+    def beside_rule(
+        self, n: int = POINTS, seed: int = 4, threads: int | None = None, *, limit: float | None = None
+    ) -> dict[str, float]:
         """Parts of n random states in the box that are doomed here and by the scene's own rule ("both"),
-        "only here", and "only by rule" (which is no contradiction: this set is found too small)."""
+        "only here", and "only by rule" (which is no contradiction: this set is found too small). After
+        `limit` seconds parts are of all, those "not run" among them."""
+        deadline = Deadline(seconds(limit))
         low, high = self.box.T
         points = np.random.default_rng(seed).uniform(low, high, (n, len(low)))
         side = Stated(self.scene)
         macro = Macro(self.model, (), self.request["parameters"], self.request["accuracy"], threads)
         columns, moment = columns_of(side, self.over), 1e-9 * self.steps[0]
-        outcome, _ = side.run(macro, np.zeros((n, 0)), columns, points, moment, None)
+        outcome, _ = side.run(macro, np.zeros((n, 0)), columns, points, moment, deadline, None)
         states = outcome != Code.INVALID
         rule, here = outcome[states] == Code.DOOMED, self.labels(points[states]) == Label.DOOMED
-        parts = {"both": here & rule, "only here": here & ~rule, "only by rule": rule & ~here}
+        ran = outcome[states] != Code.RUNNING
+        parts = {"both": here & rule, "only here": here & ~rule & ran, "only by rule": rule & ~here}
+        parts |= {} if ran.all() else {"not run": ~ran}
         return {name: float(part.mean()) if len(part) else 0.0 for name, part in parts.items()}
 
     @cached_property
@@ -141,6 +150,7 @@ class DoomedSet(LabelledSet):
                 "runs": self.runs,
                 "escapes": self.escapes,
                 "steps": list(self.steps),
+                "unfinished": self.unfinished,
             },
         )
 
@@ -165,6 +175,7 @@ def doomed_set(
     padding: int = 1,
     accuracy: float | None = None,
     threads: int | None = None,
+    limit: float | None = None,
     out: str | Path | None = None,
     on_progress: Callable[[str, int, int], None] | None = None,
 ) -> DoomedSet:
@@ -184,11 +195,15 @@ def doomed_set(
         strides: macro-steps, in cells that the fastest coordinate moves.
         padding: how many cells around a cell serve to estimate how far motions differ within it.
         accuracy, threads: as for `feasible_set`.
+        limit: seconds after which the call returns with the cells that whole rounds of macro-steps, of one
+            length each, doom; see `unfinished`.
         out: folder for the result.
         on_progress: called with the present task, runs so far, and runs known to be needed.
 
-    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
+    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written, and
+    LimitError where the limit is over before it is known which vertices are states, and how fast they move.
     """
+    deadline = Deadline(seconds(limit))
     loaded = load(scene)
     rung = moving_rung(model)
     side = Stated(loaded)
@@ -219,15 +234,24 @@ def doomed_set(
     }
     intervals, travel = box_of_states(side, values, names, box)
     request |= {"box": intervals.tolist(), "cells": list(shape)}
-    images = Images(loaded, rung, names, bounds, intervals, travel, shape, request, threads, on_progress)
-    labels = np.full(shape, int(Label.UNKNOWN))
-    for stride in strides:
-        labels[images.doomed(stride, solutions == ANY)] = Label.DOOMED
+    with deadline.needed_for("it was known where states are and how fast they move"):
+        images = Images(
+            loaded, rung, names, bounds, intervals, travel, shape, request, threads, on_progress, deadline
+        )
+    labels, unfinished = np.full(shape, int(Label.UNKNOWN)), ""
+    for number, stride in enumerate(strides):
+        try:
+            labels[images.doomed(stride, solutions == ANY)] = Label.DOOMED
+        except TimeOver:
+            if not deadline.is_over:
+                raise  # by what is told of progress
+            unfinished = f"{number} of {len(strides)} rounds of macro-steps were run before the time was over"
+            break
     labels[~images.states] = Label.INVALID
     result = DoomedSet(
         scene=loaded, model=rung, over=names, box=intervals, inputs=bounds, cells=labels,
         steps=tuple(images.steps), runs=images.runs, request=request,
-        escapes=float(images.escapes.sum() / images.states.sum()),
+        escapes=float(images.escapes.sum() / images.states.sum()), unfinished=unfinished,
     )  # fmt: skip
     if out is not None:
         result.save(out)
@@ -254,6 +278,7 @@ def load_doomed_set(folder: str | Path, scene: AnyScene | None = None) -> Doomed
         inputs={name: (low, high) for name, (low, high) in request["inputs"].items()},
         cells=data.label.values.astype(np.int64), steps=tuple(data.attrs["steps"]),
         runs=int(data.attrs["runs"]), escapes=float(data.attrs["escapes"]), request=request,
+        unfinished=str(data.attrs.get("unfinished", "")),
     )  # fmt: skip
 
 

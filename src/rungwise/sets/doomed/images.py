@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline, TimeOver
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -31,7 +32,8 @@ class Images:
     """A grid over states, and the results of runs from its vertices.
 
     `states` (n1, ..., nd): cells about which some vertex is a state; `escapes`: cells from which the box may
-    be left; `steps`: lengths of the macro-steps so far; `runs`: their number.
+    be left; `steps`: lengths of the macro-steps so far; `runs`: their number. Raises TimeOver where the
+    deadline has come.
     """
 
     def __init__(
@@ -46,11 +48,12 @@ class Images:
         request: Mapping[str, Any],
         threads: int | None,
         report: Report | None,
+        deadline: Deadline,
     ) -> None:
         self._side, self._names, self._bounds = Stated(scene.changed(doomed=None)), tuple(names), bounds
         self._macro = Macro(model, tuple(bounds), request["parameters"], request["accuracy"], threads)
         self._box, self._travel, self._shape = box, travel, shape
-        self._request, self._report = request, report
+        self._request, self._report, self._deadline = request, report, deadline
         self._unit = (box[:, 1] - box[:, 0]) / shape
         self._columns = columns_of(self._side, names)
         sides = [
@@ -65,16 +68,16 @@ class Images:
 
     def doomed(self, stride: float, wanders: bool) -> Flags:
         """Cells from which no chain of macro-steps leads to the goal, in each of which the fastest coordinate
-        moves by `stride` cells; `wanders`: bodies that nothing drives may move by themselves."""
+        moves by `stride` cells; `wanders`: bodies that nothing drives may move by themselves. Raises
+        TimeOver."""
         step = stride / self._pace
-        self.steps.append(step)
         levels = [
             np.linspace(low, high, int(np.clip(np.ceil(step * spread - CLOSE) + 1, 2, MOST_INPUTS)))
             for (low, high), spread in zip(self._bounds.values(), self._spread, strict=True)
         ]
         samples = np.array(list(product(*levels)))
         needed = self.runs + len(samples) * int(self._valid.sum())
-        reaches = np.zeros(self._shape, bool)
+        reaches, escapes = np.zeros(self._shape, bool), np.zeros(self._shape, bool)
         images = self._wanderings() if wanders else []
         for sample in samples:
             outcome, moved = self._run(sample, step, needed)
@@ -82,10 +85,13 @@ class Images:
             reaches |= self._any_about(np.isin(outcome, (Code.GOAL, *LOST)))
             first, last, leaves = self._image(np.where(lost[:, None], np.nan, moved))
             reaches |= leaves
-            self.escapes |= leaves & self.states
+            escapes |= leaves & self.states
             images.append((first, last))
         firsts, lasts = (np.stack(ends, axis=1) for ends in zip(*images, strict=True))
-        return np.asarray(self.states & ~backward(reaches, self.states, firsts, lasts))
+        doomed = np.asarray(self.states & ~backward(reaches, self.states, firsts, lasts, self._deadline))
+        self.steps.append(step)
+        self.escapes |= escapes
+        return doomed
 
     def _run(self, sample: Reals, step: float, needed: int) -> tuple[Ints, Reals]:
         """Outcomes and displacements of runs from all vertices that are states."""
@@ -94,9 +100,11 @@ class Images:
         before = self.runs
         report = self._report
         outcome, ends = self._side.run(
-            self._macro, points, self._columns, vertices, step,
+            self._macro, points, self._columns, vertices, step, self._deadline,
             None if report is None else lambda done: report("macro-steps", before + done, needed),
         )  # fmt: skip
+        if (outcome == Code.RUNNING).any():
+            raise TimeOver("in a macro-step")
         self.runs += len(vertices)
         return outcome, ends - vertices
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
@@ -59,10 +60,11 @@ class Stated:
 
     def run(
         self, macro: Macro, points: Reals, columns: Ints, states: Reals, duration: float,
-        on_progress: Callable[[int], None] | None,
+        deadline: Deadline, on_progress: Callable[[int], None] | None,
     ) -> tuple[Ints, Reals]:  # fmt: skip
         """Outcomes (m,) and ends (m, d) of runs from states (m, d), columns of all that is known, under
-        inputs (m, k). Raises SetError where something else moves as well."""
+        inputs (m, k); those that the deadline ends are `running`. Raises SetError where something else moves
+        as well."""
         runs = self.world.runs(
             macro.model, macro.inputs, macro.parameters, tol=macro.accuracy, theta=THETA, duration=duration,
             threads=macro.threads,
@@ -70,7 +72,9 @@ class Stated:
         start, n = self.world.at(macro.parameters), len(self.scene.template.coordinates)
         full = np.repeat(np.concatenate([start.q, start.v])[None], len(states), axis=0)
         full[:, columns] = states
-        found = runs.run(points, Places.by_hand(full[:, :n], full[:, n:]), on_progress=on_progress)
+        found = runs.run(
+            points, Places.by_hand(full[:, :n], full[:, n:]), deadline=deadline, on_progress=on_progress
+        )
         ends = np.hstack([found.places.q, found.places.v])
         if not self.world.whole_states:
             self._check_others(macro, columns, np.abs(ends - full)[found.outcome == Code.TIMEOUT])

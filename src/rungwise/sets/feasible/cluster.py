@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rungwise.cluster import Batch, Cluster
+from rungwise.deadline import Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.scene import load
 from rungwise.scene.contract import AnyScene
@@ -25,11 +26,11 @@ KEPT_NOTE = "; with a folder for results, finished batches are kept, and it can 
 
 @contextmanager
 def runner(
-    batch: Motions, address: str | None, scene: AnyScene, request: Mapping[str, Any]
+    batch: Motions, address: str | None, scene: AnyScene, request: Mapping[str, Any], deadline: Deadline
 ) -> Iterator[Runner]:
     """The threads of this process, or the workers of the scheduler at an address."""
     if address is None:
-        yield InProcess(batch)
+        yield InProcess(batch, deadline)
         return
     if not world_of(scene).on_clusters:
         raise SetError(f"cluster: {scene.name} runs in processes of this machine")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.special import betaincinv
 
+from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.kernel import Ints, Reals
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
+from rungwise.outcome import Code
 from rungwise.plain import cut
 from rungwise.scene.contract import AnyScene
 from rungwise.scene.fields.values import shown
@@ -55,7 +56,8 @@ BUDGET = 50_000_000
 class Certified:
     """With a confidence of 1 - delta, a random point is labelled wrongly with a probability below `bound`.
 
-    `near` counts the points among the `wrong` that lie within the tolerance of the boundary.
+    `samples`: points that were run, fewer than asked for where a limit ended them; `near` counts the points
+    among the `wrong` that lie within the tolerance of the boundary.
     """
 
     samples: int
@@ -97,27 +99,38 @@ class FeasibleSet(LabelledBox):
         return self.parameters | {name: float(x) for name, x in zip(self.over, best, strict=True)}
 
     @keywords
-    def replay(self, parameters: Mapping[str, float]) -> Run:
-        """The run at these parameters, repeated step by step; of several motions the one that decides."""
+    def replay(self, parameters: Mapping[str, float], *, limit: float | None = None) -> Run:
+        """The run at these parameters, repeated step by step; of several motions the one that decides. After
+        `limit` seconds the run that was being made, as far as it has come: `running`, it decides nothing."""
         options = {"tol": self.request["accuracy"], "theta": self.request["theta"]}
-        return decisive(self.scene, self.model, self.solutions, parameters=parameters, **options)
+        deadline = Deadline(seconds(limit))
+        return decisive(self.scene, self.model, self.solutions, deadline, parameters=parameters, **options)
 
     @keywords
     def certify(
-        self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None
-    ) -> Certified:
-        """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson)."""
+        self, n: int = 1000, delta: float = 0.01, *, seed: int = 1, threads: int | None = None,
+        limit: float | None = None,
+    ) -> Certified:  # fmt: skip
+        """Run n fresh random points, and bound the rate of wrong labels (Clopper and Pearson). After `limit`
+        seconds the points that were begun count; those that had not ended then count as wrong, for points
+        whose runs take long may be wrong more often."""
+        deadline = Deadline(seconds(limit))
         if n < 1 or not 0.0 < delta < 1.0:
             raise SetError("certify: n must be at least 1, and delta lie in 0..1")
         points = self.random(n, seed)
-        truth = labels(batch_of(self.scene, self.model, self.over, self.request, threads).run(points).outcome)
-        wrong = self.labels(points) != truth
+        batch = batch_of(self.scene, self.model, self.over, self.request, threads)
+        found = batch.run(points, deadline=deadline)
+        began = (found.outcome != Code.RUNNING) | np.isfinite(found.final).all(axis=1)
+        points, n = points[began], int(began.sum())
+        is_open = found.outcome[began] == Code.RUNNING
+        truth = labels(found.outcome[began])
+        wrong = (self.labels(points) != truth) | is_open
         near = np.zeros(n, bool)
         for axis in range(len(self.over)):
             for sign in (-1.0, 1.0):
                 moved = points.copy()
                 moved[:, axis] += sign * self.tol * np.ptp(self.box[axis])
-                near |= self.labels(np.clip(moved, *self.box.T)) == truth
+                near |= (self.labels(np.clip(moved, *self.box.T)) == truth) & ~is_open
         count = int(wrong.sum())
         bound = 1.0 if count == n else float(betaincinv(count + 1, n - count, 1.0 - delta))
         return Certified(n, count, int((wrong & near).sum()), bound, delta)
@@ -217,16 +230,18 @@ def feasible_set(
         accuracy: error allowed per step of a run; `ACCURACY` times the smallest shape if not given.
         probes: random points per round; as many as the first grid has if not given.
         budget: greatest number of runs; limit: seconds after which the call returns with the cells that are
-            known, and the set is not `complete`.
+            known, also from within a long step, and the set is not `complete`.
         threads: as many as there are cores if not given. The set does not depend on it.
         cluster: address of a dask scheduler whose workers run instead of threads; the set is the same.
         out: folder where every finished batch is kept, and in the end the set.
         resume: go on from the batches kept in `out`.
         on_progress: called with the present task, runs so far, and runs asked for so far.
 
-    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written.
+    Raises SceneError, ModelError or SetError for wrong input, OSError when `out` cannot be written, and
+    LimitError where the limit is over before the first cells are known; batches that are kept then serve
+    `resume`.
     """
-    ends = math.inf if limit is None else time.monotonic() + limit
+    deadline = Deadline(seconds(limit))
     loaded = load(scene)
     rung = moving_rung(model)
     if not 1 <= len(over) <= MAX_AXES:
@@ -260,8 +275,8 @@ def feasible_set(
         request["near"] = _neighbour(near, request)
     log = None if out is None else Log(Path(out), request, resume)
     tree = Tree.empty(axes, target, target + DEEPER)
-    with runner(batch, cluster, loaded, request) as runs:
-        oracle = Oracle(runs, intervals, tree.finest, budget, log, on_progress, ends)
+    with runner(batch, cluster, loaded, request, deadline) as runs:
+        oracle = Oracle(runs, intervals, tree.finest, budget, log, on_progress, deadline)
         made, hits = _grow(tree, oracle, near, probes, np.random.default_rng(seed))
         crossings = _cross(tree, oracle)
     result = FeasibleSet(
@@ -313,8 +328,11 @@ def _grow(
         else:
             tree.grow_around(near.tree, oracle)
     except BudgetSpent:
-        bound, more = ("limit", "time") if oracle.time_is_over else ("budget", "runs")
-        raise SetError(f"{bound}: is too small for the first cells; give more {more}") from None
+        if oracle.deadline.is_over:
+            raise LimitError(
+                "limit: the time was over before the first cells were known; give more time"
+            ) from None
+        raise SetError("budget: is too small for the first cells; give more runs") from None
     made = hits = 0
     for _ in range(PROBE_ROUNDS if probes else 0):
         oracle.task = "probes"

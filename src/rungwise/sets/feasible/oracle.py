@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from rungwise.cluster import Answer
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals
+from rungwise.outcome import Code
 from rungwise.sets.cells.labels import labels
 from rungwise.sets.cells.tree import BudgetSpent
 from rungwise.sets.motions import Motions
@@ -32,20 +32,20 @@ class Runner(Protocol):
 
 
 class InProcess:
-    """The threads of this process, one batch after the other."""
+    """The threads of this process, one batch after the other; runs that the deadline ends are `running`."""
 
-    def __init__(self, batch: Motions) -> None:
-        self._batch = batch
+    def __init__(self, batch: Motions, deadline: Deadline) -> None:
+        self._batch, self._deadline = batch, deadline
 
     def answers(self, batches: Sequence[Reals], on_progress: Callable[[int], None]) -> Iterator[Answer]:
         for number, points in enumerate(batches):
-            found = self._batch.run(points, on_progress=on_progress)
+            found = self._batch.run(points, deadline=self._deadline, on_progress=on_progress)
             yield number, found.outcome, found.margin
 
 
 class Oracle:
     """Answers in batches; `count` is the number of runs so far, `task` their purpose. Raises BudgetSpent
-    where that is spent, or the time `ends` by the monotonic clock; batches that are done then are kept."""
+    where that is spent, or the deadline has come; batches that are done then are kept."""
 
     def __init__(
         self,
@@ -55,16 +55,16 @@ class Oracle:
         budget: int,
         log: Log | None,
         on_progress: Callable[[str, int, int], None] | None,
-        ends: float = math.inf,
+        deadline: Deadline = NEVER,
     ) -> None:
         self._runner, self._log, self._budget, self._report = runner, log, budget, on_progress
         self._low, self._unit = box[:, 0], (box[:, 1] - box[:, 0]) / (1 << finest)
-        self._batches, self._ends = 0, ends
+        self._batches, self.deadline = 0, deadline
         self.count = 0
         self.task = ""
 
     def __call__(self, places: Reals) -> tuple[Ints, Reals]:
-        if self.count + len(places) > self._budget or self.time_is_over:
+        if self.count + len(places) > self._budget or self.deadline.is_over:
             raise BudgetSpent
         points = self._low + places * self._unit
         batches = [points[at : at + KEPT] for at in range(0, len(points), KEPT)]
@@ -75,6 +75,8 @@ class Oracle:
         for k, outcome, margin in self._runner.answers(
             [batches[number] for number in missing], lambda done: self._tell(done, target)
         ):
+            if (outcome == Code.RUNNING).any():
+                raise BudgetSpent
             number = missing[k]
             answers[number] = outcome, margin
             if self._log is not None:
@@ -94,12 +96,8 @@ class Oracle:
         found = {k: self._log.read(self._batches + k, points) for k, points in enumerate(batches)}
         return {k: answer for k, answer in found.items() if answer is not None}
 
-    @property
-    def time_is_over(self) -> bool:
-        return time.monotonic() > self._ends
-
     def _tell(self, done: int, target: int) -> None:
-        if self.time_is_over:
+        if self.deadline.is_over:
             raise BudgetSpent
         if self._report is not None:
             self._report(self.task, self.count + done, target)

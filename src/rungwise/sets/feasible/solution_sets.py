@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
@@ -39,6 +40,7 @@ def solution_sets(
     accuracy: float | None = None,
     probes: int | None = None,
     budget: int = BUDGET,
+    limit: float | None = None,
     seed: int = 0,
     threads: int | None = None,
     cluster: str | None = None,
@@ -49,14 +51,17 @@ def solution_sets(
     """The sets of a model by the slowest, by some and by all its motions, on the same box; a folder each in
     `out`.
 
-    Options and errors as for `feasible_set`.
+    Options and errors as for `feasible_set`; each set may take its share of what is left of `limit` seconds,
+    the first a third.
     """
+    deadline = Deadline(seconds(limit))
 
-    def found(each: str) -> FeasibleSet:
+    def found(each: str, left: int) -> FeasibleSet:
         return feasible_set(
             scene, model, over, solutions=each, out=None if out is None else Path(out) / each, tol=tol,
-            box=box, parameters=parameters, accuracy=accuracy, probes=probes, budget=budget, seed=seed,
-            threads=threads, cluster=cluster, resume=resume, on_progress=on_progress,
+            box=box, parameters=parameters, accuracy=accuracy, probes=probes, budget=budget,
+            limit=deadline.share(left), seed=seed, threads=threads, cluster=cluster, resume=resume,
+            on_progress=on_progress,
         )  # fmt: skip
 
-    return SolutionSets(found(SLOWEST), found(POSSIBLE), found(GUARANTEED))
+    return SolutionSets(found(SLOWEST, 3), found(POSSIBLE, 2), found(GUARANTEED, 1))

@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
@@ -34,6 +35,7 @@ from rungwise.simulation.derivatives.sensitivity import (
 from rungwise.simulation.options import ModelError
 
 Array: TypeAlias = NDArray[np.float64]
+WHOLE = "all steps and their differences were taken"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -61,6 +63,7 @@ def run_sensitivity(
     wrt: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     theta: float = 1.0,
+    limit: float | None = None,
 ) -> RunSensitivity | SpaceSensitivity:
     """Take `steps` steps of length h, and differentiate the state after them.
 
@@ -81,7 +84,10 @@ def run_sensitivity(
     Raises:
         ModelError: an argument is wrong, or a step, which is named, cannot be taken as it is: no solution, a
             limit of travel or a new feature reached within it.
+        LimitError: `limit` seconds are over before all steps, and all differences, are taken: a derivative of
+            some of them is no part of the whole.
     """
+    deadline = Deadline(seconds(limit))
     if isinstance(steps, bool) or not isinstance(steps, int | np.integer) or steps < 1:
         raise ModelError(f"steps: must be a whole number of at least 1, not {steps!r}")
     if (q is None) != (v is None):
@@ -93,15 +99,38 @@ def run_sensitivity(
                 "deformation and time: runs in space begin at 0, with contacts that do not yield yet"
             )
         asked_in_space = ("parameters",) if wrt is None else wrt
-        return run_sensitivity_in_space(
-            scene, model, parameters, steps, h, q, v, asked_in_space, names, theta
-        )
+        with deadline.needed_for(WHOLE):
+            return run_sensitivity_in_space(
+                scene, model, parameters, steps, h, q, v, asked_in_space, names, theta, deadline
+            )
     if not isinstance(scene, Scene):
         raise ModelError(f"scene: of {scene.name} no derivatives of runs are known")
-    wrt = WRT if wrt is None else wrt
+    start = _Asked(q, v, deformation, time, WRT if wrt is None else wrt, names)
+    with deadline.needed_for(WHOLE):
+        return _in_plane(scene, model, parameters, steps, h, start, theta, deadline)
+
+
+class _Asked(NamedTuple):
+    """Where steps start, and by what they are differentiated; see `run_sensitivity`."""
+
+    q: ArrayLike | None
+    v: ArrayLike | None
+    deformation: ArrayLike | None
+    time: float
+    wrt: Sequence[str]
+    names: Sequence[str] | None
+
+
+def _in_plane(
+    scene: Scene, model: Rung | str, parameters: Mapping[str, float] | None, steps: int, h: float | None,
+    asked_for: _Asked, theta: float, deadline: Deadline,
+) -> RunSensitivity:  # fmt: skip
+    """See `run_sensitivity`. Raises ModelError, and TimeOver."""
+    q, v, deformation, time, wrt, names = asked_for
     values = scene.parameters(parameters)
     length = float(scene.bind(values).records.world[0]["step"]) if h is None else h
-    here, changes = prepared(scene, model, values, length, theta, (*wrt, "q", "v", "deformation"), names)
+    kinds = (*wrt, "q", "v", "deformation")
+    here, changes = prepared(scene, model, values, length, theta, kinds, names, deadline)
     begin_q, begin_v = here.begun if q is None or v is None else (q, v)
     start = started(here, begin_q, begin_v, deformation, time)
     asked = [kind for kind in KINDS if kind in wrt]
@@ -119,7 +148,7 @@ def run_sensitivity(
     lost = np.zeros(first[-1], bool)
     for number in range(steps):
         try:
-            step = differentiated(here, changes, start, directions)
+            step = differentiated(here, changes, start, directions, deadline)
         except ValueError as error:
             reason = str(error).removeprefix("step: ")
             raise ModelError(f"step {number}, from time {start.time:.6g}: {reason}") from None

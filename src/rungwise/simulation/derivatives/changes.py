@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.plain import brief
 from rungwise.scene import Scene
@@ -43,14 +44,16 @@ class EndSensitivity:
 class Changes:
     """Differences of the data that a step assembles, by each of the kinds asked for.
 
-    Assemblies of other parameters are made once, and serve all steps.
+    Assemblies of other parameters are made once, and serve all steps. Raises TimeOver where the deadline has
+    come.
     """
 
     def __init__(
         self, here: Assembly, scene: Scene, model: Rung | str, values: dict[str, float],
-        names: tuple[str, ...], kinds: Sequence[str],
+        names: tuple[str, ...], kinds: Sequence[str], deadline: Deadline,
     ) -> None:  # fmt: skip
         self.here, self.names, self.kinds = here, names, tuple(kind for kind in KINDS if kind in kinds)
+        self.deadline = deadline
         n, extent = len(here.state.q), float(here.workspace.terms.rounding[0]) / ROUNDING
         reach = float(here.state.clock[0]["reach"]) or extent or 1.0
         bodies = here.records.bodies
@@ -60,6 +63,7 @@ class Changes:
         self.lever = np.where(np.isin(np.arange(n), angles), reach, 1.0)
         self.varied: list[list[tuple[float, Assembly]]] = []
         for name in names if "parameters" in kinds else ():
+            deadline.look()
             declared = scene.file.parameters[name]
             low, high = declared.range or (-np.inf, np.inf)
             size = _STEP * (abs(values[name]) or min(1.0, high - low))
@@ -106,6 +110,7 @@ class Changes:
         return dq, dv
 
     def _change(self, kind: str, i: int, held: Held, start: Start, trial: Array | None, base: Data) -> Data:
+        self.deadline.look()
         here = self.here
         prescribed = kind == "inputs" and bool(here.state.prescribed[i])
         if kind == "parameters":

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rungwise.deadline import Deadline
 from rungwise.models.ladder import Rung
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.derivatives.changes import EndSensitivity
@@ -61,13 +62,14 @@ class _End(NamedTuple):
 
 @dataclass(frozen=True)
 class _Runs:
-    """Runs of so many steps of length h."""
+    """Runs of so many steps of length h; they raise TimeOver where the deadline has come."""
 
     scene: SpaceScene
     model: Rung
     steps: int
     h: float
     theta: float
+    deadline: Deadline
 
     def end(self, values: Mapping[str, float], begin: tuple[Array, Array] | None) -> _End:
         """The end of a run at these parameters from (q, v), or from the scene's start."""
@@ -76,17 +78,22 @@ class _Runs:
             self.scene.changed(goal=None, unsafe=None, doomed=None), self.model, parameters=values,
             state=state, step=self.h, theta=self.theta, duration=(self.steps + 1) * self.h, frames=None,
         )  # fmt: skip
-        modes = []
+        run.deadline = self.deadline
+        modes = list[bytes]()
         for number in range(self.steps):
+            self.deadline.look()
             taken = run.steps
             before = run.time
-            if run.steps_taken(1) == 0 or run.steps == taken:
+            if run.stepper is None:
+                raise ModelError(f"step {number}, from time {before:.6g}: {run.result().reason}")
+            with run.running(run.stepper):
+                ended = run.steps_taken(1) == 0
+            if ended or run.steps == taken:
                 raise ModelError(f"step {number}, from time {before:.6g}: {run.result().reason}")
             if abs(run.time - before - self.h) > 1e-9 * self.h:
                 raise ModelError(
                     f"step {number}, from time {before:.6g}: has no solution, only shorter ones do"
                 )
-            assert run.stepper is not None
             kept, state_modes = run.space.kept, run.stepper.state.modes
             known = np.flatnonzero(kept.geoms[:, 0] >= 0)
             modes.append(np.column_stack([kept.geoms[known], state_modes[known]]).tobytes())
@@ -97,9 +104,9 @@ class _Runs:
 def run_sensitivity_in_space(
     scene: SpaceScene, model: Rung | str, parameters: Mapping[str, float] | None, steps: int,
     h: float | None, q: ArrayLike | None, v: ArrayLike | None, wrt: Sequence[str],
-    names: Sequence[str] | None, theta: float,
+    names: Sequence[str] | None, theta: float, deadline: Deadline,
 ) -> SpaceSensitivity:  # fmt: skip
-    """See `run_sensitivity`. Raises ModelError."""
+    """See `run_sensitivity`. Raises ModelError, and TimeOver."""
     for kind in wrt:
         if kind not in KINDS:
             raise ModelError(f"wrt: unknown kind {str(kind)[:60]!r}{choices(str(kind), KINDS)}")
@@ -109,7 +116,7 @@ def run_sensitivity_in_space(
         if name not in values:
             raise ModelError(f"names: unknown parameter {str(name)[:60]!r}{choices(str(name), values)}")
     bound = scene.bind(values)
-    runs = _Runs(scene, moving_rung(model), steps, bound.step if h is None else h, theta)
+    runs = _Runs(scene, moving_rung(model), steps, bound.step if h is None else h, theta, deadline)
     begin = None if q is None or v is None else (np.array(q, float), np.array(v, float))
     start = (bound.place, bound.motion) if begin is None else begin
     middle = runs.end(values, begin)

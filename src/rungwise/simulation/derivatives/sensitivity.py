@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rungwise.contact.analysis import DATA, Sensitivity
 from rungwise.contact.step import Elimination, Sizes, Unknowns, matrix_size, solve_planar, trim
+from rungwise.deadline import Deadline, go_on, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
@@ -74,6 +75,7 @@ def step_sensitivity(
     deformation: ArrayLike | None = None,
     time: float = 0.0,
     theta: float = 1.0,
+    limit: float | None = None,
 ) -> StepSensitivity:
     """Take one step of length h from (q, v) and differentiate it.
 
@@ -88,15 +90,30 @@ def step_sensitivity(
     Raises:
         ModelError: an argument is wrong, or the step cannot be taken as it is: no solution, a limit of travel
             reached within it.
+        LimitError: `limit` seconds are over before all differences are taken.
     """
-    here, changes = prepared(scene, model, parameters, h, theta, wrt, names)
+    deadline = Deadline(seconds(limit))
+    with deadline.needed_for("the step was differentiated"):
+        return _step_sensitivity(
+            scene, model, parameters, q, v, h, wrt, names, deformation, time, theta, deadline
+        )
+
+
+def _step_sensitivity(
+    scene: Scene | str | Path | Mapping[str, Any], model: Rung | str,
+    parameters: Mapping[str, float] | None, q: ArrayLike, v: ArrayLike, h: float, wrt: Sequence[str],
+    names: Sequence[str] | None, deformation: ArrayLike | None, time: float, theta: float,
+    deadline: Deadline,
+) -> StepSensitivity:  # fmt: skip
+    """See `step_sensitivity`. Raises TimeOver."""
+    here, changes = prepared(scene, model, parameters, h, theta, wrt, names, deadline)
     start = started(here, q, v, deformation, time)
     sizes = [changes.size(kind) for kind in changes.kinds]
     first = np.concatenate([[0], np.cumsum(sizes)])
     directions = {
         kind: np.eye(size, first[-1], k) for kind, size, k in zip(changes.kinds, sizes, first, strict=False)
     }
-    step = differentiated(here, changes, start, directions)
+    step = differentiated(here, changes, start, directions, deadline)
     parts = {kind: slice(a, b) for kind, a, b in zip(changes.kinds, first, first[1:], strict=False)}
     dq, dv, strain = (
         {kind: of[:, part] for kind, part in parts.items()} for of in (step.dq, step.dv, step.ddeformation)
@@ -110,9 +127,9 @@ def step_sensitivity(
 def prepared(
     scene: Scene | str | Path | Mapping[str, Any], model: Rung | str,
     parameters: Mapping[str, float] | None, h: float, theta: float, wrt: Sequence[str],
-    names: Sequence[str] | None,
+    names: Sequence[str] | None, deadline: Deadline,
 ) -> tuple[Assembly, Changes]:  # fmt: skip
-    """The objects that differentiate steps of a scene. Raises ModelError."""
+    """The objects that differentiate steps of a scene. Raises ModelError, and TimeOver."""
     scene = load_planar(scene)
     values = scene.parameters(parameters)
     chosen = tuple(values) if names is None else tuple(names)
@@ -123,7 +140,7 @@ def prepared(
         if kind not in KINDS:
             raise ModelError(f"wrt: {kind!r} is none of {', '.join(KINDS)}")
     here = Assembly(scene, model, values, h, theta)
-    return here, Changes(here, scene, model, values, chosen, wrt)
+    return here, Changes(here, scene, model, values, chosen, wrt, deadline)
 
 
 def started(here: Assembly, q: ArrayLike, v: ArrayLike, deformation: ArrayLike | None, time: float) -> Start:
@@ -153,12 +170,21 @@ class Differentiated(NamedTuple):
 
 
 def differentiated(
-    here: Assembly, changes: Changes, start: Start, directions: dict[str, Array]
+    here: Assembly, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline
 ) -> Differentiated:
     """Take the step from `start`, and differentiate its end along directions (unknowns of a kind, m).
 
-    Raises ModelError if the step cannot be taken, or has no derivative.
+    Raises ModelError if the step cannot be taken, or has no derivative, and TimeOver.
     """
+    with deadline.running(here.workspace.scratch.halt):
+        return _differentiated(here, changes, start, directions, deadline)
+
+
+def _differentiated(
+    here: Assembly, changes: Changes, start: Start, directions: dict[str, Array], deadline: Deadline
+) -> Differentiated:
+    """See `differentiated`."""
+    deadline.look()
     went, features, end = _taken(here, start)
     n, count = len(start.q), next(iter(directions.values())).shape[1]
     quantum = float(here.workspace.terms.rounding[0]) / here.h
@@ -199,6 +225,7 @@ def _taken(here: Assembly, start: Start) -> tuple[Array, NDArray[np.int64], Star
     if here.set_speeds() < here.h:
         raise ModelError("step: a coordinate reaches the end of its travel within it; take a shorter step")
     if attempt(here.records, here.rung, here.workspace, here.h, here.h) != TAKEN:
+        go_on(here.workspace.scratch.halt)
         raise ModelError("step: no step of this length can be taken from here; take a shorter one")
     state = here.state
     features = state.manifolds.features.copy()
@@ -214,6 +241,7 @@ def _solved(here: Assembly, start: Start, trial: Array | None) -> tuple[Held, Se
     for _ in range(LINEARISATIONS):
         count = here.gather(trial)
         if solve_step(Trial(here.rung, h, work.terms, count, state, scratch, work.problem)) != SUPPORTED:
+            go_on(scratch.halt)
             raise ModelError("step: it has no solution")
         if not here.widened(scratch.v_new):
             break

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.errors import InputError
 from rungwise.kernel import Reals
 from rungwise.keywords import keywords
@@ -48,7 +49,9 @@ class Replay:
     times (f,); apart (f, b): distance of the centres of bodies, over the scene's extent, or the angle between
     their axes, whichever is more; parts: when the first body parts, nan if none does; body: its name;
     reasons: what differs there, a line each; outcome: whether the judge's end meets the scene's goal, or it
-    does so while inputs that the run did not need any more go on; `timeout` where the scene has no goal.
+    does so while inputs that the run did not need any more go on; `timeout` where the scene has no goal;
+    `running` where a limit in seconds ended the judge: `unfinished` says what is left then, and times are
+    those of the frames that it came to.
     """
 
     run: SpaceRun
@@ -60,10 +63,14 @@ class Replay:
     body: str
     reasons: tuple[str, ...]
     outcome: str
+    unfinished: str = ""
 
     @property
     def ok(self) -> bool:
-        """Whether the judge comes to the goal as well; without a goal, whether nothing parts."""
+        """Whether the judge comes to the goal as well; without a goal, whether nothing parts up to the run's
+        end."""
+        if self.unfinished:
+            return False
         return self.outcome == "goal" if self.run.scene.file.goal else math.isnan(self.parts)
 
     def __repr__(self) -> str:
@@ -78,7 +85,8 @@ class Replay:
     def __str__(self) -> str:
         head = f"{self.run.scene.name}: {self.run.model.name} beside {self.judge} ({self.settings})"
         lines = [head, f"  {self.judge} comes to: {self.outcome}", f"  {self._parting()}"]
-        return "\n".join([*lines, *(f"  {reason}" for reason in self.reasons)])
+        said = [*self.reasons, self.unfinished] if self.unfinished else self.reasons
+        return "\n".join([*lines, *(f"  {line}" for line in said)])
 
     def summary(self) -> dict[str, Any]:
         """Plain values, as `rungwise replay --json` prints them."""
@@ -92,29 +100,36 @@ class Replay:
             "body": self.body,
             "apart": float(self.apart.max(initial=0.0)),
             "reasons": list(self.reasons),
+            "unfinished": self.unfinished,
         }
 
 
 @keywords
-def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> Replay:
+def replay(
+    run: SpaceRun, *, in_: str = "mujoco", step: float | None = None, limit: float | None = None
+) -> Replay:
     """Give the inputs of a run to another simulator, from the same start, and compare the motions at the
     run's frames. Velocities that the scene prescribes are set before each of the judge's steps.
 
-    `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. Raises
+    `step` is the judge's, the model's own if not given; solver, cone and integrator are the model's. After
+    `limit` seconds the motions are compared as far as the judge has come; see `unfinished`. Raises
     ReplayError for a planar run and for one that never began, ModelError for a step that is not positive.
     """
+    deadline = Deadline(seconds(limit))
     if in_ not in JUDGES:
         raise ReplayError(f"in: unknown {shown(in_)}{choices(in_, JUDGES)}")
     if not isinstance(run, SpaceRun):
         raise ReplayError("run: is not in space; only runs of scenes in space are replayed")
-    if run.space is None or len(run.frames) < 2:
+    if run.space is None:
         raise ReplayError(f"run: did not begin: {run.reason}")
-    course = _Course(run, None if step is None else positive("step", step))
-    states = [course.start(), *(course.at(frame.time) for frame in run.frames[1:])]
-    times = np.array([frame.time for frame in run.frames])
+    if len(run.frames) < 2:
+        raise ReplayError(f"run: has no step to replay: {run.reason}")
+    course = _Course(run, None if step is None else positive("step", step), deadline)
+    states, outcome, unfinished = _followed(course, run.frames)
+    times = np.array([frame.time for frame in run.frames[: len(states)]])
     extent = float(run.space.model.stat.extent)
     apart = np.array(
-        [_apart(course, frame, state.q, extent) for frame, state in zip(run.frames, states, strict=True)]
+        [_apart(course, frame, state.q, extent) for frame, state in zip(run.frames, states, strict=False)]
     )
     late = np.flatnonzero((apart > PARTS).any(axis=1))
     parts, body, reasons = math.nan, "", list[str]()
@@ -123,7 +138,19 @@ def replay(run: SpaceRun, *, in_: str = "mujoco", step: float | None = None) -> 
         number = int(np.argmax(apart[k]))
         parts, body = float(times[k]), run.scene.labels.bodies[number]
         reasons = _reasons(course, run.frames[max(k - 1, 0)], states[max(k - 1, 0)])
-    return Replay(run, in_, course.settings, times, apart, parts, body, tuple(reasons), course.outcome())
+    return Replay(run, in_, course.settings, times, apart, parts, body, tuple(reasons), outcome, unfinished)
+
+
+def _followed(course: _Course, frames: Sequence[Frame]) -> tuple[list[_Place], str, str]:
+    """The judge's states at the first frames, or at all; its outcome; and what a limit left undone."""
+    states = [course.start()]
+    try:
+        for frame in frames[1:]:
+            states.append(course.at(frame.time))
+        return states, course.outcome(), ""
+    except TimeOver:
+        left = f"the time was over when {course.run.scene.name} had come to t = {course.data.time:.4g}"
+        return states, Code.RUNNING.name.lower(), f"{left} in the judge, of {frames[-1].time:.4g}"
 
 
 class _Place(NamedTuple):
@@ -140,6 +167,7 @@ class _Course:
 
     run: SpaceRun
     step: float | None
+    deadline: Deadline
     data: Any = field(init=False)
 
     def __post_init__(self) -> None:
@@ -164,10 +192,11 @@ class _Course:
         return _Place(first.q, first.v, self.bound.control.copy())
 
     def at(self, time: float) -> _Place:
-        """Go on to a time."""
+        """Go on to a time. Raises TimeOver."""
         mujoco, d, m = library(), self.data, self.model
         own = float(m.opt.timestep)
         while d.time < time - 1e-9 * own:
+            self.deadline.look()
             h = min(own, time - d.time)
             self.clock.tell(d.time + h, self.values.told)
             self.bound.tell(self.values.told)

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import Deadline, seconds
 from rungwise.models.ladder import rung
-from rungwise.planning.diagnosis.diagnose import NOTHING, Diagnosis, both, distances
+from rungwise.planning.diagnosis.diagnose import NOTHING, Diagnosis, Watch, both, distances
 from rungwise.planning.diagnosis.sentences import UNTOUCHED
 from rungwise.scene import Scene
 from rungwise.viewing.plane.arrows import view_of
@@ -44,13 +45,16 @@ def draw_parting(
     parameters: Mapping[str, float] | None = None,
     other_parameters: Mapping[str, float] | None = None,
     at: float | None = None,
+    limit: float | None = None,
 ) -> Path:
     """Draw a diagnosis: both motions where they part, or at the time `at`, and where they are farthest apart.
 
     The runs are made again, from the inputs and accuracies in the diagnosis, at the parameters for which it
     was made. The kind of file (png, svg, pdf) follows from its ending. Raises ViewError where matplotlib is
-    missing, the kind is unknown or the file cannot be written.
+    missing, the kind is unknown or the file cannot be written, and LimitError where `limit` seconds are over
+    before the runs are made: half of a motion is no picture of where two part.
     """
+    watch = Watch(None, Deadline(seconds(limit)))
     needs_matplotlib("parting")
     if UNTOUCHED in found.causes:
         raise ViewError(f"parting: {found.before} has places, but no motion to draw")
@@ -61,7 +65,8 @@ def draw_parting(
         world_of(scene).variant(values, rung(name), tol)
         for values, name, tol in zip((own, others), names, found.tols, strict=True)
     )
-    _, motions, until = both(one, other, found.inputs, world_of(scene).at(own).moved.weights)
+    with watch.deadline.needed_for("the motions on both rungs were known"):
+        _, motions, until = both(one, other, found.inputs, world_of(scene).at(own).moved.weights, watch)
     clips = [
         replace(
             of_trajectory(world.scene, world.parameters, motion.data), model=label, outcome=end["outcome"]

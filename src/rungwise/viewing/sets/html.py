@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Ints, Reals
 from rungwise.models.ladder import LADDER
 from rungwise.outcome import Code
@@ -40,9 +41,10 @@ RUNS, FRAMES, CANDIDATES = 48, 60, 4096
 VOLUME_SAMPLES = 100_000
 
 
-def page(found: Sequence[FeasibleSet], largest: int = LARGEST) -> str:
-    """Text of the file. Sets must be of one scene over the same box (see `view`)."""
-    rows = _played(found, run_points(found, RUNS))
+def page(found: Sequence[FeasibleSet], deadline: Deadline = NEVER, largest: int = LARGEST) -> str:
+    """Text of the file, with runs at the points that are run before the deadline. Sets must be of one scene
+    over the same box (see `view`)."""
+    rows = _played(found, run_points(found, RUNS), deadline)
     title = f"sets of {found[0].scene.name} over {', '.join(found[0].over)}"
     fixed = _data(found)
     while True:
@@ -85,12 +87,14 @@ class _Row:
     labels: list[int]
 
 
-def _played(found: Sequence[FeasibleSet], points: Reals) -> list[_Row]:
+def _played(found: Sequence[FeasibleSet], points: Reals, deadline: Deadline) -> list[_Row]:
     rows = []
     for point in points:
         values = dict(zip(found[0].over, point.tolist(), strict=True))
-        runs = [each.replay(each.parameters | values) for each in found]
+        runs = [each.replay(each.parameters | values, limit=deadline.seconds) for each in found]
         codes = np.array([run.outcome.code for run in runs])
+        if (codes == Code.RUNNING).any():
+            break
         if (codes != Code.INVALID).all():
             rows.append(_Row(point, [_thin(clip(run)) for run in runs], labels(codes).tolist()))
     return rows

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.fields.values import shown
@@ -62,12 +63,12 @@ class MovingPlace:
         """Recall a run's last step. Raises ValueError where it is of another system."""
         recall(self._stepper, core)
 
-    def values(self, states: States, terms: list[Term]) -> Reals:
+    def values(self, states: States, terms: list[Term], deadline: Deadline = NEVER) -> Reals:
         """Values of terms (m, k)."""
         programs, rows = Programs([term.code for term in terms]), self._rows(states)
         values = Values(self.scene, self.bound, [term.code for term in terms])
         blank = values.all.copy()
-        numbers = np.array([self._numbers(row, values, blank) for row in rows])
+        numbers = np.array([self._numbers(row, values, blank) for row in deadline.before(rows)])
         found = np.zeros((len(rows), len(terms)))
         code = (programs.code, programs.constants, programs.table)
         read(code, numbers.reshape(len(rows), self.scene.template.value_count), np.zeros(STACK), found)
@@ -95,10 +96,10 @@ class MovingPlace:
             raise StateError("state.memory: is of another scene") from None
         return float(self._stepper.state.deformation[:, 0].max(initial=0.0))
 
-    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
+    def geometry(self, states: States, deadline: Deadline = NEVER) -> tuple[Reals, NDArray[np.bool_], Reals]:
         """Gaps (m, c), collisions (m,), poses (m, b, k)."""
         rows, pairs = self._rows(states), numbered(self.scene)
-        gaps = np.array([[self.system.gap(row.q, a, b) for a, b in pairs] for row in rows])
+        gaps = np.array([[self.system.gap(row.q, a, b) for a, b in pairs] for row in deadline.before(rows)])
         sunk = np.array([0.0 if row.memory is None else self._recalled(row.memory) for row in rows])
         gaps = gaps.reshape(len(rows), len(pairs))
         allowed = OVERLAP * self.system.size.length + 2.0 * sunk

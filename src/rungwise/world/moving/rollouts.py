@@ -20,7 +20,7 @@ from rungwise.world.arguments import Asked
 from rungwise.world.contract import Told
 from rungwise.world.moving.runs import MOST, PARTS, MovingRuns, columns, sampled
 from rungwise.world.rolled import Rolled
-from rungwise.world.run import simulate
+from rungwise.world.run import finished, simulation_of
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,8 +59,8 @@ def rollout(
     def of_sample(i: int) -> dict[str, Any]:
         return options | wanted.options(scene, i)
 
-    def again(i: int) -> Any:
-        return simulate(scene, model, **of_sample(i))
+    def again(i: int, deadline: Deadline) -> Any:
+        return finished(simulation_of(scene, model, **of_sample(i)), None, deadline)
 
     return kind(
         scene=scene, model=model, **columns(found),

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rungwise.deadline import Deadline
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC, Rung
 from rungwise.scene import SceneError
@@ -95,7 +95,7 @@ class MovingWorld(ABC):
         """Outcome and time."""
         return {"outcome": str(run.outcome), "time": run.time}
 
-    def matched(self, parameters: dict[str, float], _duration: float) -> Matched:
+    def matched(self, parameters: dict[str, float], _duration: float, _deadline: Deadline = NEVER) -> Matched:
         """The scene as it is: nothing is matched."""
         bare = self.scene.changed(goal=None, unsafe=None, doomed=None, task=None)
         return Matched(self.scene.changed(task=None), bare, parameters, {}, ("nothing is matched",), ())
@@ -103,7 +103,9 @@ class MovingWorld(ABC):
     def marks(self, _parameters: Mapping[str, float]) -> Coordinates:
         return Coordinates(self.scene.template.coordinates)
 
-    def measures(self, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+    def measures(
+        self, parameters: dict[str, float], duration: float, _deadline: Deadline = NEVER
+    ) -> tuple[float, Reals]:
         """How far coordinates get from the origin or from each other in the slowest motion, at least the size
         of the smallest thing; and 1 for coordinates of objects, 0 for those of robots."""
         simulation = self.simulation(KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3)

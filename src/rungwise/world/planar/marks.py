@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene, SceneError
 from rungwise.simulation.run import Simulation
-from rungwise.world.run import finished
+from rungwise.world.run import completed
 
 
-def measures(scene: Scene, parameters: dict[str, float], duration: float) -> tuple[float, Reals]:
+def measures(
+    scene: Scene, parameters: dict[str, float], duration: float, deadline: Deadline = NEVER
+) -> tuple[float, Reals]:
     """The extent of a scene, and levers (n,) of its coordinates: of objects 1, and for angles the longest
     reach; 0 for robots, unless there are no objects. Raises SceneError where no run can begin."""
-    run = finished(Simulation(scene, KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3))
+    begun = Simulation(scene, KINEMATIC, parameters=parameters, duration=1e-3 * duration, frames=3)
+    run = completed(begun, deadline)
     if run.workspace is None:
         raise SceneError(run.reason)
     clock, names = run.workspace.state.clock[0], scene.template.coordinates

@@ -6,6 +6,7 @@ import json
 import math
 from typing import Any
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.scene import Scene, load
 from rungwise.scene.template.records import Records
@@ -15,14 +16,16 @@ from rungwise.simulation.run import Simulation
 from rungwise.world.ingredients import CONDITIONS
 from rungwise.world.matching import BOUNCE, DAMPING, STIFFNESS, TURN, Matched, alike, flexibility
 from rungwise.world.planar.variant import GIVE, PlanarVariant
-from rungwise.world.run import finished
+from rungwise.world.run import completed
 
 
-def matched(scene: Scene, parameters: dict[str, float], duration: float) -> Matched:
+def matched(
+    scene: Scene, parameters: dict[str, float], duration: float, deadline: Deadline = NEVER
+) -> Matched:
     """The scene with matched parameters: where a contact has restitution, its damping follows from that,
     otherwise its restitution follows from its damping."""
     records = PlanarVariant(scene, parameters, DYNAMIC_RIGID, 0.0).records
-    names, masses = scene.template.contacts, _masses(scene, parameters, duration)
+    names, masses = scene.template.contacts, _masses(scene, parameters, duration, deadline)
     extra: dict[str, float] = {STIFFNESS: 1.0, DAMPING: 1.0}
     contacts, notes, ratios = [], [], []
     for k, (pair, record) in enumerate(zip(names, records.contacts, strict=True)):
@@ -59,7 +62,9 @@ def _contact(pair: tuple[str, str], friction: float, k: int, give: dict[str, flo
     return {"between": list(pair), "friction": friction, "restitution": BOUNCE.format(k), **numbers}
 
 
-def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict[int, float]:
+def _masses(
+    scene: Scene, parameters: dict[str, float], duration: float, deadline: Deadline
+) -> dict[int, float]:
     """The mass that each contact feels along its normal without friction, where it first closes in the rigid
     dynamic run; contacts that never do are left out."""
     found: dict[int, float] = {}
@@ -69,9 +74,9 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
     bare = load(file)
     for k, (a, b) in enumerate(scene.template.contacts):
         until = Segment({}, duration, f"gap({a}, {b}) <= tolerance")
-        run = _run(bare, parameters=parameters, inputs=[until])
+        run = _run(bare, deadline, parameters=parameters, inputs=[until])
         if run.steps == 0:  # closed from the start: a first step, for its terms
-            run = _run(bare, parameters=parameters, duration=1e-6 * duration)
+            run = _run(bare, deadline, parameters=parameters, duration=1e-6 * duration)
         if run.workspace is None or run.time >= duration:
             continue
         terms, state, clock = run.workspace.terms, run.workspace.state, run.workspace.state.clock[0]
@@ -85,8 +90,8 @@ def _masses(scene: Scene, parameters: dict[str, float], duration: float) -> dict
     return found
 
 
-def _run(scene: Scene, **options: Any) -> Run:
-    run: Run = finished(Simulation(scene, DYNAMIC_RIGID, frames=3, **options))
+def _run(scene: Scene, deadline: Deadline, **options: Any) -> Run:
+    run: Run = completed(Simulation(scene, DYNAMIC_RIGID, frames=3, **options), deadline)
     return run
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene import Scene
@@ -62,12 +63,14 @@ class PlanarPlace:
         gravity = math.hypot(world["gravity_x"], world["gravity_y"])
         return scale_of(dimension, length, time, max(masses, default=0.0), gravity)
 
-    def values(self, states: States, terms: list[Term]) -> Reals:
+    def values(self, states: States, terms: list[Term], deadline: Deadline = NEVER) -> Reals:
         """Values of terms (m, k)."""
+        deadline.look()
         return self.answers(self.rows(states), terms)[0]
 
-    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
+    def geometry(self, states: States, deadline: Deadline = NEVER) -> tuple[Reals, NDArray[np.bool_], Reals]:
         """Gaps (m, c), collisions (m,), poses (m, b, 3)."""
+        deadline.look()
         rows = self.rows(states)
         _, gaps, poses = self.answers(rows, [])
         collides = np.any(gaps < -(slack(self.workspace) + rows.overlaps), axis=1)

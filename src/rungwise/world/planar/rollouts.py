@@ -82,8 +82,8 @@ def rollout(
     )  # fmt: skip
     found, n = samples.results, len(scene.template.coordinates)
 
-    def again(i: int) -> Any:
-        return finished(Simulation(scene, rung, **of_sample(i)))
+    def again(i: int, deadline: Deadline) -> Any:
+        return finished(Simulation(scene, rung, **of_sample(i)), None, deadline)
 
     return Rollouts(
         scene=scene, model=rung, **columns(found), worst_residual=found["worst_residual"].copy(),

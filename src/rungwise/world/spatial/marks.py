@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.scene import SceneError
 from rungwise.scene.space import SpaceScene
 from rungwise.simulation.spatial.run import SpaceSimulation
 from rungwise.world.contract import OBJECT
-from rungwise.world.run import finished
+from rungwise.world.run import completed
 from rungwise.world.spatial.instance import reaches_of, roles_in_space
 
 if TYPE_CHECKING:
@@ -53,13 +54,14 @@ def marks_of(scene: SpaceScene, parameters: Mapping[str, float]) -> Bodies:
     return Bodies(tuple(f"{name} {part}" for name in moving for part in ("centre", *AXES)), model)
 
 
-def measures(scene: SpaceScene, parameters: Mapping[str, float], duration: float) -> tuple[float, Reals]:
+def measures(
+    scene: SpaceScene, parameters: Mapping[str, float], duration: float, deadline: Deadline = NEVER
+) -> tuple[float, Reals]:
     """The extent of a scene, the longest edge of the box around all geoms of finite size at the start, and
     levers (4 b,) of the places of `Bodies`: of objects 1, and for axes how far the body reaches; 0 for
     robots, unless there are no objects. Raises SceneError where no run can begin."""
-    run = finished(
-        SpaceSimulation(scene, "kinematic", parameters=parameters, duration=1e-6 * duration, frames=3)
-    )
+    begun = SpaceSimulation(scene, "kinematic", parameters=parameters, duration=1e-6 * duration, frames=3)
+    run = completed(begun, deadline)
     if run.space is None or not run.frames:
         raise SceneError(run.reason)
     space = run.space

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import DYNAMIC_RIGID
 from rungwise.outcome import Code
@@ -28,13 +29,15 @@ KEPT = "rho^2 = I/m of the kinematic rung stays each body's own in space"
 Pair = tuple[int, int]
 
 
-def matched(scene: SpaceScene, parameters: dict[str, float], duration: float) -> Matched:
+def matched(
+    scene: SpaceScene, parameters: dict[str, float], duration: float, deadline: Deadline = NEVER
+) -> Matched:
     """The scene with matched parameters: where a contact has restitution, its damping follows from that,
     otherwise its restitution follows from its damping."""
     bound, file = scene.bind(parameters), json.loads(scene.stored)
     file.pop("task", None)
     bare = {name: value for name, value in file.items() if name not in CONDITIONS}
-    masses = _masses(load_space(bare), parameters, duration)
+    masses = _masses(load_space(bare), parameters, duration, deadline)
     extra: dict[str, float] = {STIFFNESS: 1.0, DAMPING: 1.0}
     entries, ratios, told = list[dict[str, Any]](), list[float](), dict[str, list[str]]()
     names, room = scene.labels.geoms, ENTRIES - len(scene.file.contacts) - 1
@@ -96,7 +99,9 @@ def _is_one(scene: SpaceScene, bound: SpaceBound, geom: int) -> bool:
     return [model.geom(g).name for g in range(model.ngeom)].count(name) <= 1
 
 
-def _masses(scene: SpaceScene, parameters: dict[str, float], duration: float) -> dict[Pair, float]:
+def _masses(
+    scene: SpaceScene, parameters: dict[str, float], duration: float, deadline: Deadline
+) -> dict[Pair, float]:
     """The mass that each pair of geoms feels along the normal of a contact, without friction, where it first
     pushes in the rigid dynamic run, in the order of these touches."""
     found: dict[Pair, float] = {}
@@ -106,8 +111,11 @@ def _masses(scene: SpaceScene, parameters: dict[str, float], duration: float) ->
     stepper = simulation.stepper
     if stepper is None:
         return found
+    simulation.deadline = deadline
     while simulation.outcome == Code.RUNNING and simulation.steps < STEPS:
-        simulation.take()
+        deadline.look()
+        with simulation.running(stepper):
+            simulation.take()
         d, terms = simulation.space.size.directions, stepper.terms
         for k, slot in enumerate(stepper.scratch.slots[: stepper.contacts]):
             if slot >= simulation.space.most or not stepper.scratch.contact_force[k * d] > 0.0:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import Reals
 from rungwise.models.ladder import KINEMATIC
 from rungwise.scene.language.terms import ANGLE, LENGTH, TIME, Dimension
@@ -60,13 +61,14 @@ class SpatialPlace(MovingPlace):
     def recall(self, core: Reals) -> None:
         recall(self._stepper, self.space, core)
 
-    def geometry(self, states: States) -> tuple[Reals, NDArray[np.bool_], Reals]:
+    def geometry(self, states: States, deadline: Deadline = NEVER) -> tuple[Reals, NDArray[np.bool_], Reals]:
         """Gaps (m, c), collisions (m,), poses (m, b, 7)."""
         rows, template, data = self._rows(states), self.scene.template, self.space.data
         pairs = [tuple(template.bodies.index(name) for name in pair) for pair in template.contacts]
         gaps = np.zeros((len(rows), len(pairs)))
         collides, poses = np.zeros(len(rows), bool), np.zeros((len(rows), len(template.bodies), 7))
         for i, row in enumerate(rows):
+            deadline.look()
             gaps[i] = [self.space.gap(row.q, a, b) for a, b in pairs]
             sunk = 0.0 if row.memory is None else self._recalled(row.memory)
             deepest = min((gap for gap, _, _ in self.space.overlaps(row.q)), default=0.0)
