@@ -77,6 +77,44 @@ def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7, led: dict[str, Any
     )  # fmt: skip
 
 
+def _pushed_box() -> rw.Scene:
+    """A box on a support, seen from above, with two fingers at given speeds."""
+    finger = {
+        "role": "robot", "shape": {"kind": "disc", "radius": 0.005}, "motion": {"kind": "free"},
+        "coordinates": {"angle": {"drive": {"kind": "speed", "speed": 0}}},
+    }  # fmt: skip
+    bodies: dict[str, Any] = {
+        f"finger{k}": finger
+        | {"pose": {"x": -0.3, "y": 0.1 * k}}
+        | {
+            "coordinates": finger["coordinates"]
+            | {axis: {"drive": {"kind": "speed", "speed": f"0.1 * {axis}{k}"}} for axis in "xy"}
+        }
+        for k in (1, 2)
+    }
+    bodies["part"] = {
+        "role": "object", "mass": 1, "shape": {"kind": "box", "width": 0.2, "height": 0.2},
+        "motion": {"kind": "free"}, "support": {"friction": 0.3, "load": 9.81},
+    }  # fmt: skip
+    inputs = ["x1", "y1", "x2", "y2"]
+    led = {"speed": 0.1, "clearance": 0.005, "push": [0.01, 1.0]}
+    return rw.load(
+        {
+            "name": "pushed_box", "parameters": {name: {"default": 0.0} for name in inputs},
+            "inputs": inputs, "bodies": bodies,
+            "contacts": [
+                {"between": ["finger*", "part"], "friction": 0.5, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["finger1", "finger2"], "friction": 0, "stiffness": 1e6, "damping": 1e3},
+            ],
+            "goal": "hypot(part.x - 0.5, part.y) <= 0.05", "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "task": {
+                "inputs": {name: {"range": [-1, 1]} for name in inputs}, "moves": [1, 6],
+                "transit": {"finger1": led, "finger2": led},
+            },
+        }
+    )  # fmt: skip
+
+
 def _work(scene: rw.Scene) -> Work:
     return begin(task_of(scene), Budget(None, 60.0), 0, 1)
 
@@ -220,6 +258,30 @@ def test_a_tree_that_finds_nothing_ends_with_the_budget(budget: int) -> None:
     trees = work.budget.spent.total()
     assert budget <= trees <= 2 * budget + 5_000
     assert work.budget.ended == "the budget is spent"
+
+
+def test_two_fingers_at_given_speeds_push_side_by_side() -> None:
+    """A box on a support is led straight on and about a point beside it by two fingers on one face, and they
+    press both."""
+    scene = _pushed_box()
+    ground, seen = _start(scene)
+    used = np.ones(2, np.int64)
+    placed: Any = seen.q
+    for f, part in enumerate((0.05, 0.2)):
+        placed = ground.placed(placed, f, part)
+    begun = ground.look(placed)
+    point, normal = ground.around.outline(ground.body)(np.array([0.05, 0.2]))
+    assert normal[0] == pytest.approx(normal[1])
+    for turn in (0.0, 0.02, -0.02):
+        want = np.array([*(-0.1 * normal[0]), turn])
+        found = motion(ground, begun, used, (), want, 0.0)
+        assert found is not None
+        assert found.change * ground.units == pytest.approx(want, abs=1e-6)
+        pushes = [found.pushes[finger.columns] @ -normal[0] for finger in ground.fingers]
+        assert min(pushes) > 0.05 * max(pushes)
+    parts = ground.beside(np.full(50, 0.05), np.random.default_rng(0))
+    assert ground.around.outline(ground.body)(parts)[1] == pytest.approx(np.tile(normal[0], (50, 1)))
+    assert np.ptp(parts) > 0.1 and point.shape == (2, 2)
 
 
 def test_saved_plans_are_read_again(tmp_path: Any) -> None:

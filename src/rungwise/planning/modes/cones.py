@@ -62,7 +62,7 @@ def memory_for(contacts: int, fingers: int, edges: int, size: int, coordinates: 
     """Memory for so many contacts, fingers and edges, of an object of `size` coordinates, of all
     `coordinates`."""
     own = 2 * (contacts + fingers)
-    rows, edges = size + own, max(own, edges) + 1
+    rows, edges = size + 2 * own, max(own, edges) + 1
     told = min(contacts, MOST)
     most = 2**told * (told + 2)
     shapes: dict[str, tuple[int, ...]] = {

@@ -37,7 +37,9 @@ Flags: TypeAlias = NDArray[np.bool_]
 MORE = 8
 """Contacts and edges for which more memory is taken than is asked for."""
 AROUND = 240
-"""Places on the outline among which those that are opposite of others are sought."""
+"""Places on the outline among which those that are opposite of others, or face alike, are sought."""
+ALIKE = 0.9
+"""Cosine of the angle between normals up to which places on the outline face alike."""
 
 
 class Seen(NamedTuple):
@@ -139,6 +141,15 @@ class Ground:
         across = np.abs(ways[..., 0] * normals[:, None, 1] - ways[..., 1] * normals[:, None, 0])
         faces = (facing[None] * normals[:, None]).sum(axis=2)
         return np.asarray(every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)])
+
+    def beside(self, parts: Reals, rng: np.random.Generator) -> Reals:
+        """Parts (m,) of the outline that face where others (m,) do, nearly, drawn among those; the same parts
+        where nothing else does."""
+        outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
+        normals, facing = outline(parts)[1], outline(every)[1]
+        alike = rng.random((len(parts), AROUND)) * (normals @ facing.T > ALIKE)
+        best = alike.argmax(axis=1)
+        return np.where(alike[np.arange(len(parts)), best] > 0.0, every[best], parts)
 
     def edges(self, seen: Seen, parts: Reals) -> Reals:
         """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)

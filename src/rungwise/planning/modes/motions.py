@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, kernel
-from rungwise.planning.modes.cones import MOST, PART, SLIDE, STICK, TINY, Memory, nonnegative
+from rungwise.planning.modes.cones import AMID, MOST, PART, SLIDE, STICK, TINY, Memory, nonnegative
 
 RIGIDLY = 1e3
 """Weight with which contacts of an object on supports are kept."""
@@ -217,6 +217,8 @@ def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: M
     scale, least, greatest = math.sqrt(_dot(want, want, want.shape[0])), math.inf, 0.0
     if not leans(m, mode, want, memory):
         return False
+    if fingers > 1:
+        _center(m, hold(mode, memory), scale, memory)
     for f in range(fingers):
         own = memory.share[2 * f] + memory.share[2 * f + 1]
         least, greatest = min(least, own), max(greatest, own)
@@ -232,6 +234,20 @@ def drags(m: int, fingers: int, limit: float, mode: Ints, want: Reals, memory: M
     for j in range(m):
         memory.share[j] *= limit / math.sqrt(total)
     return True
+
+
+@kernel
+def _center(m: int, rows: int, scale: float, memory: Memory) -> None:
+    """After `leans`: of all forces that make the same motion the least, amid the cones, so that all press."""
+    size = memory.change.shape[0]
+    for i in range(size + rows + m):
+        memory.wanted[i] = memory.change[i] / scale if i < size else 0.0
+    for j in range(m):
+        for i in range(m):
+            memory.columns[j, size + rows + i] = AMID if i == j else 0.0
+    nonnegative(m, size + rows + m, memory)
+    for j in range(m):
+        memory.share[j] = memory.share[j] / memory.lengths[j] if memory.lengths[j] > 0.0 else 0.0
 
 
 @kernel

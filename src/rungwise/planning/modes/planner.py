@@ -147,7 +147,7 @@ class ModePlanner:
         q = node.places.q[0]
         legs = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
-            rounds, work.failures, self._look, self._course(ground),
+            rounds, work.failures, self._look, self._course(ground), work.task.moves[1] - node.grasps,
         )  # fmt: skip
         if legs is None:
             return None

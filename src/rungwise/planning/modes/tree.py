@@ -36,6 +36,8 @@ POOL, TRIES, PLACED, ENOUGH = 48, 120, 24, 6
 fingers are placed, and those that fit after which no more are."""
 LEAVES, IDLE = 0.6, 0.25
 """How often a finger changes its place, and then touches nothing."""
+ALONE = 0.4
+"""How often a finger at a given speed pushes alone, where others could push beside it."""
 OPPOSITE = 0.5
 """How often a finger is placed across the object from another."""
 REGRASPS = 0.3
@@ -53,11 +55,12 @@ class Leg(NamedTuple):
 
 @dataclass
 class Tree:
-    """Places (n,) of nodes, with the fingers that hold the object there (f,); their parents, the legs that
-    led there, and how often each was chosen."""
+    """Places (n,) of nodes, with the fingers that hold the object there (f,); how often these may still
+    change places; their parents, the legs that led there, and how often each was chosen."""
 
     seen: list[Seen]
     used: list[Ints]
+    left: list[int]
     parents: list[int] = field(default_factory=lambda: [-1])
     legs: list[Leg | None] = field(default_factory=lambda: [None])
     chosen: list[int] = field(default_factory=lambda: [0])
@@ -76,13 +79,14 @@ class Tree:
 def propose(
     ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
     rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[int], None], path: Reals,
+    most: int,
 ) -> list[Leg] | None:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
     counts why nodes were not extended; `look` is called with the steps and the draws that are made, and may
     raise. `home` (n,): where fingers are when idle; `path` (p, n): places on the way, towards which most legs
-    go, none where it is not known."""
+    go, none where it is not known; most: how often fingers may change places."""
     begun = ground.look(q)
-    tree = Tree([begun], [(begun.held >= 0).astype(np.int64)])
+    tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
     low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
         return []
@@ -100,6 +104,7 @@ def propose(
             seen = ground.look(leg.way.places[-1])
             tree.seen.append(seen)
             tree.used.append(leg.way.used)
+            tree.left.append(tree.left[node] - int(leg.changes.any()))
             tree.parents.append(node)
             tree.legs.append(leg)
             tree.chosen.append(0)
@@ -151,7 +156,9 @@ def _extended(
     picked = range(count) if rng.random() < GREEDY else rng.permutation(len(every))[:count].tolist()
     for k in picked:
         mode = every[k][0]
-        grasps = list(_grasps(ground, seen, used, mode, want, home, press, rng, failed, look))
+        grasps = list(
+            _grasps(ground, seen, used, mode, want, home, press, rng, failed, look, tree.left[node] > 0)
+        )
         ways = list[tuple[float, int, Leg]]()
         for begun, own, changes in grasps:
             way = follow(ground, begun, own, mode, target, press, look)
@@ -166,15 +173,15 @@ def _extended(
 
 def _grasps(
     ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...], want: Reals, home: Reals, press: float,
-    rng: np.random.Generator, failed: Counter[str], look: Callable[[int], None],
+    rng: np.random.Generator, failed: Counter[str], look: Callable[[int], None], may_change: bool,
 ) -> Iterator[tuple[Seen, Ints, Ints]]:  # fmt: skip
     """Places of fingers with which a mode can be made: what touches there, fingers that hold (f,), and those
-    that changed (f,)."""
+    that changed (f,), where they may."""
     kept = False
     if used.any() and _makes(ground, seen, used, mode, want, press):
         kept = True
         yield seen, used, np.zeros_like(used)
-    if kept and rng.random() > REGRASPS:
+    if not may_change or (kept and rng.random() > REGRASPS):
         return
     may = could(ground, seen, mode, want, press)
     parts = _pool(ground, seen, used, rng)
@@ -224,13 +231,10 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
     own[touching] = rng.random(len(touching)) >= (IDLE if len(can) > 1 else 0.0)
     if not own.any():
         own[rng.choice(touching)] = 1
-    if not ground.fingers[0].carrier.by_place and own.sum() > 1:
-        alone = int(rng.choice(np.flatnonzero(own)))  # two at given speeds jam what is between them
-        changes[(own > 0) & (used > 0)] = 1
-        changes[alone] = max(changes[alone], 1 - used[alone])
-        own[:] = 0
-        own[alone] = 1
     picked = rng.integers(POOL, size=count)
+    if not ground.fingers[0].carrier.by_place and own.sum() > 1:
+        _at_speeds(used, changes, own, picked, rng)
+        return changes, own, picked
     held, moved = np.flatnonzero(own), np.flatnonzero(changes * own)
     if len(held) > 1 and len(moved) and rng.random() < OPPOSITE:
         one = int(rng.choice(moved))
@@ -239,12 +243,32 @@ def _drawn(ground: Ground, used: Ints, rng: np.random.Generator) -> tuple[Ints, 
     return changes, own, picked
 
 
+def _at_speeds(used: Ints, changes: Ints, own: Ints, picked: Ints, rng: np.random.Generator) -> None:
+    """Let fingers at given speeds push side by side, where two would jam what is between them: beside one
+    that is drawn, or that stays; or let that one push alone."""
+    staying = np.flatnonzero(own * used * (1 - changes))
+    one = int(rng.choice(staying if len(staying) else np.flatnonzero(own)))
+    if rng.random() < ALONE:
+        changes[(own > 0) & (used > 0) & (np.arange(len(own)) != one)] = 1
+        own[:] = 0
+        own[one] = 1
+        return
+    for f in np.flatnonzero(own):
+        if f != one:
+            changes[f] = 1
+            picked[f] = POOL + len(own) + (len(own) + picked[one] if changes[one] else one)
+
+
 def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> Reals:
     """Parts of the outline of which some are drawn: any, then those opposite of them, then those opposite of
-    each finger, as far as it touches."""
+    each finger, as far as it touches; where fingers move at given speeds, then parts beside each finger, and
+    beside all that come first."""
     drawn = rng.random(POOL // 2)
     places = np.array([ground.part(seen, f)[0] if used[f] else 0.0 for f in range(len(used))])
-    return np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
+    found = np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
+    if ground.fingers[0].carrier.by_place or len(used) == 1:
+        return found
+    return np.concatenate([found, ground.beside(np.concatenate([places, found[:POOL]]), rng)])
 
 
 def _placed(
