@@ -64,3 +64,26 @@ def test_fingers_that_squeeze_take_the_steps_they_are_given(model: rw.Rung) -> N
         assert run.outcome != "not_converged", (seed, run.reason)
         ended.append(run.outcome == "missed" and run.steps <= 200)
     assert sum(ended) >= 20
+
+
+@pytest.mark.parametrize("model", [rw.QUASISTATIC_RIGID, rw.QUASISTATIC_COMPLIANT])
+def test_fingers_follow_their_targets_through_the_air_whatever_a_faint_spring_pulls(model: rw.Rung) -> None:
+    """Servos with a limit exert next to nothing there, and hold all the same."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        size, mass, speed = 10 ** rng.uniform((-2, -2, -2), (1, 2, 1))
+        spring = mass * 9.81 / size * 10 ** rng.uniform(0, 3)
+        servo = {"kind": "servo", "stiffness": spring, "damping": 0.01 * spring, "limit": spring * size}
+        turn = {"kind": "servo", "stiffness": spring * size**2, "target": 10 ** rng.uniform(-12, -6)}
+        finger = {
+            "role": "robot", "shape": {"kind": "disc", "radius": 0.1 * size}, "mass": mass, "motion": {"kind": "free"},
+            "coordinates": {
+                "x": {"drive": servo | {"target": f"{speed * size} * t"}}, "y": {"drive": servo | {"target": 0}},
+                "angle": {"drive": turn, "damping": spring * size**2},
+            },
+        }  # fmt: skip
+        scene = {"name": "air", "bodies": {"finger": finger}, "step": 0.01, "duration": 0.1}
+        run = rw.simulate(scene, model)
+        assert run.outcome == "timeout", (seed, run.reason)
+        lag = speed * size * 0.01
+        assert run.final["finger"]["x"] == pytest.approx(0.1 * speed * size - lag, abs=lag)

@@ -184,6 +184,46 @@ def test_what_settles_does_not_snap(tol: float | None) -> None:
         assert str(run.outcome) == "timeout", (seed, run.reason)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_box_on_a_slope_settles_whatever_error_is_allowed(seed: int) -> None:
+    """Faces turn as it settles, by more than the error that is allowed: it settles all the same, at once."""
+    random = np.random.default_rng(seed)
+    width, height, slope = random.uniform((0.1, 0.05, -0.3), (0.3, 0.1, 0.3))
+    slide = scene(
+        {"floor": fixed(9.0, 1.0, y=-0.5), "box": free(box(width, height), y=0.5 * height)},
+        random,
+        0.7,
+        slope,
+    )
+    stiffness = slide["contacts"][0]["stiffness"] = 10 ** random.uniform(4, 6)
+    slide["contacts"][0]["damping"] = 0.0
+    sinks, tips = G / stiffness / 2.0, height * math.tan(abs(slope)) / width
+    run = rw.simulate(slide, "quasistatic-compliant", tol=sinks * 10 ** random.uniform(-3, 0.5))
+    assert str(run.outcome) == "timeout", run.reason
+    turn = -2.0 * sinks * math.cos(slope) * tips / width * math.copysign(1.0, slope)
+    assert run.final["box"]["angle"] == pytest.approx(turn, rel=0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_falls_far_below_or_beside_something_heavy_is_unsupported(seed: int) -> None:
+    """Two boxes, of very different masses, on a slope on which they slide or topple: without inertia no step has
+    a solution, and loads that nothing balances are why."""
+    random = np.random.default_rng(seed)
+    for _ in range(12):
+        mu, width, low, high = random.uniform((0.05, 0.5, 0.5, 0.3), (1.0, 2.0, 2.0, 1.0))
+        slope = math.atan(max(mu, width / (low + high))) * random.uniform(1.05, 1.4)
+        bodies = {
+            "floor": {"role": "obstacle", "shape": {"kind": "halfplane"}},
+            "wall": fixed(1.0, 10.0, x=10 ** random.uniform(0.7, 3)),
+            "one": free(box(width, low), y=0.5 * low),
+            "two": free(box(width, high), y=low + 0.5 * high) | {"mass": 10 ** random.uniform(-2, 2)},
+        }
+        slide = scene(bodies, random, mu, slope)
+        slide["contacts"][0] |= {"stiffness": 10 ** random.uniform(4, 6), "damping": 0.0}
+        run = rw.simulate(slide, "quasistatic-compliant")
+        assert str(run.outcome) == "unsupported" and run.certificate is not None, run.reason
+
+
 class Tip:
     """A disc on a spring k, pressed down by P, over a ridge between faces that rise by a and fall by b. At
     the edge it balances only if k R > P; else it snaps by P (tan a + tan b) / k, to the face behind."""

@@ -297,6 +297,7 @@ def is_balanced(trial: Trial, unbalanced: float) -> bool:
         for r in range(clock.limited):
             if math.isfinite(terms.limit[r]):
                 resisted += abs(terms.limited[r, a] * scratch.limited_force[r])
+                resisted += terms.limited[r, a] ** 2 * _gain(trial, r) * abs(scratch.v_new[a])
         if force > 0.0 and abs(left) > unbalanced * (load + resisted):
             load += _passed_on(trial, unbalanced, a)
             balanced &= abs(left) <= unbalanced * (load + resisted)
@@ -329,10 +330,17 @@ def _passed_on(trial: Trial, unbalanced: float, a: int) -> float:
 def _held(trial: Trial, a: int) -> float:
     """Force per speed of coordinate a, by its own springs, dampers, and servos that are within their
     limits."""
-    h, terms, state, scratch = trial.h, trial.terms, trial.state, trial.scratch
+    h, terms, state = trial.h, trial.terms, trial.state
     held: float = h * terms.stiffness[a, a] + terms.damping[a, a]
     for r in range(state.clock[0].limited):
-        gain = h * terms.gains[r, 0] + terms.gains[r, 1]
-        if math.isfinite(gain) and abs(scratch.limited_force[r]) < terms.limit[r]:
-            held += terms.limited[r, a] ** 2 * gain
+        held += terms.limited[r, a] ** 2 * _gain(trial, r)
     return held
+
+
+@kernel
+def _gain(trial: Trial, r: int) -> float:
+    """Force per rate of limited row r, where it is a servo within its limit; else 0."""
+    terms = trial.terms
+    gain: float = trial.h * terms.gains[r, 0] + terms.gains[r, 1]
+    within = math.isfinite(gain) and abs(trial.scratch.limited_force[r]) < terms.limit[r]
+    return gain if within else 0.0

@@ -9,17 +9,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rungwise.contact.judge import Balance, Certificate, certify_infeasible, certify_or_balance
-from rungwise.contact.step import OPEN, ContactProblem, keep_contacts, trim
+from rungwise.contact.step import OPEN, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import NEVER, Deadline
 from rungwise.kernel import RecordArray
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
 from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
+from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.support import without_law
 from rungwise.simulation.inputs import Segment, ignored
-from rungwise.simulation.planar.state.nearby import NEAR
+from rungwise.simulation.planar.state.nearby import NEAR, begin_step, gather
 from rungwise.simulation.planar.state.workspace import Workspace
+from rungwise.simulation.planar.step.leaps import solve_again
 from rungwise.simulation.reasons.hindered import Hindrance
 from rungwise.simulation.reasons.remarks import advice, remarks, untouchable
 from rungwise.simulation.reasons.servo_jumps import leap_ahead, leap_taken
@@ -78,13 +80,28 @@ class Reasons:
                 problem, self.workspace.terms, self.workspace.state.free, self.model.inertia
             )
             certificate = certify_infeasible(problem, deadline)
-        elif code == Code.UNSUPPORTED:
+        elif code == Code.UNSUPPORTED or self._asks_for_balance():
             problem, _ = self._unsupported()
             certificate, balance = certify_or_balance(problem, self.resisting(), deadline)
         if certificate is None:
             return Ended(Code.NOT_CONVERGED, self._given_up(code), None, problem, balance)
+        outcome = outcome if code == Code.JAMMED else OUTCOMES[Code.UNSUPPORTED]
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
-        return Ended(code, reason, certificate, problem)
+        return Ended(outcome.code, reason, certificate, problem)
+
+    def _asks_for_balance(self) -> bool:
+        """Whether a step without momentum had no solution, however short. Then its problem, which may have been
+        linearised where nothing holds the bodies, is that of the state again: loads that nothing balances
+        have no other."""
+        clock, step = self.workspace.state.clock[0], float(self.control[0]["step"])
+        crawls = lead_nowhere(int(clock["crowd"]), float(clock["time"] - clock["mark"]), step)
+        if self.model.inertia > 0.0 or not self.model.loads or clock["residual"] <= TOLERANCE or crawls:
+            return False
+        rung, records, length = self.model.record(self.theta), self.bound.records, float(clock["tried"])
+        begin_step(records, rung, self.workspace, length)
+        clock["contacts"] = gather(records, self.workspace)
+        solve_again(rung, length, self.workspace)
+        return True
 
     def _undefined(self) -> str:
         """Which number that depends on time is not finite, and when."""

@@ -47,7 +47,7 @@ to its end (see `planar.strays`), of `stray_step` from `stray_time`. The schedul
 `segment` at `switched`, and ends at `switch` at the latest; `varies`: whether numbers change in it.
 `centred`: whether steps take rows in their middle; `bend` is then how far the last step went from what one
 with the rows at its start and two of half its length would have made of it (see `planar.middle`); `lost` says
-that a contact of the last step is no more at its end, and that rows are those of the start. `stalled` counts
+that rows were those of the start, for a contact is no more at the end, or bodies settled. `stalled` counts
 the last steps that went nearly nowhere, each in place of a longer one without solution. `leapt` is how far
 the last step moved bodies by what does not vanish with its length, `leaping` the one that is tried, and
 `snapped` says that such a motion ended the run (see `planar.snaps`). At `mark`

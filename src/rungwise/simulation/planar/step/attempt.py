@@ -120,7 +120,7 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
             status = UNSOLVED
             break
         clock.bend = 0.0 if first or not clock.centred or clock.lost else bend(records, h, workspace)
-        if clock.bend > terms.low[0] and not (clock.leaping > 0.0 and is_tiny(h, terms)):
+        if clock.bend > terms.low[0]:
             status = COARSE
             break
         if rung[0].compliant and h > shortest and (_sinks(rung, workspace) or _outruns(contacts, workspace)):
@@ -133,7 +133,8 @@ def attempt(records: Records, rung: RecordArray, workspace: Workspace, h: float,
         )
         rows = SAME
         if first and clock.centred:
-            rows = compare_rows(records, h, terms.low[0], contacts, workspace)
+            settles = is_tiny(h, terms) and (rung[0].compliant or clock.leaping > 0.0)
+            rows = LOST if settles else compare_rows(records, h, terms.low[0], contacts, workspace)
             clock.lost = rows == LOST
         bent = rows == BENT
         if fits and not bent:

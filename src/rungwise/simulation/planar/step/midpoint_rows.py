@@ -8,7 +8,8 @@ what two halves of Euler's step would differ by from the whole.
 
 Where contacts yield, forces belong to the middle too, and deformations to the end. They differ by what a
 contact yields in half a step, which the first solution tells. A deformation that is not the one that balances
-(a contact that has just closed) comes to minus a half of its error in each step, however long.
+(a contact that has just closed) comes to minus a half of its error in each step, however long. So where loads
+or drives jumped, and in a tiny step bodies go where contacts balance them, rows are those of the start.
 """
 
 from __future__ import annotations
