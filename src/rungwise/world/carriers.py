@@ -98,11 +98,20 @@ def pushes_of(name: str, numbers: Mapping[str, float]) -> dict[str, Any]:
     return {**own, "push": pair(numbers, f"{path}.push")}
 
 
+class Surfaces(NamedTuple):
+    """Friction of supports at one place: lengths (r, n_v) whose rates it resists, and its greatest forces
+    (r,); rows of one body share a limit surface."""
+
+    rows: Reals
+    limits: Reals
+
+
 class Touches(NamedTuple):
-    """What is nearer than asked at one place: pairs (k,) of the scene's contacts; features (k,), numbers that
-    stay while the same parts of shapes are nearest; gaps (k,); points and normals (k, d), from the second
-    body to the first; rows (k, d, n_v): rates of the gap, then of slip, per unit of each velocity; friction
-    (k,); and the least gaps (c,) of all pairs."""
+    """What is nearer than asked at one place, and what acts there: pairs (k,) of the scene's contacts;
+    features (k,), numbers that stay while the same parts of shapes are nearest; gaps (k,); points and normals
+    (k, d), from the second body to the first; rows (k, d, n_v): rates of the gap, then of slip, per unit of
+    each velocity; friction (k,); the least gaps (c,) of all pairs; poses (b, 3) of the bodies: centre of mass
+    and angle; weight and given forces (n_v,); and friction of supports."""
 
     pairs: Ints
     features: Ints
@@ -112,14 +121,9 @@ class Touches(NamedTuple):
     rows: Reals
     friction: Reals
     least: Reals
-
-
-class Surfaces(NamedTuple):
-    """Friction of supports at one place: lengths (r, n_v) whose rates it resists, and its greatest forces
-    (r,); rows of one body share a limit surface."""
-
-    rows: Reals
-    limits: Reals
+    poses: Reals
+    loads: Reals
+    supports: Surfaces
 
 
 class Outline(Protocol):
@@ -148,9 +152,6 @@ class Surroundings(Protocol):
 
     def loads(self, q: Reals) -> Reals:
         """Weight and given forces (n_v,) at a place (n_q,)."""
-
-    def supports(self, q: Reals) -> Surfaces:
-        """Friction of supports at a place (n_q,)."""
 
     def poses(self, q: Reals) -> Reals:
         """Poses (b, 3) of the bodies at a place (n_q,): centre of mass and angle."""

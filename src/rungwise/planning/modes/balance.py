@@ -22,15 +22,13 @@ from rungwise.planning.modes.cones import (
     center,
     contact_edges,
     grip,
-    press_of,
+    presses,
     see,
 )  # fmt: skip
 from rungwise.planning.modes.fingers import Finger
 from rungwise.planning.modes.ground import Ground, Seen
-from rungwise.planning.modes.motions import GAIN, drags, every_mode, leans, projected, turn
+from rungwise.planning.modes.motions import GAIN, LONGEST, every_mode, leans, projected, pushed, turn
 
-LONGEST = 20.0
-"""Forces of fingers without a limit, in parts of the load."""
 LED = 1e-4
 """Motion, per length, that contacts and fingers are to resist where they lead an object alone."""
 
@@ -67,15 +65,16 @@ def is_led(ground: Ground, seen: Seen, used: Ints, mode: tuple[int, ...]) -> boo
 def carried(ground: Ground, seen: Seen) -> tuple[Reals, float] | None:
     """The rows (r, k) of the support under the object, over its units, and the greatest force; None where
     there is none."""
-    surfaces = ground.around.supports(seen.q)
-    rows = surfaces.rows[:, ground.columns] / ground.units
-    on = np.abs(rows).max(axis=1, initial=0.0) > 0.0
-    return (rows[on], float(surfaces.limits[on].max())) if on.sum() > 1 else None
+    if not len(ground.supporting):
+        return None
+    surfaces = seen.touches.supports
+    rows = surfaces.rows[ground.supporting[:, None], ground.columns] / ground.units
+    return rows, float(surfaces.limits[ground.supporting].max())
 
 
 def load_of(ground: Ground, seen: Seen) -> float:
     """The size of the forces about the object: its weight, or its friction on a support."""
-    weight = float(np.linalg.norm(ground.around.loads(seen.q)[ground.columns] / ground.units))
+    weight = float(np.linalg.norm(seen.touches.loads[ground.columns] / ground.units))
     support = carried(ground, seen)
     return max(weight, 0.0 if support is None else support[1])
 
@@ -106,7 +105,7 @@ def could(
         return None
     end = contact_edges(kinds, hoped, ground.fingers[0].reserve, memory, 0)
     others = memory.edges[:end].copy()
-    weight = ground.around.loads(seen.q)[ground.columns] / ground.units
+    weight = seen.touches.loads[ground.columns] / ground.units
     scale = _scale(ground, weight)
 
     def makes(edges: Reals, pressing: bool) -> bool:
@@ -147,24 +146,28 @@ def _seen(ground: Ground, seen: Seen, edges: int = 0) -> Memory:
 
 def _gripped(ground: Ground, seen: Seen, used: Ints, memory: Memory) -> int:
     """Write the edges of fingers that are used (f,); how many these are."""
-    held, kept = seen.held[used > 0], ground.kept[used > 0]
-    grip(seen.touches.rows, seen.touches.friction, held, kept, ground.columns, ground.units, memory)
-    return len(held)
+    held, touches = np.where(used > 0, seen.held, -1), seen.touches
+    return grip(touches.rows, touches.friction, held, ground.kept, ground.columns, ground.units, memory)
 
 
 def _balanced(
-    ground: Ground, seen: Seen, used: Ints, mode: Ints, change: Reals, press: float, memory: Memory
+    ground: Ground, seen: Seen, used: Ints, mode: Ints, change: Reals, least: float, memory: Memory
 ) -> Reals | None:  # fmt: skip
-    """What fingers (f,) press with, on their own coordinates (n,), where they and forces at the contacts that
-    a mode keeps balance what acts on the object; None where nothing does."""
-    weight = ground.around.loads(seen.q)[ground.columns] / ground.units
+    """What fingers (f,) press with, on their own coordinates (n,), at least with this part of the load, where
+    they and forces at the contacts that a mode keeps balance what acts on the object; None where nothing
+    does."""
+    weight = seen.touches.loads[ground.columns] / ground.units
     scale, count = _scale(ground, weight), _gripped(ground, seen, used, memory)
-    least = 0.5 * np.repeat([max(press * scale, finger.press[0]) for finger in _of(ground, used)], 2)
+    own = 0.5 * np.repeat([max(least * scale, finger.press[0]) for finger in _of(ground, used)], 2)
     end = contact_edges(mode, change, ground.fingers[0].reserve, memory, 2 * count)
-    if not balances(end, count, weight, scale, least, memory):
+    if not balances(end, count, weight, scale, own, memory):
         return None
-    center(end, count, scale, least, memory)
-    return _pressed(ground, seen, used, scale, memory)
+    center(end, count, scale, own, memory)
+    held, touches = np.where(used > 0, seen.held, -1), seen.touches
+    holds = presses(
+        touches.rows, touches.friction, held, ground.kept, ground.strongest, LONGEST * scale, memory
+    )  # fmt: skip
+    return memory.pushes.copy() if holds else None
 
 
 def _scale(ground: Ground, weight: Reals) -> float:
@@ -177,17 +180,6 @@ def _of(ground: Ground, used: Ints) -> list[Finger]:
     return [ground.fingers[f] for f in np.flatnonzero(used)]
 
 
-def _pressed(ground: Ground, seen: Seen, used: Ints, scale: float, memory: Memory) -> Reals | None:
-    """What fingers press with (n,) for the shares of their edges; None where one is too weak."""
-    for k, finger in enumerate(_of(ground, used)):
-        if memory.share[2 * k : 2 * k + 2].sum() > min(finger.press[1], LONGEST * scale):
-            return None
-    press_of(
-        seen.touches.rows, seen.touches.friction, seen.held[used > 0], ground.kept[used > 0], memory
-    )  # fmt: skip
-    return memory.pushes.copy()
-
-
 def _on_support(
     ground: Ground, seen: Seen, used: Ints, mode: Ints, want: Reals, support: tuple[Reals, float],
     memory: Memory,
@@ -195,12 +187,9 @@ def _on_support(
     """The motion of an object on a support: along A G x for forces x of at least 0 along edges G, where
     A = (S^T S)^-1 turns forces into motions by the limit surface with rows S."""
     rows, limit = support
-    count = _gripped(ground, seen, used, memory)
-    turn(rows, memory)
-    if not count or not projected(mode, want, memory.hoped, memory):
-        return None
-    end = contact_edges(mode, memory.hoped, ground.fingers[0].reserve, memory, 2 * count)
-    if not drags(end, count, limit, mode, want, memory):
-        return None
-    pushes = _pressed(ground, seen, used, limit, memory)
-    return None if pushes is None else Motion(memory.change / ground.units, pushes)
+    held, touches = np.where(used > 0, seen.held, -1), seen.touches
+    moves = pushed(
+        touches.rows, touches.friction, held, ground.kept, ground.columns, ground.units, mode, want, rows,
+        limit, ground.fingers[0].reserve, ground.strongest, memory,
+    )  # fmt: skip
+    return Motion(memory.change / ground.units, memory.pushes.copy()) if moves else None

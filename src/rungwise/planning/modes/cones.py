@@ -92,26 +92,43 @@ def see(
 @kernel
 def grip(
     rows: Reals, friction: Reals, held: Ints, kept: Reals, columns: Ints, units: Reals, memory: Memory
-) -> None:
-    """Write the edges of fingers that touch at contacts (f,) and use this part of their friction (f,)."""
+) -> int:  # fmt: skip
+    """Write the edges of fingers that touch at contacts (f,), -1 for none, and use a part of their friction
+    (f,); returns how many fingers these are."""
+    count = 0
     for f in range(held.shape[0]):
+        if held[f] < 0:
+            continue
         for side in range(2):
             mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
             for c in range(columns.shape[0]):
                 own = rows[held[f], 0, columns[c]] + mu * rows[held[f], 1, columns[c]]
-                memory.edges[2 * f + side, c] = own / units[c]
+                memory.edges[2 * count + side, c] = own / units[c]
+        count += 1
+    return count
 
 
 @kernel
-def press_of(rows: Reals, friction: Reals, held: Ints, kept: Reals, memory: Memory) -> None:
-    """Write the `pushes` of fingers from the `share` of their edges."""
+def presses(
+    rows: Reals, friction: Reals, held: Ints, kept: Reals, strongest: Reals, most: float, memory: Memory
+) -> bool:  # fmt: skip
+    """Write the `pushes` of fingers from the `share` of their edges; False where one is too weak (f,), or
+    would push with more than `most`."""
+    count = 0
     for c in range(memory.pushes.shape[0]):
         memory.pushes[c] = 0.0
-        for f in range(held.shape[0]):
-            for side in range(2):
-                mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+    for f in range(held.shape[0]):
+        if held[f] < 0:
+            continue
+        if memory.share[2 * count] + memory.share[2 * count + 1] > min(strongest[f], most):
+            return False
+        for side in range(2):
+            mu = kept[f] * friction[held[f]] * (1.0 - 2.0 * side)
+            for c in range(memory.pushes.shape[0]):
                 own = rows[held[f], 0, c] + mu * rows[held[f], 1, c]
-                memory.pushes[c] -= memory.share[2 * f + side] * own
+                memory.pushes[c] -= memory.share[2 * count + side] * own
+        count += 1
+    return True
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
@@ -110,26 +111,26 @@ class Ground:
 
     def is_free(self, seen: Seen, used: Ints) -> bool:
         """Whether fingers that are not used (f,) are apart from the object, and all from everything else."""
-        least = seen.touches.least
-        idle = self.own[(used == 0) & (self.own >= 0)]
-        return bool(
-            least[self.avoided].min(initial=np.inf) >= self.apart
-            and least[idle].min(initial=np.inf) >= self.apart
-            and least[self.pairs].min(initial=np.inf) >= -self.closed
-            and all(finger.reaches(seen.q) for finger in self.fingers)
-        )
+        free = _is_apart(
+            seen.touches.least, self.pairs, self.avoided, self.own, used, self.closed, self.apart, seen.q,
+            self.placing, self.reach,
+        )  # fmt: skip
+        return bool(free) and all(finger.reaches(seen.q) for finger in self.fingers if finger.arm is not None)
 
     def is_held(self, seen: Seen, used: Ints) -> bool:
         """Whether the fingers that are used (f,) touch the object, away from its corners."""
-        return all(seen.held[f] >= 0 and self.part(seen, int(f))[1] >= EDGE for f in np.flatnonzero(used))
+        held = seen.held.tolist()
+        return all(
+            held[f] >= 0 and self.part(seen, f)[1] >= EDGE for f, own in enumerate(used.tolist()) if own
+        )
 
     def part(self, seen: Seen, f: int) -> tuple[float, float]:
         """Where on the outline a finger touches, 0..1, and how far from corners, 0..1."""
-        x, y, angle = self.around.poses(seen.q)[self.body]
-        c, s = np.cos(angle), np.sin(angle)
-        point = seen.touches.points[seen.held[f]] - [x, y]
-        outline = self.around.outline(self.body)
-        return outline.part_of(np.array([c * point[0] + s * point[1], c * point[1] - s * point[0]]))
+        x, y, angle = seen.touches.poses[self.body].tolist()
+        across, up = seen.touches.points[seen.held[f], :2].tolist()
+        c, s = math.cos(angle), math.sin(angle)
+        across, up = across - x, up - y
+        return self.around.outline(self.body).part_of(np.array([c * across + s * up, c * up - s * across]))
 
     def opposite(self, parts: Reals) -> Reals:
         """Parts (m,) of the outline across the body from others (m,), nearest to the line along their normals
@@ -154,7 +155,7 @@ class Ground:
     def edges(self, seen: Seen, parts: Reals) -> Reals:
         """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)
         of its outline, with the friction of the first finger that may touch it."""
-        angle = self.around.poses(seen.q)[self.body, 2]
+        angle = seen.touches.poses[self.body, 2]
         points, normals = self.around.outline(self.body)(parts)
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
@@ -182,6 +183,24 @@ class Ground:
     def kept(self) -> Reals:
         """Part of the friction of each finger that its forces may use (f,)."""
         return np.array([1.0 - finger.reserve for finger in self.fingers])
+
+    @cached_property
+    def strongest(self) -> Reals:
+        """The force with which each finger presses at most (f,)."""
+        return np.array([finger.press[1] for finger in self.fingers])
+
+    @cached_property
+    def supporting(self) -> Ints:
+        """The rows of supports that carry the object (r,); none where it may fall, or turn about a point."""
+        start = world_of(self.task.scene).at(self.task.parameters).q
+        rows = self.around.touches(start, 0.0).supports.rows[:, self.columns]
+        on = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 0.0)
+        return on if len(on) > 1 else on[:0]
+
+    @cached_property
+    def reach(self) -> Reals:
+        """Least and greatest x and y of each finger that these place (f, 2, 2)."""
+        return np.array([f.bounds if f.arm is None else np.zeros((2, 2)) for f in self.fingers])
 
     @cached_property
     def frictions(self) -> Reals:
@@ -242,9 +261,10 @@ class Ground:
         """The place (n,) after a change (k,) of the object, with which the fingers that are used (f,) go."""
         q = seen.q.copy()
         q[self.columns] += change
-        held = np.where(self.is_placed & (used > 0), seen.held, -1)
-        _carry(seen.touches.rows, held, self.placing, self.columns, change, q)
-        for f in np.flatnonzero(~self.is_placed & (used > 0)):
+        _carry(seen.touches.rows, seen.held, used, self.placing, self.columns, change, q)
+        for f in self.arms:
+            if not used[f]:
+                continue
             rows, finger = seen.touches.rows[seen.held[f]], self.fingers[f]
             own = rows[:, finger.moved] @ finger.rates(q)
             along = np.linalg.lstsq(own, -rows[:, self.columns] @ change, rcond=None)[0]
@@ -264,12 +284,12 @@ class Ground:
                 q = self.moved(seen, self._closing(touches, np.array(rows)), held)
                 seen = self.look(q)
             q = q.copy()
-            for f in np.flatnonzero(held * (seen.held >= 0)):
-                finger = self.fingers[f]
-                normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
-                q = finger.put(
-                    q, finger.drives(q) - normal * seen.touches.gaps[seen.held[f]] / (normal @ normal)
-                )
+            _touch(seen.touches.rows, seen.touches.gaps, seen.held, held, self.placing, q)
+            for f in self.arms:
+                if held[f] and seen.held[f] >= 0:
+                    finger, gap = self.fingers[f], seen.touches.gaps[seen.held[f]]
+                    normal = seen.touches.rows[seen.held[f], 0, finger.moved] @ finger.rates(q)
+                    q = finger.put(q, finger.drives(q) - normal * gap / (normal @ normal))
         return self.look(q)
 
     def _closing(self, touches: Touches, rows: Ints) -> Reals:
@@ -281,14 +301,14 @@ class Ground:
         return -memory.turned @ (normals.T @ touches.gaps[rows]) / self.units
 
     @cached_property
-    def is_placed(self) -> Flags:
-        """Whether x and y of a finger place it (f,)."""
-        return np.array([finger.arm is None for finger in self.fingers])
+    def arms(self) -> list[int]:
+        """The fingers that joints lead."""
+        return [f for f, finger in enumerate(self.fingers) if finger.arm is not None]
 
     @cached_property
     def placing(self) -> Ints:
-        """The columns of x and y of each finger that these place (f, 2)."""
-        return np.array([f.columns if f.arm is None else (0, 0) for f in self.fingers], np.int64)
+        """The columns of x and y of each finger that these place (f, 2), -1 for others."""
+        return np.array([f.columns if f.arm is None else (-1, -1) for f in self.fingers], np.int64)
 
 
 @kernel
@@ -313,18 +333,56 @@ def _sort(
 
 
 @kernel
-def _carry(rows: Reals, held: Ints, places: Ints, columns: Ints, change: Reals, q: Reals) -> None:
-    """Lead fingers (f,), of x and y at these places (f, 2) of q (n,), so that where they touch, at contacts
-    (f,), -1 for none, neither opens nor slips while the object changes by (k,)."""
+def _is_apart(
+    least: Reals, pairs: Ints, avoided: Ints, own: Ints, used: Ints, closed: float, apart: float, q: Reals,
+    placing: Ints, reach: Reals,
+) -> bool:  # fmt: skip
+    """See `Ground.is_free`, but for arms."""
+    for k in range(len(avoided)):
+        if not least[avoided[k]] >= apart:
+            return False
+    for k in range(len(pairs)):
+        if not least[pairs[k]] >= -closed:
+            return False
+    for f in range(len(own)):
+        if own[f] >= 0 and used[f] == 0 and not least[own[f]] >= apart:
+            return False
+        for axis in range(2):
+            if placing[f, axis] >= 0:
+                place = q[placing[f, axis]]
+                if not (reach[f, 0, axis] <= place and place <= reach[f, 1, axis]):
+                    return False
+    return True
+
+
+@kernel
+def _carry(
+    rows: Reals, held: Ints, used: Ints, placing: Ints, columns: Ints, change: Reals, q: Reals
+) -> None:  # fmt: skip
+    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), so that where they touch, at
+    contacts (f,), neither opens nor slips while the object changes by (k,)."""
     for f in range(len(held)):
-        if held[f] < 0:
+        i, j = placing[f, 0], placing[f, 1]
+        if held[f] < 0 or used[f] == 0 or i < 0:
             continue
         normal, tangent = rows[held[f], 0], rows[held[f], 1]
         opens, slips = 0.0, 0.0
         for c in range(len(columns)):
             opens -= normal[columns[c]] * change[c]
             slips -= tangent[columns[c]] * change[c]
-        i, j = places[f, 0], places[f, 1]
         area = normal[i] * tangent[j] - normal[j] * tangent[i]
         q[i] += (opens * tangent[j] - slips * normal[j]) / area
         q[j] += (slips * normal[i] - opens * tangent[i]) / area
+
+
+@kernel
+def _touch(rows: Reals, gaps: Reals, held: Ints, used: Ints, placing: Ints, q: Reals) -> None:
+    """Lead fingers that are used (f,), of x and y at places (f, 2) of q (n,), along the normals of their
+    contacts (f,) until these close."""
+    for f in range(len(held)):
+        i, j = placing[f, 0], placing[f, 1]
+        if held[f] < 0 or used[f] == 0 or i < 0:
+            continue
+        x, y = rows[held[f], 0, i], rows[held[f], 0, j]
+        q[i] -= x * gaps[held[f]] / (x * x + y * y)
+        q[j] -= y * gaps[held[f]] / (x * x + y * y)

@@ -5,7 +5,19 @@ from __future__ import annotations
 import math
 
 from rungwise.kernel import Ints, Reals, kernel
-from rungwise.planning.modes.cones import AMID, MOST, PART, SLIDE, STICK, TINY, Memory, nonnegative
+from rungwise.planning.modes.cones import (
+    AMID,
+    MOST,
+    PART,
+    SLIDE,
+    STICK,
+    TINY,
+    Memory,
+    contact_edges,
+    grip,
+    nonnegative,
+    presses,
+)  # fmt: skip
 
 RIGIDLY = 1e3
 """Weight with which contacts of an object on supports are kept."""
@@ -14,6 +26,8 @@ GAIN = 1e-3
 KEPT, WEAK = 1e-4, 1e-3
 """Motion of an object on supports against contacts that are kept, in parts of the wanted one, that counts as
 none; and the part of the strongest finger's force with which others press at least."""
+LONGEST = 20.0
+"""Forces of fingers without a limit, in parts of the load."""
 _RANK, _LEANS = 1e-7, 1e-6
 """Parts of the first row, and of a support's, below which others count as dependent."""
 _SAME = 1e-5
@@ -280,3 +294,21 @@ def _keeps(mode: Ints, rows: int, scale: float, memory: Memory) -> bool:
         if mode[i] == SLIDE and slips < 0.0:
             return False
     return True
+
+
+@kernel
+def pushed(
+    rows: Reals, friction: Reals, held: Ints, kept: Reals, columns: Ints, units: Reals, mode: Ints,
+    want: Reals, surface: Reals, limit: float, reserve: float, strongest: Reals, memory: Memory,
+) -> bool:  # fmt: skip
+    """Whether fingers that touch at contacts (f,), -1 for none, push an object on a support with rows
+    `surface` (r, k) in a mode of the contacts that are written; then `change` and `pushes` are known. Fingers
+    use a part of their friction (f,), and are so strong (f,)."""
+    count = grip(rows, friction, held, kept, columns, units, memory)
+    turn(surface, memory)
+    if count == 0 or not projected(mode, want, memory.hoped, memory):
+        return False
+    end = contact_edges(mode, memory.hoped, reserve, memory, 2 * count)
+    if not drags(end, count, limit, mode, want, memory):
+        return False
+    return presses(rows, friction, held, kept, strongest, LONGEST * limit, memory)

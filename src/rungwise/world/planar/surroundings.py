@@ -15,7 +15,7 @@ from rungwise.simulation.planar.state.nearby import gather, look
 from rungwise.simulation.planar.state.workspace import Workspace
 from rungwise.system.planar.manifold import ABSENT, GAP, NORMAL_X, POINT_X, VERTICES
 from rungwise.system.planar.place import place
-from rungwise.system.planar.terms import constants, loads, turn_supports
+from rungwise.system.planar.terms import constants, loads
 from rungwise.system.terms import SUPPORT
 from rungwise.world.carriers import Outline, Surfaces, Touches
 from rungwise.world.planar.boundary import boundary
@@ -26,9 +26,17 @@ FEATURES = 4 * VERTICES * VERTICES
 
 
 @kernel
-def _seek(records: Records, workspace: Workspace, q: Reals, within: float, contacts: int) -> int:
+def _seek(
+    records: Records,
+    workspace: Workspace,
+    q: Reals,
+    within: float,
+    contacts: int,
+    poses: Reals,
+    acting: Reals,
+) -> int:
     """Place the bodies at q (n,) and gather what is nearer than `within`; returns how many contacts that are,
-    of so many slots."""
+    of so many slots. Write poses (b, 3), and what acts (n,)."""
     state = workspace.state
     copy(q, state.q)
     features = state.manifolds.features
@@ -41,6 +49,10 @@ def _seek(records: Records, workspace: Workspace, q: Reals, within: float, conta
     count, found = gather(records, workspace), 0
     while found < count and workspace.scratch.slots[found] < contacts:
         found += 1
+    pose = state.placed.pose
+    for b in range(poses.shape[0]):
+        poses[b, 0], poses[b, 1], poses[b, 2] = pose[b, 0], pose[b, 1], math.atan2(pose[b, 3], pose[b, 2])
+    loads(records, pose, state.q, state.v, state.start, 0.0, 0.0, 1.0, acting, workspace.terms)
     return found
 
 
@@ -66,14 +78,18 @@ class PlanarSurroundings:
 
     def touches(self, q: Reals, within: float) -> Touches:
         records, state, terms = self._records, self._workspace.state, self._workspace.terms
-        count = int(_seek(records, self._workspace, np.ascontiguousarray(q), within, self._contacts))
+        poses, acting = np.empty((len(records.bodies), 3)), np.zeros(len(q))
+        count = int(
+            _seek(records, self._workspace, np.ascontiguousarray(q), within, self._contacts, poses, acting)
+        )
         slots = self._workspace.scratch.slots[:count]
         pairs, points = slots // 2, state.manifolds.points[slots]
         return Touches(
             pairs=self._of_pair[pairs], features=pairs * FEATURES + state.manifolds.features[slots],
             gaps=points[:, GAP].copy(), points=points[:, POINT_X:], normals=points[:, NORMAL_X:POINT_X],
             rows=terms.rows[: 2 * count].reshape(count, 2, len(q)).copy(),
-            friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(),
+            friction=terms.friction[:count].copy(), least=state.manifolds.gaps.copy(), poses=poses,
+            loads=acting, supports=Surfaces(terms.limited[self._rubbed], terms.limit[self._rubbed]),
         )  # fmt: skip
 
     def loads(self, q: Reals) -> Reals:
@@ -82,14 +98,6 @@ class PlanarSurroundings:
         place(records, state.q, state.placed, False)
         loads(records, state.placed.pose, state.q, state.v, state.start, 0.0, 0.0, 1.0, self._passive, terms)
         return self._passive.copy()
-
-    def supports(self, q: Reals) -> Surfaces:
-        records, state, terms = self._records, self._workspace.state, self._workspace.terms
-        state.q[:] = q
-        place(records, state.q, state.placed, False)
-        if len(records.supports):
-            turn_supports(records, state.placed.pose, terms)
-        return Surfaces(terms.limited[self._rubbed].copy(), terms.limit[self._rubbed].copy())
 
     def poses(self, q: Reals) -> Reals:
         records, state = self._records, self._workspace.state
