@@ -76,9 +76,11 @@ def test_fingers_follow_their_targets_through_the_air_whatever_a_faint_spring_pu
         servo = {"kind": "servo", "stiffness": spring, "damping": 0.01 * spring, "limit": spring * size}
         turn = {"kind": "servo", "stiffness": spring * size**2, "target": 10 ** rng.uniform(-12, -6)}
         finger = {
-            "role": "robot", "shape": {"kind": "disc", "radius": 0.1 * size}, "mass": mass, "motion": {"kind": "free"},
+            "role": "robot", "shape": {"kind": "disc", "radius": 0.1 * size}, "mass": mass,
+            "motion": {"kind": "free"},
             "coordinates": {
-                "x": {"drive": servo | {"target": f"{speed * size} * t"}}, "y": {"drive": servo | {"target": 0}},
+                "x": {"drive": servo | {"target": f"{speed * size} * t"}},
+                "y": {"drive": servo | {"target": 0}},
                 "angle": {"drive": turn, "damping": spring * size**2},
             },
         }  # fmt: skip

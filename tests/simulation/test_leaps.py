@@ -206,8 +206,8 @@ def test_a_box_on_a_slope_settles_whatever_error_is_allowed(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_falls_far_below_or_beside_something_heavy_is_unsupported(seed: int) -> None:
-    """Two boxes, of very different masses, on a slope on which they slide or topple: without inertia no step has
-    a solution, and loads that nothing balances are why."""
+    """Two boxes, of very different masses, on a slope on which they slide or topple: without inertia no step
+    has a solution, and loads that nothing balances are why."""
     random = np.random.default_rng(seed)
     for _ in range(12):
         mu, width, low, high = random.uniform((0.05, 0.5, 0.5, 0.3), (1.0, 2.0, 2.0, 1.0))

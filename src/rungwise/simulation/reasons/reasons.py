@@ -90,9 +90,9 @@ class Reasons:
         return Ended(outcome.code, reason, certificate, problem)
 
     def _asks_for_balance(self) -> bool:
-        """Whether a step without momentum had no solution, however short. Then its problem, which may have been
-        linearised where nothing holds the bodies, is that of the state again: loads that nothing balances
-        have no other."""
+        """Whether a step without momentum had no solution, however short. Its problem, which may have been
+        linearised where nothing holds the bodies, is then made anew where they are: it may be that nothing
+        balances the loads."""
         clock, step = self.workspace.state.clock[0], float(self.control[0]["step"])
         crawls = lead_nowhere(int(clock["crowd"]), float(clock["time"] - clock["mark"]), step)
         if self.model.inertia > 0.0 or not self.model.loads or clock["residual"] <= TOLERANCE or crawls:
