@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.contact.step.problem import allocate_problem
 from rungwise.deadline import Deadline
 from rungwise.hierarchy.counterexample import Side
 
@@ -32,7 +33,7 @@ NAMES = {
 }  # fmt: skip
 """Look up, change or describe a scene, a problem or a result."""
 ARRAYS = {
-    "apart", "between", "classify", "diameter", "force_closure", "form_closure", "forward", "gradient",
+    "apart", "between", "classify", "diameter", "force_closure", "form_closure", "gradient",
     "labels", "off", "predicted", "random", "sensitivity", "squeeze_plan", "squeezed", "state",
     "touching", "volumes", "witness",
 }  # fmt: skip
@@ -213,16 +214,20 @@ CALLS: dict[str, tuple[Call, Says]] = {
         lambda _: rw.solve(HARD, limit=0), lambda found: found.reason if found.unfinished else ""
     ),
     "solutions": (lambda _: rw.solutions(PROBLEM, limit=0), lambda found: text(found.undecided)),
+    "Sensitivity.forward": (lambda _: LINEAR.forward(limit=0), text),
     "extreme_motions": (lambda _: rw.extreme_motions(rw.solutions(PROBLEM), limit=0), text),
     "instances": (lambda _: rw.instances("push", 0, limit=0), text),
     "ask": (lambda _: rw.ask("push", "goal", rw.State.of("push"), limit=0), text),
     "geometry": (lambda _: rw.geometry(BALL, rw.State.of(BALL), limit=0), text),
 }  # fmt: skip
 _side = Side("kinematic", 0.0, {}, (), 1.0, 1e-3)
+STEP = allocate_problem(3, 2, 1)
+STEP.H[:] = np.eye(3)
+LINEAR = rw.Sensitivity(STEP, STEP.c, STEP.w, STEP.w_s)
 COUNTER = rw.Counterexample("two runs", _side, _side, 0.1, False, {}, rw.load("two_finger"))
 RAISES = {
-    "draw_parting", "run_sensitivity", "step_sensitivity", "extreme_motions", "instances", "ask", "geometry",
-    "diagnose", "compare", "feasible_set", "solution_sets", "doomed_set",
+    "Sensitivity.forward", "ask", "compare", "diagnose", "doomed_set", "draw_parting", "extreme_motions",
+    "feasible_set", "geometry", "instances", "run_sensitivity", "solution_sets", "step_sensitivity",
 }  # fmt: skip
 """Calls that have nothing to return without any time."""
 _rng = np.random.default_rng(0)

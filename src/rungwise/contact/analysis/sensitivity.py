@@ -22,6 +22,7 @@ from rungwise.contact.problem import Array, Problem, numbers
 from rungwise.contact.solution import ContactSolution, Status
 from rungwise.contact.solve import solve
 from rungwise.contact.step.problem import ContactProblem
+from rungwise.deadline import Deadline, seconds
 from rungwise.keywords import keywords
 
 DATA = ("H", "c", "W", "R", "w", "mu", "S", "R_s", "w_s", "F")
@@ -87,7 +88,7 @@ class Sensitivity:
         own = q.C.T @ self._yield @ q.B + np.diag(q.D)
         self._matrix = np.block([[p.H, -self._rows.T @ q.B], [q.C.T @ self._rows, own]])
         self._unit = _units(self._matrix)
-        _, null = self._inverse(np.arange(len(self._unit)))
+        self._whole, null = self._inverse(np.arange(len(self._unit)))
         share = self._unit[n:, None] * null[n:]
         self._loose_v = np.abs(null[:n]).max(axis=1, initial=0.0) > _SHARE
         size = np.abs(share).max(initial=0.0)
@@ -95,7 +96,9 @@ class Sensitivity:
         self.forces_determined = not self._loose_f.any()
         self.velocities_determined = not self._loose_v.any()
 
-    def forward(self, sizes: dict[str, Array] | None = None, **data: ArrayLike) -> Change:
+    def forward(
+        self, sizes: dict[str, Array] | None = None, *, limit: float | None = None, **data: ArrayLike
+    ) -> Change:
         """Derivatives along changes of `data` (names of the problem's fields), of a field's shape or with one
         more axis, last, for many directions at once.
 
@@ -103,8 +106,18 @@ class Sensitivity:
         changes come from differences: redundant contacts agree where they differ by rounding of these sizes.
 
         Raises ValueError for an unknown name or a wrong shape, and for a change of a friction or limit of
-        zero where nothing slips, which has no derivative.
+        zero where nothing slips, which has no derivative; LimitError where `limit` seconds are over before
+        all directions are done, which are contact problems of their own where contacts are weakly active.
         """
+        deadline = Deadline(seconds(limit))
+        with deadline.needed_for("all directions were differentiated"):
+            return self._forward(sizes, data, deadline)
+
+    def _forward(
+        self, sizes: dict[str, Array] | None, data: dict[str, ArrayLike], deadline: Deadline
+    ) -> Change:
+        """See `forward`. Raises TimeOver."""
+        deadline.look()
         p, k = self.problem, len(self.problem.mu)
         change = self._columns(data)
         limit = np.vstack([change["mu"], change["F"]])
@@ -118,7 +131,8 @@ class Sensitivity:
         if sizes is not None:
             noise = _NOISE * self._right(self._columns(dict(sizes)), sizes=True)
             right = self._agreeing(right, noise)
-        z = self._one_sided(right, noise) if self._pieces.weak.any() else self._linear(right)
+            deadline.look()
+        z = self._one_sided(right, noise, deadline) if self._pieces.weak.any() else self._linear(right)
         n = len(p.c)
         v, f = z[:n].copy(), self._pieces.B @ z[n:] + direct
         v[self._loose_v], f[self._loose_f] = np.nan, np.nan
@@ -244,9 +258,8 @@ class Sensitivity:
 
     def _linear(self, right: Array) -> Array:
         unit = self._unit[:, None]
-        inverse, _ = self._inverse(np.arange(len(unit)))
-        z: Array = unit * (inverse @ (unit * right))
-        z += unit * (inverse @ (unit * (right - self._matrix @ z)))
+        z: Array = unit * (self._whole @ (unit * right))
+        z += unit * (self._whole @ (unit * (right - self._matrix @ z)))
         left_over = np.linalg.norm(unit * (right - self._matrix @ z), axis=0)
         z[:, left_over > _AGREES * np.linalg.norm(unit * right, axis=0)] = np.nan
         return z
@@ -267,8 +280,8 @@ class Sensitivity:
         z[:, ~(agrees & opens)] = np.nan
         return z
 
-    def _one_sided(self, right: Array, noise: Array) -> Array:
-        """Solutions of one contact problem per direction."""
+    def _one_sided(self, right: Array, noise: Array, deadline: Deadline) -> Array:
+        """Solutions of one contact problem per direction. Raises TimeOver."""
         q, n = self._pieces, len(self.problem.c)
         cones = [n + columns for _, columns in q.cones]
         first = np.concatenate(cones) if cones else np.zeros(0, np.int64)
@@ -279,6 +292,7 @@ class Sensitivity:
         for j, column in enumerate(right.T):
             if not np.isnan(z[:, j]).any():
                 continue
+            deadline.look()
             found = solve(
                 Problem(
                     self._matrix[np.ix_(order, order)],
@@ -287,8 +301,11 @@ class Sensitivity:
                     self.problem.R.shape[1],
                     np.where(free, -np.inf, 0.0),
                     np.full(len(others), np.inf),
-                )
+                ),
+                limit=deadline.seconds,
             )
+            if found.unfinished:
+                deadline.look()
             if found.status == Status.SOLVED:
                 z[order, j] = found.x
         return z

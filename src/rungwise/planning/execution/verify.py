@@ -41,7 +41,7 @@ WORST = 10
 EXPLAINED = 50
 """Samples that failed of which the causes are sought."""
 PARTS = 10
-"""Parts in which samples are run, if they may end before the last."""
+"""Parts in which samples are run together, if they may end before the last."""
 ALWAYS, TWO, MORE = "the plan fails without errors, too", "only two together", "only more together"
 T = TypeVar("T")
 _Told: TypeAlias = "Callable[[int], None] | None"
@@ -187,7 +187,8 @@ def verify(
     run, close = _runner(trials, cluster)
     try:
         points, causes = trials.draw(number), dict[str, int]()
-        ends = _run(run, trials.mode, points, rate, time, on_progress)
+        parts = number if trials.mode == RE_PLANNING and cluster is None else PARTS
+        ends = _run(run, trials.mode, parts, points, rate, time, on_progress)
         if ends.unfinished:
             return _verification(trials, points, ends, causes)
         failed = points[: len(ends.outcome)][ends.outcome != Code.GOAL][:EXPLAINED]
@@ -243,11 +244,12 @@ class _Ends(NamedTuple):
 
 
 def _run(
-    run: _Runner, mode: str, points: Reals, rate: float | None, time: Budget, on_progress: _Told
+    run: _Runner, mode: str, parts: int, points: Reals, rate: float | None, time: Budget, on_progress: _Told
 ) -> _Ends:
-    """How the samples end; the first ones where the rate is out of reach after them, or the time is over."""
+    """How the samples end, in so many parts; the first ones where the rate is out of reach after them, or the
+    time is over."""
     least = rate if mode == RE_PLANNING else None
-    parts = PARTS if least is not None or time.seconds is not None else 1
+    parts = parts if least is not None or time.seconds is not None else 1
     ends = _Ends(np.zeros(0, np.int64), np.zeros(0))
     for part in np.array_split(points, min(parts, len(points))):
         found = _in_time(time, partial(run, part, _told(time, on_progress, len(ends.outcome))))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rungwise.deadline import Deadline, seconds
+from rungwise.deadline import Deadline, LimitError, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.scene import Scene
@@ -149,6 +149,8 @@ def _in_plane(
     for number in range(steps):
         try:
             step = differentiated(here, changes, start, directions, deadline)
+        except LimitError:
+            raise
         except ValueError as error:
             reason = str(error).removeprefix("step: ")
             raise ModelError(f"step {number}, from time {start.time:.6g}: {reason}") from None

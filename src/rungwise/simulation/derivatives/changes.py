@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -169,12 +170,22 @@ def _slope(low: tuple[float, Array], high: tuple[float, Array], base: Array) -> 
     return ((below - base) * t / s - (above - base) * s / t) / (t - s)
 
 
-def along(changes: dict[str, Data], directions: dict[str, Array]) -> tuple[Data, Data]:
-    """The change of the data along directions (unknowns, m) of each kind, and the size of its terms."""
-    total: Data = {}
-    sizes: Data = {}
+def along(changes: dict[str, Data], directions: dict[str, Array], deadline: Deadline) -> tuple[Data, Data]:
+    """The change of the data along directions (unknowns, m) of each kind, and the size of its terms. Raises
+    TimeOver."""
+    total, sizes = dict[str, Array](), dict[str, Array]()
     for kind, by in directions.items():
+        told = np.flatnonzero(by.any(axis=0))
         for name, change in changes[kind].items():
-            total[name] = total.get(name, 0.0) + change @ by
-            sizes[name] = sizes.get(name, 0.0) + np.abs(change) @ np.abs(by)
+            deadline.look()
+            shape = (*change.shape[:-1], by.shape[1])
+            total.setdefault(name, np.zeros(shape))[..., told] += _times(change, by[:, told])
+            sizes.setdefault(name, np.zeros(shape))[..., told] += _times(np.abs(change), np.abs(by[:, told]))
     return total, sizes
+
+
+def _times(change: Array, by: Array) -> Array:
+    """Changes (..., unknowns) along directions (unknowns, m), as one product of matrices."""
+    *shape, unknowns = change.shape
+    flat: Array = change.reshape(math.prod(shape), unknowns) @ by
+    return flat.reshape(*shape, by.shape[1])

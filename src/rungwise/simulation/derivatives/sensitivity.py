@@ -192,8 +192,11 @@ def _differentiated(
     for _ in range(LINEARISATIONS):
         held, contact, speed = _solved(here, start, trial)
         by = directions if trial is None else {**directions, "trial": turn}
-        data, sizes = along(changes.of(held, start, trial), by)
-        change = contact.forward({name: sizes[name] for name in DATA}, **{name: data[name] for name in DATA})
+        data, sizes = along(changes.of(held, start, trial), by, deadline)
+        change = contact.forward(
+            {name: sizes[name] for name in DATA}, limit=deadline.seconds,
+            **{name: data[name] for name in DATA},
+        )  # fmt: skip
         free = here.state.free[: len(contact.v)]
         turn = data["speed"].copy()
         turn[free] = change.v
