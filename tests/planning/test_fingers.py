@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import rungwise as rw
+from rungwise.planning.motion.moves import Moves
+from rungwise.planning.motion.propagate import Places
 from rungwise.planning.task.fingers import Finger, fingers_of, taken
 from rungwise.planning.task.task import task_of
 from rungwise.world.carriers import TaskError
@@ -255,6 +257,28 @@ def test_a_finger_is_led_through_free_space_as_if_transit_named_it() -> None:
     assert plan.found, plan.reason
     assert "push" in plan.labels
     assert plan.replay().ok
+
+
+def test_pushes_keep_to_where_fingers_may_be() -> None:
+    """Moves that are drawn begin and end within the bounds that the task states; others begin anywhere."""
+    file = json.loads(rw.load("push").stored)
+    (entry,) = file["task"]["transit"].values()
+    finger = {name: entry[name] for name in ("speed", "clearance")}
+    rng = np.random.default_rng(0)
+    for within in ({}, {"within": {"x": [-0.3, 0.02], "y": [-0.1, 0.12]}}):
+        file["task"]["fingers"] = {"rod": finger | within}
+        task = task_of(rw.load(file))
+        moves, columns = Moves(task), list(task.carriers[0].places)
+        start = world_of(task.scene).at(task.parameters).q
+        m = 300
+        places = Places(
+            np.repeat(start[None], m, 0), np.zeros((m, len(start))), np.zeros(m), np.zeros((0, 1))
+        )
+        begun, fits = moves.begin(rng.random((m, moves.size)), places)
+        assert fits.any() and (fits.sum() < m) == bool(within)
+        assert (begun.q[fits][:, columns] <= [0.02, 0.12]).all() == bool(within)
+        low, high = moves.transit.bounds(task.carriers[0])
+        assert np.isfinite([low, high]).all() == bool(within)
 
 
 def test_a_search_refuses_what_cannot_be_a_finger() -> None:

@@ -163,7 +163,8 @@ class Writer:
         if any(self.ground.fingers[f].arm is not None for f in moving):
             return arms_way(self.ground, a, b, moving, seed, budget.is_in_time)
         carriers = tuple(self.ground.fingers[f].carrier for f in moving)
-        transit = Transit(replace(self.ground.task, carriers=carriers), self._question)
+        within = {finger.carrier.body: finger.bounds for finger in self.ground.fingers}
+        transit = Transit(replace(self.ground.task, carriers=carriers), self._question, within)
         return transit.way(a, b, seed, budget.is_in_time)
 
     def _to(self, place: Reals, moving: Ints, label: str) -> None:

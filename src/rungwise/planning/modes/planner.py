@@ -76,16 +76,18 @@ def mode_planner(work: Work, predictor: Predictor) -> ModePlanner | None:
 
 def anew_on(work: Work, predictor: Predictor) -> Found | None:
     """A new plan on a stage: by contact modes and by pushes that are tried, in turns; by pushes first where
-    supports carry all objects, unless it names fingers on servos or there is a path to follow."""
+    supports carry all objects, unless it names fingers on servos, or there is a path to follow; these take
+    less of the time where something is in the straight way of an object."""
     planner = mode_planner(work, predictor)
     if planner is None:
         return search(work, predictor)
     idle, slides = 0, not work.task.is_led and not len(work.path)
+    share = EVENLY if slides and not planner.is_barred else BY_MODES
     while work.budget.left and idle < IDLE:
         runs = work.budget.outcomes.total()
         for by_modes in (False, True) if slides else (True, False):
             try:
-                with work.budget.part(EVENLY if slides else BY_MODES if by_modes else 1.0 - BY_MODES):
+                with work.budget.part(share if by_modes or share == EVENLY else 1.0 - share):
                     found = planner.search(ATTEMPTS) if by_modes else search_once(work, predictor)
             except TimeOver:
                 found = None
@@ -111,6 +113,11 @@ class ModePlanner:
         self._goal = Question(work.task.search, goal, work.task.parameters)
         self._places = _goals(work)
         self._courses: dict[int, Reals] = {}
+
+    @property
+    def is_barred(self) -> bool:
+        """Whether something is in the straight way of an object of which the goal speaks."""
+        return any(len(self._course(ground)) for ground in self._wanted())
 
     def search(self, attempts: int) -> Found | None:
         """A plan, after at most so many proposals."""
@@ -201,11 +208,15 @@ class ModePlanner:
 
     def _object(self) -> Ground:
         """The object to move: one of which the goal speaks, at times another."""
-        names = list(self.scene.grounds)
-        wanted = [name for group in self.work.groups[0] for name in group.bodies if name in names]
-        if wanted and (self.work.rng.random() > OTHERS or len(names) == len(wanted)):
-            names = wanted
-        return self.scene.grounds[names[int(self.work.rng.integers(len(names)))]]
+        grounds, wanted = list(self.scene.grounds.values()), self._wanted()
+        if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
+            grounds = wanted
+        return grounds[int(self.work.rng.integers(len(grounds)))]
+
+    def _wanted(self) -> list[Ground]:
+        """The objects of which parts of the goal speak that lack something at the start."""
+        names = [name for group in self.work.groups[0] for name in group.bodies]
+        return [self.scene.grounds[name] for name in names if name in self.scene.grounds]
 
     def _goals(self, ground: Ground, q: Reals) -> Reals:
         """Places (g, n) at the goal, those next to q (n,) first."""

@@ -111,7 +111,7 @@ class SpaceTransit(Transit):
     """Ways of bodies that joints lead, with all else where it is."""
 
     def __init__(self, task: Task, question: Question, space: Configurations, tools: Sequence[Tool]) -> None:
-        super().__init__(task, question)
+        super().__init__(task, question, {})
         self._space = space
         led = np.searchsorted(self._space.numbers, self._columns)
         moves = np.any([tool.moves for tool in tools], axis=0)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from rungwise.kernel import Reals
 from rungwise.planning.motion.propagate import Places
 from rungwise.planning.motion.transit import Transit
+from rungwise.planning.task.fingers import Finger, stated_of
 from rungwise.planning.task.task import Task
 from rungwise.scene.language.lasting import names_in
 from rungwise.scene.template.records import Records
@@ -88,7 +89,13 @@ class Moves:
     @cached_property
     def transit(self) -> Transit:
         """Ways of the robots between moves."""
-        return Transit(self.task, self.question)
+        within = {name: finger.within for name, finger in self._said.items()}
+        return Transit(self.task, self.question, within)
+
+    @cached_property
+    def _said(self) -> dict[str, Finger]:
+        """What the task says of robots as fingers."""
+        return stated_of(self.task)
 
     @cached_property
     def _targets(self) -> list[list[_Target]]:
@@ -137,8 +144,21 @@ class Moves:
             points, normals = self._contact(k, vectors[:, 3 * k], poses)
             q[:, list(carrier.places)] = points + self._beside(carrier, normals, poses)
             v[:, list(carrier.places)] = 0.0
-        fits = ~self.question.geometry(q).collides
-        return Places(q, v, places.time, places.memory[:0]), fits
+        begun = Places(q, v, places.time, places.memory[:0])
+        return begun, ~self.question.geometry(q).collides & self._keeps_within(vectors, begun)
+
+    def _keeps_within(self, vectors: Reals, begun: Places) -> NDArray[np.bool_]:
+        """Whether all pushes from these places keep to where the task lets its fingers be (m,)."""
+        fits = np.ones(len(vectors), bool)
+        if not self._said:
+            return fits
+        for carrier, stroke in zip(self.task.carriers, self._strokes(vectors, begun), strict=True):
+            if carrier.body in self._said:
+                low, high = self._said[carrier.body].within
+                at = begun.q[:, list(carrier.places)]
+                for place in (at, at + stroke.there):
+                    fits &= ((place >= low) & (place <= high)).all(axis=1)
+        return fits
 
     def segments_of(self, vectors: Reals, places: Places, before: Reals, cuts: int = 1) -> Segments:
         """Inputs and durations, of moves that begin at these places after inputs `before` (m, u); pushes at
@@ -256,8 +276,11 @@ class Moves:
         """The objects that a carrier may push at."""
         scene, template = self.task.planar, self.task.scene.template
         targets = []
+        said = self._said.get(carrier.body)
         for index, name in enumerate(template.bodies):
             pair = {name, carrier.body}
+            if said is not None and name not in said.objects:
+                continue
             if scene.file.bodies[name].role == "object" and any(set(c) == pair for c in template.contacts):
                 try:
                     targets.append(_Target(index, boundary(self._records, index)))

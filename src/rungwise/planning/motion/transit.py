@@ -7,7 +7,7 @@ other bodies hold still.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,11 @@ DIRECTIONS = 32
 
 
 class Transit:
-    """Ways of a task's carriers between places, with all else where it is."""
+    """Ways of a task's carriers between places, with all else where it is; within the least and greatest
+    places (2, 2) of some of their bodies."""
 
-    def __init__(self, task: Task, question: Question) -> None:
-        self._task, self._question = task, question
+    def __init__(self, task: Task, question: Question, within: Mapping[str, Reals]) -> None:
+        self._task, self._question, self._within = task, question, within
         self._columns = [place for carrier in task.carriers for place in carrier.places]
         contacts, names = task.scene.template.contacts, {carrier.body for carrier in task.carriers}
         self._own = [k for k, pair in enumerate(contacts) if names & set(pair)]
@@ -116,7 +117,11 @@ class Transit:
         return np.minimum(least, ends.min(axis=0)), np.maximum(most, ends.max(axis=0))
 
     def bounds(self, carrier: Carrier) -> tuple[Reals, Reals]:
-        """Least and greatest places (2,) to which inputs within their bounds lead a carrier."""
+        """Least and greatest places (2,) at which a carrier may be, and to which inputs within their bounds
+        lead it."""
+        if carrier.body in self._within:
+            low, high = self._within[carrier.body]
+            return low, high
         if not carrier.by_place:
             return np.full(2, -math.inf), np.full(2, math.inf)
         columns = list(carrier.columns)

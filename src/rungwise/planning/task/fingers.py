@@ -97,6 +97,13 @@ def fingers_of(task: Task) -> tuple[Finger, ...]:
     return taken(task).fingers
 
 
+def stated_of(task: Task) -> dict[str, Finger]:
+    """The fingers that the task itself names, by their bodies; none where it names none, or in space."""
+    if not task.scene.file.task.fingers or world_of(task.scene).shapes != OUTLINES:
+        return {}
+    return {finger.name: finger for finger in fingers_of(task)}
+
+
 def demand_known(task: Task) -> None:
     """Raises TaskError where a finger is to do what no plan makes it do, and as `fingers_of`."""
     for finger in fingers_of(task):
