@@ -272,6 +272,7 @@ class Hand:
         self._left -= 1
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("parts", [0, 1, 5, 6])
 def test_a_comparison_keeps_what_is_measured(
     parts: int, compared: rw.Comparison, monkeypatch: pytest.MonkeyPatch
@@ -290,6 +291,7 @@ def test_a_comparison_keeps_what_is_measured(
     assert np.isfinite(found.until).all()
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("looks", [10, 20, 40, 60])
 def test_a_diagnosis_keeps_the_changes_that_were_tried(looks: int, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: dict[str, Any] = {"inputs": PUSHES, "tol": 1e-8, "other_parameters": {"mu": 0.9, "mass": 3.0}}
@@ -308,6 +310,7 @@ def test_a_diagnosis_keeps_the_changes_that_were_tried(looks: int, monkeypatch: 
         assert found.causes == whole.causes and found.left == whole.left
 
 
+@pytest.mark.few(1)
 @pytest.mark.parametrize("strides", [(2.0, 4.0)])
 @pytest.mark.parametrize("looks", [12, 20])
 def test_a_doomed_set_keeps_whole_rounds(
@@ -320,6 +323,7 @@ def test_a_doomed_set_keeps_whole_rounds(
     assert rw.load_doomed_set(tmp_path).unfinished == found.unfinished
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize("looks", [0, 2, 8])
 def test_a_set_that_a_limit_ends_is_resumed(
     looks: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
