@@ -189,21 +189,22 @@ def add(factors: Factors, i: int, j: int, value: float) -> None:
 
 
 @inner_kernel
-def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals) -> None:
-    """Add W^T E W to the matrix, where column j of W (d, w) stands for velocity touched[j] - low."""
+def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals, push: Reals) -> None:
+    """Add W^T E W to the matrix, where column j of W (d, w) stands for velocity touched[j] - low. `push` (w
+    d,) is scratch."""
     size, width = W.shape
+    for m in range(width):
+        for c in range(size):
+            total = 0.0
+            for r in range(size):
+                total += W[r, m] * E[r, c]
+            push[m * size + c] = total
     i = 0
     while i < width:
-        a = factors.position[touched[i] - low]
-        i_end = i + 1
-        while i_end < width and factors.position[touched[i_end] - low] == a:
-            i_end += 1
+        a, i_end = _node_at(factors, touched, low, i)
         j = 0
         while j < width:
-            b = factors.position[touched[j] - low]
-            j_end = j + 1
-            while j_end < width and factors.position[touched[j_end] - low] == b:
-                j_end += 1
+            b, j_end = _node_at(factors, touched, low, j)
             if a == b:
                 block = factors.diagonal[a]
             elif a > b:
@@ -212,14 +213,22 @@ def add_product(factors: Factors, touched: Ints, low: int, E: Reals, W: Reals) -
                 block = factors.upper[_block(factors, a, b)]
             for m in range(i, i_end):
                 row = 3 * factors.slot[touched[m] - low]
-                for c in range(size):
-                    push = 0.0
-                    for r in range(size):
-                        push += W[r, m] * E[r, c]
-                    for k in range(j, j_end):
-                        block[row + factors.slot[touched[k] - low]] += push * W[c, k]
+                for k in range(j, j_end):
+                    total = 0.0
+                    for c in range(size):
+                        total += push[m * size + c] * W[c, k]
+                    block[row + factors.slot[touched[k] - low]] += total
             j = j_end
         i = i_end
+
+
+@inner_kernel
+def _node_at(factors: Factors, touched: Ints, low: int, i: int) -> tuple[int, int]:
+    """The place of the node of touched[i], and where its velocities end in `touched`."""
+    node, end = factors.position[touched[i] - low], i + 1
+    while end < len(touched) and factors.position[touched[end] - low] == node:
+        end += 1
+    return node, end
 
 
 @inner_kernel

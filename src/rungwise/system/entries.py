@@ -10,7 +10,7 @@ from rungwise.block import Block
 from rungwise.kernel import Ints, Reals, inner_kernel, kernel
 
 CROWDED = 60
-"""Velocities from which on a step in the plane is taken by its entries, which is faster then."""
+"""Velocities from which on a step is taken by its entries, which is faster then."""
 
 Spans: TypeAlias = tuple[int, int, int, int]
 """Two stretches of columns, first..end and first..end, the first before the second."""
@@ -78,18 +78,18 @@ def fill_span(entries: Entries, k: int, n: int) -> None:
 
 
 @inner_kernel
-def clear_rows(entries: Entries, k: int, rows: Reals) -> None:
-    """Let the two rows of contact k in the plane be zero."""
+def clear_rows(entries: Entries, k: int, directions: int, rows: Reals) -> None:
+    """Let the rows of contact k, which has so many directions, be zero."""
     if is_crowded(entries):
         a, b, c, d = spans(entries.rows, k)
-        for r in range(2 * k, 2 * k + 2):
+        for r in range(directions * k, directions * k + directions):
             for i in range(a, b):
                 rows[r, i] = 0.0
             for i in range(c, d):
                 rows[r, i] = 0.0
     else:
-        rows[2 * k, :] = 0.0
-        rows[2 * k + 1, :] = 0.0
+        for r in range(directions * k, directions * k + directions):
+            rows[r, :] = 0.0
 
 
 @inner_kernel

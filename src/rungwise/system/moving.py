@@ -35,7 +35,8 @@ class Moment(NamedTuple):
 class Size:
     """n_q coordinates and n_v velocities; slots for contact features, each of d directions, the normal first;
     limited rows; a length: the size of the smallest thing that may be hit; how far two things may move to
-    each other before one can be through the other; and how far contacts can be looked for."""
+    each other before one can be through the other; how far contacts can be looked for; and whether terms say
+    where their entries are."""
 
     coordinates: int
     velocities: int
@@ -45,6 +46,7 @@ class Size:
     length: float
     thin: float = math.inf
     farthest: float = math.inf
+    crowded: bool = False
 
 
 class Crowded(InputError):

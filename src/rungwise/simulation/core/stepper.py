@@ -115,7 +115,7 @@ class Stepper:
         self.q, v = (np.array(part, float) for part in self.system.start())
         self.state = State(clock=np.zeros(1, CLOCK), v=v, **state_arrays(n, size.slots, d))
         self.scratch = Scratch(**scratch_arrays(n, size.slots, size.limited, d=d))
-        self.terms = allocate_terms(n, size.slots, size.limited, d)
+        self.terms = allocate_terms(n, size.slots, size.limited, d, size.crowded)
         self.problem = allocate_problem(n, size.slots, size.limited, d)
         self.terms.rounding[0] = ROUNDING * size.length
         self.terms.pause[0] = PAUSE * self.step

@@ -28,7 +28,7 @@ def enter_rows(
     a: int, b: int, bodies: RecordArray, pose: Reals, point: Reals, rows: Reals, k: int, entries: Entries
 ) -> None:
     """Write the rows of contact k, whose entries are told, as `contact_rows`."""
-    clear_rows(entries, k, rows)
+    clear_rows(entries, k, 2, rows)
     if is_crowded(entries):
         i, j = bodies[a].coordinate, bodies[b].coordinate
         set_spans(entries.rows, k, i, i + coordinate_count(bodies[a]), j, j + coordinate_count(bodies[b]))

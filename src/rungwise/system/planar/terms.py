@@ -271,7 +271,7 @@ def stop(gap: float, lever: float, count: int, terms: Terms) -> None:
     """Add a travel limit: a rigid frictionless contact (infinite stiffness means rigid), its row left to
     fill."""
     terms.lever[count] = lever
-    clear_rows(terms.entries, count, terms.rows)
+    clear_rows(terms.entries, count, 2, terms.rows)
     fill_span(terms.entries, count, terms.load.shape[0])
     terms.gap[count] = gap
     terms.friction[count] = terms.restitution[count] = 0.0

@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.block import Block
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, inner_kernel, kernel
+from rungwise.system.entries import Spans, clear_rows, is_crowded, set_spans
 from rungwise.system.terms import Terms
 
 FREE = -1
@@ -53,9 +54,8 @@ class Solids(Block):
 
     body (g,); size (g,): of the geom, inf for planes; law (g, g): row of `laws` for two geoms; laws (l, 8):
     normal and tangential stiffness and damping, restitution, and sliding, torsional and rolling friction, nan
-    for MuJoCo's; free (n,):
-    whether a velocity is not prescribed; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's
-    memory.
+    for MuJoCo's; free (n,): whether a velocity is not prescribed; span (b, 2): the stretch of the velocities
+    that may move a body; centre (b, 3), turn (b, 9): frames of the bodies, in MuJoCo's memory.
     """
 
     body: Ints
@@ -63,13 +63,15 @@ class Solids(Block):
     law: Ints
     laws: Reals
     free: Ints
+    span: Ints
     centre: Reals
     turn: Reals
 
 
 class Seen(NamedTuple):
     """Contacts as MuJoCo has them: dist (c,), pos (c, 3), frame (c, 9), friction (c, 5), dim (c,), geom (c,
-    2), address (c,) of the first row of `rows` (r, n)."""
+    2), address (c,) of the first of its rows. A row has entries (r,) many, from first (r,) on: J (e,), in
+    the columns column (e,), which are the same for all rows of a contact."""
 
     dist: Reals
     pos: Reals
@@ -78,7 +80,10 @@ class Seen(NamedTuple):
     dim: Ints
     geom: Ints
     address: Ints
-    rows: Reals
+    first: Ints
+    entries: Ints
+    column: Ints
+    J: Reals
 
 
 @kernel
@@ -105,7 +110,7 @@ def fill_contacts(
     for c in range(seen.dist.shape[0]):
         if seen.address[c] < 0 or not seen.dist[c] <= reach:
             continue
-        if not _is_free(seen.rows[seen.address[c]], solids.free, n):
+        if not _is_free(c, seen, solids.free):
             continue
         if count == most:
             return -1
@@ -130,11 +135,24 @@ def least_gap(seen: Seen) -> float:
     return least
 
 
+@inner_kernel
+def _moved(geom: Ints, solids: Solids, n: int) -> Spans:
+    """The velocities that may move one of two geoms, of n."""
+    a, b = solids.body[geom[0]], solids.body[geom[1]]
+    first, end = solids.span[a, 0], solids.span[a, 1]
+    second, last = solids.span[b, 0], solids.span[b, 1]
+    if second < first:
+        first, end, second, last = second, last, first, end
+    if second < end:  # links of one mechanism
+        return first, max(end, last), n, n
+    return first, end, second, last
+
+
 @kernel
-def _is_free(row: Reals, free: Ints, n: int) -> bool:
-    found = False
-    for i in range(n):
-        found |= row[i] != 0.0 and free[i] == 1
+def _is_free(c: int, seen: Seen, free: Ints) -> bool:
+    begin, found = seen.first[seen.address[c]], False
+    for e in range(begin, begin + seen.entries[seen.address[c]]):
+        found |= seen.J[e] != 0.0 and free[seen.column[e]] == 1
     return found
 
 
@@ -189,7 +207,7 @@ def _fill_rows(
     terms: Terms,
 ) -> None:
     """Fill the rows of contact k: normal, two tangents that turn with the bodies, and what else resists."""
-    frame, first = seen.frame[c], seen.address[c]
+    frame = seen.frame[c]
     along, across = 1.0, 0.0
     if not is_fresh:
         along, across = _heading(frame, slot, seen.geom[c], solids, kept)
@@ -205,34 +223,41 @@ def _fill_rows(
     for i in range(3):
         found.world[slot, i], found.world[slot, 3 + i] = seen.pos[c, i], frame[i]
         found.world[slot, 6 + i] = along * frame[3 + i] + across * frame[6 + i]
-    for i in range(min(d, seen.dim[c]), d):
-        for j in range(n):
-            terms.rows[k * d + i, j] = 0.0
-    for j in range(n):
-        terms.rows[k * d, j] = seen.rows[first, j]
-    for pair in range(1, d - 1, 3):
-        if seen.dim[c] > pair + 1:
-            for j in range(n):
-                x, y = seen.rows[first + pair, j], seen.rows[first + pair + 1, j]
+    clear_rows(terms.entries, k, d, terms.rows)
+    if is_crowded(terms.entries):
+        moved = _moved(seen.geom[c], solids, n)
+        set_spans(terms.entries.rows, k, moved[0], moved[1], moved[2], moved[3])
+    _turn_rows(c, k, along, across, seen, d, terms)
+    if d > 3 and seen.dim[c] > 3:
+        _weigh(c, k, seen, solids, d, terms)
+
+
+@inner_kernel
+def _turn_rows(c: int, k: int, along: float, across: float, seen: Seen, d: int, terms: Terms) -> None:
+    """Fill the rows of contact k with MuJoCo's, with tangents turned."""
+    J, first, begin = seen.J, seen.address[c], seen.first[seen.address[c]]
+    for e in range(seen.entries[first]):
+        j = seen.column[begin + e]
+        terms.rows[k * d, j] = J[begin + e]
+        for pair in range(1, d - 1, 3):
+            if seen.dim[c] > pair + 1:
+                x, y = J[seen.first[first + pair] + e], J[seen.first[first + pair + 1] + e]
                 terms.rows[k * d + pair, j] = along * x + across * y
                 terms.rows[k * d + pair + 1, j] = along * y - across * x
-    if d > 3 and seen.dim[c] > 3:
-        for j in range(n):
-            terms.rows[k * d + 3, j] = seen.rows[first + 3, j]
-    if d > 3 and seen.dim[c] > 3:
-        _weigh(c, k, seen, solids, d, n, terms)
+        if d > 3 and seen.dim[c] > 3:
+            terms.rows[k * d + 3, j] = J[seen.first[first + 3] + e]
 
 
 @kernel
-def _weigh(c: int, k: int, seen: Seen, solids: Solids, d: int, n: int, terms: Terms) -> None:
+def _weigh(c: int, k: int, seen: Seen, solids: Solids, d: int, terms: Terms) -> None:
     """Scale the rows of a contact that resists turning, so that one friction bounds all of its forces."""
     slide, twist, roll = _frictions(c, seen, solids)
-    unit = _unit(slide, twist, roll)
+    unit, begin = _unit(slide, twist, roll), seen.first[seen.address[c]]
     for i in range(1, min(d, seen.dim[c])):
         own = slide if i < 3 else twist if i == 3 else roll
         part = own / unit if unit > 0.0 else 1.0
-        for j in range(n):
-            terms.rows[k * d + i, j] *= part
+        for e in range(begin, begin + seen.entries[seen.address[c]]):
+            terms.rows[k * d + i, seen.column[e]] *= part
 
 
 @kernel

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rungwise.kernel import Ints, Reals
+from rungwise.system.entries import fill_span
 from rungwise.system.spatial.drives import Drives
 from rungwise.system.spatial.loads import tendon_rows
 from rungwise.system.terms import DRIVE, JOINT, SUPPORT, Terms
@@ -25,9 +26,7 @@ class Limited:
         self.drives, self.lever, self.free, self.first = drives, lever, free, first
         self.limits = Limits(model)
 
-    def fill(
-        self, d: mujoco.MjData, rows: Reals, moment: Reals, control: Reals, loads: bool, terms: Terms
-    ) -> None:
+    def fill(self, d: mujoco.MjData, moment: Reals, control: Reals, loads: bool, terms: Terms) -> None:
         """Rows of equalities, of dry friction, and of servos; lengths, as for contacts; `loads`: whether the
         rung has loads."""
         drive = self.drives
@@ -35,7 +34,7 @@ class Limited:
         if ne + nf + ns == 0:
             return
         S = terms.limited
-        S[: ne + nf] = rows[: ne + nf]
+        S[: ne + nf] = _rows(d, ne + nf, S.shape[1])
         S[ne + nf :] = moment[drive.servos]
         unit = _units(S, self.lever)
         S *= unit[:, None]
@@ -58,19 +57,21 @@ class Limited:
             terms.error[ne + nf :, 0] = np.where(stiff > 0.0, wish / stiff, 0.0) * own
             terms.error[ne + nf :, 1] = np.where(stiff > 0.0, 0.0, wish / damp) * own
 
-    def fill_limits(
-        self, d: mujoco.MjData, rows: Reals, reach: float, count: int, terms: Terms, slots: Ints
-    ) -> int:
+    def fill_limits(self, d: mujoco.MjData, reach: float, count: int, terms: Terms, slots: Ints) -> int:
         """Travel limits of joints and tendons, after `count` contacts: rows of one direction."""
         k, D = count, terms.contact_stiffness.shape[1]
         first = int(d.ne + d.nf)
-        sides = self.limits.sides(d, rows) if d.nl else []
+        if d.nl == 0:
+            return k
+        rows = _rows(d, first + int(d.nl), len(self.lever))
+        sides = self.limits.sides(d, rows)
         for r in range(first, first + int(d.nl)):
             row = rows[r]
             unit = float(_units(row[None], self.lever)[0])
             if d.efc_pos[r] * unit > reach or not (row[self.free == 1] != 0.0).any():
                 continue
             terms.rows[k * D : k * D + D] = 0.0
+            fill_span(terms.entries, k, len(row))
             terms.rows[k * D] = unit * row
             terms.gap[k], terms.lever[k] = unit * d.efc_pos[r], unit
             terms.friction[k] = terms.restitution[k] = 0.0
@@ -80,10 +81,11 @@ class Limited:
             k += 1
         return k
 
-    def violations(self, d: mujoco.MjData, rows: Reals) -> list[tuple[float, int, int]]:
+    def violations(self, d: mujoco.MjData) -> list[tuple[float, int, int]]:
         """How far each equality is open and each travel limit is passed, as a length, with MuJoCo's kind of
         the row and the number of its element."""
         first = int(d.ne + d.nf)
+        rows = _rows(d, first + int(d.nl), len(self.lever))
         own = [*range(int(d.ne)), *range(first, first + int(d.nl))]
         open_by = np.where(np.array(own) < d.ne, np.abs(d.efc_pos[own]), np.maximum(-d.efc_pos[own], 0.0))
         lengths = open_by * _units(rows[own], self.lever)
@@ -128,6 +130,17 @@ class Limits:
                 rate = 0.0 if turns else float(row[m.jnt_dofadr[number]])
             found.append(self.keys[kind, number, int(rate > 0.0)])
         return found
+
+
+def _rows(d: mujoco.MjData, count: int, n: int) -> Reals:
+    """The first rows (count, n) of MuJoCo's Jacobian."""
+    import mujoco
+
+    rows = np.zeros((count, n))
+    if count:
+        own = slice(count)
+        mujoco.mju_sparse2dense(rows, d.efc_J, d.efc_J_rownnz[own], d.efc_J_rowadr[own], d.efc_J_colind)
+    return rows
 
 
 def _units(rows: Reals, lever: Reals) -> Reals:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.system.moving import Moment, fall_freely
 from rungwise.system.spatial.drives import Drives, fill_moments
 from rungwise.system.spatial.spins import spins, turn_freely
@@ -43,6 +43,7 @@ class Loads:
         self.any_joined = bool(self.joined.any())
         self.weighs = np.where(np.isin(m.body_rootid, self._spins.body), 0.0, m.body_mass)
         parts = (m.jnt_stiffness, m.body_gravcomp, m.tendon_stiffness, m.tendon_damping, self._drag)
+        self._stretches = _stretches(m, bool(self._drag.any()))
         self._springs = any(bool(part.any()) for part in parts)
 
     def fill(
@@ -98,6 +99,7 @@ class Loads:
             load += self.driving
         if terms is not self._filled or self._springs:
             self._fill_yielding(d, terms)
+            terms.entries.matrices[:] = self._stretches[: len(terms.entries.matrices)]
             self._filled = terms
 
     def _fill_yielding(self, d: mujoco.MjData, terms: Terms) -> None:
@@ -113,6 +115,16 @@ class Loads:
             pulls = (d.ten_length < low) | (d.ten_length > high)
             terms.damping[:] += (rows.T * m.tendon_damping) @ rows
             terms.stiffness[:] += (rows.T * (m.tendon_stiffness * pulls)) @ rows
+
+
+def _stretches(m: mujoco.MjModel, drags: bool) -> Ints:
+    """The stretch (n, 2) of the velocities that inertia, springs and dampers couple with each: those of its
+    mechanism, or all where tendons, or dampers of actuators, may couple mechanisms."""
+    ties = m.tendon_stiffness, m.tendon_damping, getattr(m, "tendon_armature", m.tendon_damping)
+    if drags or any(tie.any() for tie in ties):
+        return np.tile(np.array([0, m.nv]), (m.nv, 1))
+    first = m.tree_dofadr[m.dof_treeid]
+    return np.stack([first, first + m.tree_dofnum[m.dof_treeid]], axis=1).astype(np.int64)
 
 
 def _of_unit_mass(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -15,6 +15,7 @@ import numpy as np
 
 from rungwise.kernel import Ints, Reals, steady
 from rungwise.scene.space.laws import touching
+from rungwise.system.entries import CROWDED
 from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
@@ -109,7 +110,8 @@ class Space:
         self.lever[self.lever == 0.0] = length
         self.solids = Solids(
             body=m.geom_bodyid.astype(np.int64), size=sizes, law=self.laws.law, laws=self.laws.rows,
-            free=np.isnan(self.pace).astype(np.int64), centre=self.data.xpos, turn=self.data.xmat,
+            free=np.isnan(self.pace).astype(np.int64), span=spans(m),
+            centre=self.data.xpos, turn=self.data.xmat,
         )  # fmt: skip
         self._q = np.full(m.nq, np.nan)
         self._least: float | None = None
@@ -124,7 +126,8 @@ class Space:
         slots, rows = self.most + len(self.limited.limits.keys), int(self.data.ne + self.data.nf)
         limited, thin = rows + len(self.drives.servos), SLIP * self.passing.thin
         farthest = FAR * length if self.passing.is_curved(touches) else math.inf
-        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest)
+        crowded = m.nv >= CROWDED
+        self.size = Size(m.nq, m.nv, slots, self.directions, limited, length, thin, farthest, crowded)
         self._all_free = bool(self.solids.free.all())
         self.noise = Noise()
         # Places of the first and of the last `fill` of a step: they differ where it was linearised again.
@@ -171,7 +174,7 @@ class Space:
     def violations(self, q: Reals) -> list[tuple[float, int, int]]:
         """How far equalities are open and travel limits are passed (see `Limited.violations`)."""
         self._at(q)
-        return self.limited.violations(self.data, self.data.efc_J.reshape(-1, self.model.nv))
+        return self.limited.violations(self.data)
 
     def gap(self, q: Reals, a: int, b: int) -> float:
         """The distance of two bodies, negative where they overlap: of their geoms that may touch something,
@@ -244,13 +247,12 @@ class Space:
         self.kept, self._found = self._found, self.kept
 
     def fill(self, moment: Moment, terms: Terms, reach: float) -> tuple[Ints, Ints]:
-        m, d = self.model, self.data
+        d = self.data
         if reach > self.margin or FALLEN * reach < self.margin > self._near:
             self.look_within(max(min(AHEAD * reach, self.size.farthest), self._near))
         self._at(moment.q)
         self.loads.fill(d, moment, self.control, self.pace, self._all_free, terms)
-        rows = d.efc_J.reshape(-1, m.nv)
-        self.limited.fill(d, rows, self.loads.moment, self.control, not moment.metric, terms)
+        self.limited.fill(d, self.loads.moment, self.control, not moment.metric, terms)
         count = self._fill_contacts[d.ncon > 1](
             self._seen, self.solids, self.kept, self._found, reach, self.room, terms, self._slots, self._fresh
         )
@@ -258,7 +260,7 @@ class Space:
             self.look_within(self._near)
             raise Crowded(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
         self._listen(moment, count, terms)
-        known, count = count, self.limited.fill_limits(d, rows, reach, count, terms, self._slots)
+        known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
         self._fresh[known:count] = 0
         return self._slots[:count], self._fresh[:count]
 
@@ -313,9 +315,25 @@ class Space:
                 self._mujoco.mj_makeConstraint(m, d)
                 self._mujoco.mj_transmission(m, d)
             c, self._least = d.contact, None
-            rows = d.efc_J.reshape(-1, m.nv)
-            self._seen = Seen(c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address, rows)
+            self._seen = Seen(
+                c.dist, c.pos, c.frame, c.friction, c.dim, c.geom, c.efc_address,
+                d.efc_J_rowadr, d.efc_J_rownnz, d.efc_J_colind, d.efc_J,
+            )  # fmt: skip
         self._q = q
+
+
+def spans(model: mujoco.MjModel) -> Ints:
+    """The stretch (b, 2) of the velocities that may move each body: from the first of its mechanism to the
+    last of its own."""
+    found = np.zeros((model.nbody, 2), np.int64)
+    for body in range(1, model.nbody):
+        parent, count = model.body_parentid[body], model.body_dofnum[body]
+        first, end = found[parent]
+        if count:
+            end = model.body_dofadr[body] + count
+            first = first if found[parent, 1] else model.body_dofadr[body]
+        found[body] = first, end
+    return found
 
 
 def directions(model: mujoco.MjModel) -> int:
@@ -330,7 +348,7 @@ def _set_options(model: mujoco.MjModel) -> None:
     import mujoco
 
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    model.opt.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, NEAREST)
     model.opt.ccd_iterations = max(model.opt.ccd_iterations, SEARCHES)

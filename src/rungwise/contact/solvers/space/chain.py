@@ -90,7 +90,8 @@ def solve_spatial(
     going = v[:n].copy()
     v[:n] = 0.0
     # What rested goes on resting, and what moved steadily moves on so: nothing need be sorted.
-    for turn in range(2 if _all_touch(touched, n) else 1):
+    lone = _all_touch(touched, n)
+    for turn in range(2 if lone else 1):
         if turn == 1:
             v[:n] = going
         error = residual_where(p, sizes, touched, unknowns)
@@ -117,7 +118,7 @@ def solve_spatial(
         np.empty(rows * n), np.empty((count, d, d)),
     )  # fmt: skip
     fill_groups(p, contacts, touched, sorted_by, bodies, order, groups)
-    demand = demanded_yield(p, sizes, touched)
+    demand, lone = demanded_yield(p, sizes, touched), lone and islands == 1
     vectors, dual, narrow = np.empty((4, 2 * n + 3 * rows)), np.empty((4, rows)), _narrow(island, islands)
     point = _point(vectors[0], n, rows)
     matrix, pivots, dv, dx = (
@@ -126,6 +127,7 @@ def solve_spatial(
         np.empty(n),
         np.empty(rows),
     )
+    push = np.empty(d * n)
     slope, inverse, centre = np.empty((count, d, 2 * d)), np.empty((count, d, 2 * d)), np.zeros(rows)
     _take_start(groups, contacts, d, force, tau, point.x)
     for i in range(n):
@@ -138,7 +140,7 @@ def solve_spatial(
             span = Span(low, island[i, 0], first, island[i, 1])
             touching = Island(bodies, groups, span, p.quantum[0], halt)
             low, first = touching.span.high, touching.span.last
-            steps = Steps(matrix, pivots, plan_blocks(touching), dv, dx, slope, inverse, centre)
+            steps = Steps(matrix, pivots, plan_blocks(touching), push, dv, dx, slope, inverse, centre)
             room = Room(
                 point, _point(vectors[1], n, rows), _point(vectors[2], n, rows), _point(vectors[3], n, rows),
                 answers, Duals(dual[0], dual[1], dual[2], dual[3]), steps,
@@ -146,7 +148,7 @@ def solve_spatial(
             if polishes:
                 descend(touching, GIVE, 0.0, 0.0, _STEPS, point, room.trial, steps)
             else:
-                worst = max(worst, _solve_island(touching, demand, going, room))
+                worst = max(worst, _solve_island(touching, lone, demand, going, room))
         for i in range(n):
             v[bodies.place[i]] = bodies.unit[i] * point.v[i]
         _give_back(groups, contacts, d, point.x, force, tau)
@@ -208,14 +210,14 @@ def _point(vector: Reals, n: int, rows: int) -> Point:
 
 
 @kernel
-def _solve_island(island: Island, demand: float, going: Reals, room: Room) -> int:
-    """Solve from the forces at the point, and rest or velocities `going` (n,); returns the stage that it
-    took."""
+def _solve_island(island: Island, lone: bool, demand: float, going: Reals, room: Room) -> int:
+    """Solve from the forces at the point, and rest or velocities `going` (n,), unless the island is `lone`,
+    so that these were tried; returns the stage that it took."""
     tol = _MARGIN * TOLERANCE
     span = island.span
     point, trial, best, steps = room.point, room.trial, room.best, room.steps
     # At rest, or in steady motion, velocities that are differences of forces would be rounding.
-    for turn in range(2 if span.first < span.last else 0):
+    for turn in range(2 if span.first < span.last and not lone else 0):
         for i in range(span.low, span.high):
             point.v[i] = going[i] if turn == 1 else 0.0
         if residual_at(island, point, steps) <= tol:

@@ -43,11 +43,12 @@ _CHORDS, _FAST = 3, 0.2
 class Steps(NamedTuple):
     """Scratch: step dv (n,) and dx (rows,); slope (g, d, 2 d) of each group's projection beside scratch;
     inverse (g, d, 2 d): M^-1 and E of each group; centre (rows,); and the room for factors of an island's
-    matrix: matrix (n n,) and order (n,) of few coordinates, `blocks` of many, else empty."""
+    matrix: matrix (n n,) and order (n,) of few coordinates, `blocks` and push (d n,) of many."""
 
     matrix: Reals
     order: Ints
     blocks: Factors
+    push: Reals
     dv: Reals
     dx: Reals
     slope: Reals
@@ -251,9 +252,8 @@ def _assemble_blocks(island: Island, steps: Steps) -> bool:
         size, begin = groups.row[g + 1] - groups.row[g], groups.column[g]
         width = groups.column[g + 1] - begin
         W = groups.W[groups.entry[g] : groups.entry[g + 1]].reshape(size, width)
-        add_product(
-            blocks, groups.touched[begin : begin + width], low, steps.inverse[g, :size, d : d + size], W
-        )
+        touched, E = groups.touched[begin : begin + width], steps.inverse[g, :size, d : d + size]
+        add_product(blocks, touched, low, E, W, steps.push)
     return bool(factorise_blocks(blocks))
 
 

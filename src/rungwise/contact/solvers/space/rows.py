@@ -22,6 +22,9 @@ _DEMANDED = 1e3
 decade."""
 
 
+_END = -1
+
+
 class Order(NamedTuple):
     """Coordinates (n,), sorted: place in the problem, rank of a place among the sorted, first and last
     coordinate of the own block, the latter excluded."""
@@ -91,7 +94,7 @@ def sort_rows(
         isle[i] = _root(block, i)
     home = np.empty(groups, np.int64)
     for g in range(groups):
-        home[g] = -1
+        home[g] = _END
         rows = (
             p.W[g * d : g * d + _size(p, g, contacts)]
             if g < contacts
@@ -99,36 +102,56 @@ def sort_rows(
         )
         for e in range(touched.first[g], touched.first[g + 1]):
             if _meets(rows, touched.coordinate[e]):
-                if home[g] >= 0:
+                if home[g] != _END:
                     _join(isle, home[g], touched.coordinate[e])
                 home[g] = touched.coordinate[e]
+    # Chains: members of blocks by their least, blocks of islands by theirs, groups of islands.
+    members, blocks = np.full((2, n), _END), np.full((2, n), _END)
+    owned = np.full((2, max(n, groups)), _END)
+    tails = np.empty((3, n), np.int64)
+    for i in range(n):
+        _append(members, tails[0], _root(block, i), i)
+    for i in range(n):
+        if _root(block, i) == i:
+            _append(blocks, tails[1], _root(isle, i), i)
+    for g in range(groups):
+        if home[g] != _END:
+            _append(owned, tails[2], _root(isle, home[g]), g)
     count, done, placed = 0, 0, 0
     for top in range(n):
-        if _root(isle, top) != top:
+        if blocks[0, top] == _END:
             continue
-        for i in range(n):
-            if _root(block, i) != i or _root(isle, i) != top:
-                continue
-            begin = done
-            for j in range(i, n):
-                if _root(block, j) == i:
-                    place[done], rank[j] = j, done
-                    done += 1
-            for j in range(begin, done):
-                first[j], last[j] = begin, done
-        for g in range(groups):
-            if home[g] >= 0 and _root(isle, home[g]) == top:
-                order[placed] = g
-                placed += 1
+        i = blocks[0, top]
+        while i != _END:
+            begin, j = done, members[0, i]
+            while j != _END:
+                place[done], rank[j] = j, done
+                done, j = done + 1, members[1, j]
+            first[begin:done], last[begin:done] = begin, done
+            i = blocks[1, i]
+        g = owned[0, top]
+        while g != _END:
+            order[placed] = g
+            placed, g = placed + 1, owned[1, g]
         island[count, 0], island[count, 1] = done, placed
         count += 1
     for g in range(groups):
-        if home[g] < 0:
+        if home[g] == _END:
             order[placed] = g
             placed += 1
             island[count, 0], island[count, 1] = done, placed
             count += 1
     return count
+
+
+@inner_kernel
+def _append(chains: Ints, tail: Ints, top: int, own: int) -> None:
+    """Append to the chain of `top`, which begins with chains[0, top], and goes on from i to chains[1, i]."""
+    if chains[0, top] == _END:
+        chains[0, top] = own
+    else:
+        chains[1, tail[top]] = own
+    tail[top] = own
 
 
 @inner_kernel
