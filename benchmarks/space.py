@@ -1,9 +1,10 @@
 """Steps of whole runs in space, beside MuJoCo's own in the same process, and what is asked of every step.
 
-    python benchmarks/space.py [--scenes stack pile] [--steps 8000] [--rounds 8] [--json]
+    python benchmarks/space.py [--scenes stack pile stack80 heap64] [--steps 8000] [--rounds 8] [--json]
 
 Each round takes steps on the rung and then as many in MuJoCo from the same start, so that both see the same
-machine. MuJoCo steps the same model with its own settings: Newton, elliptic cones, its step the scene's.
+machine. stackN and heapN are N boxes, one on the other or in square layers that fall a little. MuJoCo steps
+the same model with its own settings: Newton, elliptic cones, its step the scene's.
 
   steps/s   of the rung, collision, assembly, solution, judgement and integration included
   ratio     over MuJoCo's steps/s, median of the rounds
@@ -15,27 +16,57 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+import re
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from statistics import median
 from typing import Any
 
 import mujoco
+import numpy as np
 
 import rungwise as rw
 from rungwise.outcome import Code
 
 TOLERANCE = 1e-8
 NEVER = 1e9
+BOX = """<body name="box{0}" pos="{1} {2} {3}"><freejoint/>
+<geom name="box{0}" type="box" size="0.1 0.1 0.1" mass="1"/></body>"""
 ENDS = ("goal", "unsafe", "doomed")
 """Conditions that would end a run before all steps are taken."""
 
 
-def measure(name: str, model: str, steps: int, rounds: int) -> dict[str, Any]:
+def scene_of(name: str, folder: Path) -> rw.SpaceScene:
+    """A scene that ships, without the conditions that would end its run, or a stack or heap of so many boxes
+    under the laws of the shipped stack, whose model is written into the folder."""
+    made = re.fullmatch(r"(stack|heap)(\d+)", name)
+    told = json.loads(rw.load("stack" if made else name).stored)
+    told = {key: value for key, value in told.items() if key not in ENDS}
+    if not made:
+        return rw.load(told)
+    path = folder / f"{name}.xml"
+    path.write_text(boxes(made[1] == "heap", int(made[2])))
+    return rw.load(told | {"name": name, "model": {"file": str(path)}})
+
+
+def boxes(heaped: bool, count: int) -> str:
+    """The model of a stack or a heap."""
+    rng, side = np.random.default_rng(0), math.ceil(count ** (1 / 3)) if heaped else 1
+    bodies = ""
+    for i in range(count):
+        layer, row, column = i // side**2, i // side % side, i % side
+        x, y = (0.28 * np.array([row, column]) + 0.03 * rng.uniform(-1.0, 1.0, 2)) * heaped
+        z = 0.15 + 0.25 * layer if heaped else 0.1 + 0.2 * i
+        bodies += BOX.format(i, x, y, z)
+    return f'<mujoco><worldbody><geom name="floor" type="plane" size="5 5 0.1"/>{bodies}</worldbody></mujoco>'
+
+
+def measure(scene: rw.SpaceScene, model: str, steps: int, rounds: int) -> dict[str, Any]:
     """One scene on one rung; `steps` in all, over the rounds."""
-    told = json.loads(rw.load(name).stored)
-    scene = rw.load({key: value for key, value in told.items() if key not in ENDS})
     run = rw.SpaceSimulation(scene, model, duration=NEVER, frames=3, stride=10**9)
     stepper, space = run.stepper, run.space
     own = scene.bind().model
@@ -64,7 +95,7 @@ def measure(name: str, model: str, steps: int, rounds: int) -> dict[str, Any]:
         theirs.append((time.perf_counter() - began) / each)
     total = int(stepper.clock["steps"]) - 5
     return {
-        "scene": name, "model": model, "steps": total, "steps_per_s": 1.0 / median(ours),
+        "scene": scene.name, "model": model, "steps": total, "steps_per_s": 1.0 / median(ours),
         "mujoco_steps_per_s": 1.0 / median(theirs),
         "ratio": median(b / a for a, b in zip(ours, theirs, strict=True)),
         "within": within / max(total, 1), "halved": halved, "overlap": overlap / space.size.length,
@@ -76,13 +107,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--scenes", nargs="+", default=["stack", "pile"])
+    parser.add_argument("--scenes", nargs="+", default=["stack", "pile", "stack80", "heap64"])
     parser.add_argument("--models", nargs="+", default=["dynamic-rigid", "dynamic-compliant"])
     parser.add_argument("--steps", type=int, default=8000)
     parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     chosen = parser.parse_args(arguments)
-    found = [measure(s, m, chosen.steps, chosen.rounds) for s in chosen.scenes for m in chosen.models]
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = [scene_of(name, Path(folder)) for name in chosen.scenes]
+        found = [measure(s, m, chosen.steps, chosen.rounds) for s in scenes for m in chosen.models]
     if chosen.json:
         print(json.dumps(found))
         return 0
