@@ -54,6 +54,7 @@ class Crawl:
         """Whether steps, just now one more up to `time`, lead nowhere."""
         if time - self.mark >= self.step:
             self.mark, self.attempts = time, 0
+            return False
         return self.leads_nowhere(time)
 
     def leads_nowhere(self, time: float) -> bool:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals, kernel
+from rungwise.kernel import Ints, Reals, kernel, steady
 
 if TYPE_CHECKING:
     import mujoco
@@ -50,6 +50,9 @@ class Boxes:
         self.model = model
         self.is_box = (model.geom_type == mujoco.mjtGeom.mjGEOM_BOX).astype(np.int64)
         self.may_meet = bool(self.is_box.sum() > 1)
+        # By whether there are several contacts, whose array is another type then.
+        self._single_contacts = steady(single_contacts), steady(single_contacts)
+        self._face_contacts, self._fill_tangents = steady(face_contacts), steady(fill_tangents)
         self._alone = np.zeros(1, np.int64)
         self._frame = np.zeros(9)
         self._room = Room(
@@ -61,7 +64,7 @@ class Boxes:
         contact = data.contact
         if len(self._alone) < data.ncon:
             self._alone = np.zeros(2 * data.ncon, np.int64)
-        count = single_contacts(contact.geom, self.is_box, self._alone)
+        count = self._single_contacts[data.ncon > 1](contact.geom, self.is_box, self._alone)
         for c in self._alone[:count].tolist():
             self._replace(c, data)
 
@@ -70,11 +73,11 @@ class Boxes:
 
         contact, sizes = data.contact[c], self.model.geom_size
         one, other = (Box(data.geom_xpos[g], data.geom_xmat[g], sizes[g]) for g in contact.geom)
-        count = face_contacts(one, other, float(contact.dist), self._room)
+        count = self._face_contacts(one, other, float(contact.dist), self._room)
         near = [row for row in self._room.found[:count].tolist() if row[3] <= contact.includemargin]
         if not near:
             return
-        fill_tangents(self._frame)
+        self._fill_tangents(self._frame)
         contact.frame = self._frame
         for k, (*place, gap) in enumerate(near):
             contact.pos, contact.dist = place, gap

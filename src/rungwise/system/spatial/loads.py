@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rungwise.kernel import Ints, Reals
+from rungwise.kernel import Ints, Reals, steady
 from rungwise.system.moving import Moment, fall_freely
 from rungwise.system.spatial.drives import Drives, fill_moments
 from rungwise.system.spatial.spins import spins, turn_freely
@@ -37,7 +37,7 @@ class Loads:
         self._damping, self._stiffness = np.diag(m.dof_damping), np.diag(m.jnt_stiffness[m.dof_jntid])
         # Earlier versions of MuJoCo know no damping of actuators.
         self._drag = np.array(getattr(m, "actuator_damping", np.zeros(m.nu)))
-        self._spins = spins(m)
+        self._spins, self._turn_freely = spins(m), steady(turn_freely)
         self.joined, self.taken = np.ones(m.nv, np.int64), np.zeros(m.nv)
         self.joined[(self._spins.first[:, None] + np.arange(6)).ravel()] = 0
         self.any_joined = bool(self.joined.any())
@@ -74,7 +74,7 @@ class Loads:
         self._mujoco.mj_fullM(model, data, terms.metric)
 
     def _fill_loads(self, d: mujoco.MjData, moment: Moment, control: Reals, terms: Terms) -> None:
-        m, eps, load = self.model, moment.inertia, terms.load
+        m, eps, load = self.model, float(moment.inertia), terms.load
         load[:] = 0.0
         d.qvel[:] = moment.v if eps > 0.0 else 0.0
         self._mujoco.mj_comVel(m, d)
@@ -89,7 +89,7 @@ class Loads:
             load -= self._row
         np.negative(load, out=self.taken)
         if eps > 0.0 and len(self._spins.first):
-            turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
+            self._turn_freely(self._spins, d.xmat, moment.v, moment.h, eps, load)
         if self._springs:
             self._mujoco.mj_passive(m, d)
             load += d.qfrc_spring + d.qfrc_gravcomp
