@@ -15,7 +15,8 @@ from rungwise.planning.modes.cones import PART, SLIDE
 from rungwise.planning.modes.execute import Scene
 from rungwise.planning.modes.ground import Ground, Seen
 from rungwise.planning.modes.guide import guide
-from rungwise.planning.modes.planner import anew_on
+from rungwise.planning.modes.follow import follow
+from rungwise.planning.modes.planner import anew_on, mode_planner
 from rungwise.planning.motion.propagate import Budget, Stage
 from rungwise.planning.search.problem import Work, begin
 from rungwise.planning.task.task import task_of
@@ -77,8 +78,8 @@ def block_at_a_wall(friction: float = 0.6, tilt: float = 0.7, led: dict[str, Any
     )  # fmt: skip
 
 
-def _pushed_box() -> rw.Scene:
-    """A box on a support, seen from above, with two fingers at given speeds."""
+def _pushed_box(others: dict[str, Any] | None = None, goal: str = "") -> rw.Scene:
+    """A box on a support, and others, seen from above, with two fingers at given speeds."""
     finger = {
         "role": "robot", "shape": {"kind": "disc", "radius": 0.005}, "motion": {"kind": "free"},
         "coordinates": {"angle": {"drive": {"kind": "speed", "speed": 0}}},
@@ -92,10 +93,12 @@ def _pushed_box() -> rw.Scene:
         }
         for k in (1, 2)
     }
-    bodies["part"] = {
+    box = {
         "role": "object", "mass": 1, "shape": {"kind": "box", "width": 0.2, "height": 0.2},
         "motion": {"kind": "free"}, "support": {"friction": 0.3, "load": 9.81},
     }  # fmt: skip
+    bodies["part"] = box
+    bodies |= {name: box | {"pose": pose} for name, pose in (others or {}).items()}
     inputs = ["x1", "y1", "x2", "y2"]
     led = {"speed": 0.1, "clearance": 0.005, "push": [0.01, 1.0]}
     return rw.load(
@@ -103,12 +106,13 @@ def _pushed_box() -> rw.Scene:
             "name": "pushed_box", "parameters": {name: {"default": 0.0} for name in inputs},
             "inputs": inputs, "bodies": bodies,
             "contacts": [
-                {"between": ["finger*", "part"], "friction": 0.5, "stiffness": 1e6, "damping": 1e3},
+                {"between": ["finger*", "part*"], "friction": 0.5, "stiffness": 1e6, "damping": 1e3},
                 {"between": ["finger1", "finger2"], "friction": 0, "stiffness": 1e6, "damping": 1e3},
+                *({"between": ["part", name], "friction": 0.3} for name in others or {}),
             ],
-            "goal": "hypot(part.x - 0.5, part.y) <= 0.05", "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "goal": goal or "hypot(part.x - 0.5, part.y) <= 0.05", "tolerance": 1e-6, "duration": 60, "step": 0.01,
             "task": {
-                "inputs": {name: {"range": [-1, 1]} for name in inputs}, "moves": [1, 6],
+                "inputs": {name: {"range": [-1, 1]} for name in inputs}, "moves": [1, 12],
                 "transit": {"finger1": led, "finger2": led},
             },
         }
@@ -279,9 +283,34 @@ def test_two_fingers_at_given_speeds_push_side_by_side() -> None:
         assert found.change * ground.units == pytest.approx(want, abs=1e-6)
         pushes = [found.pushes[finger.columns] @ -normal[0] for finger in ground.fingers]
         assert min(pushes) > 0.05 * max(pushes)
-    parts = ground.beside(np.full(50, 0.05), np.random.default_rng(0))
+    parts = ground.alike(np.full(50, 0.05), np.random.default_rng(0))
     assert ground.around.outline(ground.body)(parts)[1] == pytest.approx(np.tile(normal[0], (50, 1)))
     assert np.ptp(parts) > 0.1 and point.shape == (2, 2)
+
+
+def test_two_objects_are_led_one_after_the_other() -> None:
+    """Each to its part of the goal, beside the other, by modes alone; neither runs into the other."""
+    goal = "hypot(part.x - 0.4, part.y) <= 0.03 and hypot(part2.x - 0.1, part2.y - 0.4) <= 0.03"
+    scene = _pushed_box({"part2": {"x": 0.3, "y": 0.0}}, goal)
+    work = _work(scene)
+    planner = mode_planner(work, work.predictor(Stage(rw.QUASISTATIC_RIGID, 1e-3)))
+    assert planner is not None
+    found = planner.search(200)
+    assert found is not None
+    run = rw.simulate(scene, "quasistatic-rigid", inputs=list(found.course.segments), tol=1e-3)
+    assert run.outcome == rw.Outcome.GOAL
+    ground, seen = planner.scene.grounds["part"], planner.scene.grounds["part"].look(work.start.q[0])
+    assert ground.beside.sum() == 1
+    target, q = seen.q.copy(), seen.q
+    target[ground.columns[0]] += 0.4
+    placed: Any = q
+    every = np.linspace(0.0, 1.0, 81)
+    left = every[ground.around.outline(ground.body)(every)[1][:, 0] < -0.99]
+    for f, part in enumerate((left[4], left[-4])):
+        placed = ground.placed(placed, f, float(part))
+    way = follow(ground, ground.look(placed), np.ones(2, np.int64), (), target, 0.0, lambda _: None)
+    assert way.why == "overlap"
+    assert 0.05 < way.places[-1][ground.columns[0]] < 0.1
 
 
 def test_saved_plans_are_read_again(tmp_path: Any) -> None:

@@ -91,6 +91,10 @@ class Scene:
         }
         self._numbers = {ground.body: ground for ground in self.grounds.values()}
 
+    def name(self, ground: Ground) -> str:
+        """The name of an object."""
+        return next(name for name, own in self.grounds.items() if own is ground)
+
     def root(self) -> Node:
         """Where planning starts."""
         work = self.work

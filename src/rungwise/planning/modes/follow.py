@@ -88,13 +88,13 @@ def follow(
         moved = ground.moved(seen, found.change * min(1.0, STEP * size / length), used)
         kept = {f for f, kind in zip(roles.features, roles.kinds, strict=True) if kind != PART}
         after = ground.corrected(moved, kept, used)
-        why = _stopped(ground, after, used)
+        own = roles.of(after, NEIGHBOUR * size)
+        why = _stopped(ground, after, used) or _runs_into(ground, after, own)
         if why:
             break
         seen, why = after, LENGTH
         places.append(seen.q)
         pushes.append(found.pushes)
-        own = roles.of(seen, NEIGHBOUR * size)
         if any(kind is None for kind in own):
             why = CONTACT
             break
@@ -111,3 +111,9 @@ def _stopped(ground: Ground, seen: Seen, used: Ints) -> str:
     if seen.touches.least[ground.pairs].min(initial=np.inf) < -ground.closed:
         return OVERLAP
     return "" if ground.is_free(seen, used) else FINGER
+
+
+def _runs_into(ground: Ground, seen: Seen, roles: list[int | None]) -> str:
+    """Why a step cannot be made at which another object is touched that was not; empty where none is."""
+    new = [k for k, role in zip(seen.closed, roles, strict=True) if role is None]
+    return OVERLAP if ground.beside[seen.touches.pairs[new]].any() else ""

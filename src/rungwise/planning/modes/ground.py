@@ -17,6 +17,7 @@ from rungwise.planning.modes.fingers import Finger
 from rungwise.planning.modes.motions import turn
 from rungwise.planning.task.task import Task
 from rungwise.world.carriers import Surroundings, Touches
+from rungwise.world.contract import OBJECT
 from rungwise.world.find import world_of
 
 CLOSED = 2e-3
@@ -57,7 +58,7 @@ class Seen(NamedTuple):
 class Ground:
     """An object, by its number and its columns (k,) of coordinates with their units (k,) as lengths; its
     fingers and its surroundings. pairs: the scene's contacts of the object with what is no finger,
-    and surrounds (c,), which these are; own (f,):
+    and surrounds (c,), which these are; beside (c,): those of them with other objects; own (f,):
     with each finger; avoided (a,): of fingers with all else."""
 
     task: Task
@@ -68,6 +69,7 @@ class Ground:
     units: Reals
     pairs: Ints
     surrounds: Flags
+    beside: Flags
     own: Ints
     avoided: Ints
     closed: float
@@ -90,11 +92,13 @@ class Ground:
                 avoided.append(k)
             elif body in (a, b):
                 pairs.append(k)
-        surrounds = np.zeros(len(contacts), bool)
+        surrounds, beside = np.zeros(len(contacts), bool), np.zeros(len(contacts), bool)
         surrounds[pairs] = True
+        roles = world_of(task.scene).roles(task.parameters)
+        beside[pairs] = [all(roles[name] == OBJECT for name in contacts[k]) for k in pairs]
         least = min(finger.carrier.clearance for finger in fingers)
         return cls(
-            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds,
+            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds, beside,
             np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
         )  # fmt: skip
 
@@ -143,14 +147,14 @@ class Ground:
         faces = (facing[None] * normals[:, None]).sum(axis=2)
         return np.asarray(every[(across + (1.0 + faces) * self.task.size).argmin(axis=1)])
 
-    def beside(self, parts: Reals, rng: np.random.Generator) -> Reals:
+    def alike(self, parts: Reals, rng: np.random.Generator) -> Reals:
         """Parts (m,) of the outline that face where others (m,) do, nearly, drawn among those; the same parts
         where nothing else does."""
         outline, every = self.around.outline(self.body), np.arange(0.5, AROUND) / AROUND
         normals, facing = outline(parts)[1], outline(every)[1]
-        alike = rng.random((len(parts), AROUND)) * (normals @ facing.T > ALIKE)
-        best = alike.argmax(axis=1)
-        return np.where(alike[np.arange(len(parts)), best] > 0.0, every[best], parts)
+        drawn = rng.random((len(parts), AROUND)) * (normals @ facing.T > ALIKE)
+        best = drawn.argmax(axis=1)
+        return np.where(drawn[np.arange(len(parts)), best] > 0.0, every[best], parts)
 
     def edges(self, seen: Seen, parts: Reals) -> Reals:
         """Edges (m, 2, 3), over units, of the forces on a free object of a finger that touches at parts (m,)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from rungwise.deadline import TimeOver
-from rungwise.kernel import Reals
+from rungwise.kernel import Ints, Reals
 from rungwise.outcome import Code
 from rungwise.planning.modes.execute import Begun, Manner, Node, Scene
 from rungwise.planning.modes.fingers import fingers_of
@@ -17,6 +19,7 @@ from rungwise.planning.motion.placements import placed_part
 from rungwise.planning.motion.propagate import GOES_ON, Predictor
 from rungwise.planning.search.problem import Found, Work
 from rungwise.planning.search.search import search, search_once
+from rungwise.scene.language.lasting import names_in
 from rungwise.world.contract import OUTLINES
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
@@ -150,10 +153,11 @@ class ModePlanner:
         manner = Manner(PRESSES[self.turn % len(PRESSES)], PACES[self.turn % len(PACES)])
         rounds = ROUNDS[self.turn % len(ROUNDS)]
         self.turn += 1
-        node, ground = self._chosen(), self._object()
+        node = self._chosen()
         q = node.places.q[0]
+        ground = self._object(q)
         legs = propose(
-            ground, q, work.start.q[0], self._goals(ground, q), self._reached, manner.press, work.rng,
+            ground, q, work.start.q[0], self._goals(ground, q), self._reached(ground), manner.press, work.rng,
             rounds, work.failures, self._look, self._course(ground), work.task.moves[1] - node.grasps,
         )  # fmt: skip
         if legs is None:
@@ -206,17 +210,24 @@ class ModePlanner:
         node.tries[0] += 1
         return node
 
-    def _object(self) -> Ground:
-        """The object to move: one of which the goal speaks, at times another."""
-        grounds, wanted = list(self.scene.grounds.values()), self._wanted()
+    def _object(self, q: Reals) -> Ground:
+        """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at times
+        another."""
+        grounds = list(self.scene.grounds.values())
+        wanted = [ground for ground in self._wanted() if not self._reached(ground)(q)]
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):
             grounds = wanted
         return grounds[int(self.work.rng.integers(len(grounds)))]
 
     def _wanted(self) -> list[Ground]:
-        """The objects of which parts of the goal speak that lack something at the start."""
-        names = [name for group in self.work.groups[0] for name in group.bodies]
-        return [self.scene.grounds[name] for name in names if name in self.scene.grounds]
+        """The objects of which the goal speaks."""
+        return [ground for ground in self.scene.grounds.values() if len(self._parts(ground))]
+
+    def _parts(self, ground: Ground) -> Ints:
+        """The parts of the goal (r,) that speak of an object."""
+        own = self.scene.name(ground)
+        said = [own in set().union(*(names_in(text) for text in texts)) for texts in self._goal.parts]
+        return np.flatnonzero(said)
 
     def _goals(self, ground: Ground, q: Reals) -> Reals:
         """Places (g, n) at the goal, those next to q (n,) first."""
@@ -236,5 +247,14 @@ class ModePlanner:
             self._courses[ground.body] = guide(ground, q, goal, work.seed, work.budget.is_in_time)
         return self._courses[ground.body]
 
-    def _reached(self, q: Reals) -> bool:
-        return bool(self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).holds[0])
+    def _reached(self, ground: Ground) -> Callable[[Reals], bool]:
+        """Whether all that the goal says of an object holds at a place (n,); the whole goal where it says
+        nothing."""
+        parts = self._parts(ground)
+        asked = parts if len(parts) else slice(None)
+
+        def is_reached(q: Reals) -> bool:
+            lacks = self._goal.ask(np.concatenate([q, np.zeros(len(q))])[None]).lacks[0]
+            return bool((lacks[asked] == 0.0).all())
+
+        return is_reached

@@ -268,7 +268,7 @@ def _pool(ground: Ground, seen: Seen, used: Ints, rng: np.random.Generator) -> R
     found = np.concatenate([drawn, ground.opposite(np.concatenate([drawn, places]))])
     if ground.fingers[0].carrier.by_place or len(used) == 1:
         return found
-    return np.concatenate([found, ground.beside(np.concatenate([places, found[:POOL]]), rng)])
+    return np.concatenate([found, ground.alike(np.concatenate([places, found[:POOL]]), rng)])
 
 
 def _placed(
