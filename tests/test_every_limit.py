@@ -39,8 +39,8 @@ ARRAYS = {
 }  # fmt: skip
 """A few array operations on what is known: time grows with what is given, and nothing is searched."""
 TURNS = {
-    "advance", "crawled", "fastest", "faults", "faults_before", "follow", "frame", "hand_on", "memory",
-    "misplaced", "recall", "remarks", "remembered", "result", "running", "snapped", "steps_taken", "take",
+    "crawled", "fastest", "faults", "faults_before", "follow", "frame", "hand_on", "memory",
+    "misplaced", "recall", "remarks", "remembered", "result", "running", "snapped", "take",
 }  # fmt: skip
 """Parts of a run that is taken in turns, which whoever takes them ends, and whose `deadline` may be set."""
 PICTURES = {"Design.plot", "LabelledSet.plot", "Run.plot"}
@@ -142,10 +142,33 @@ class Given(NamedTuple):
     folder: Path
 
 
+def stepped(run: Any, turn: Callable[[Any], Any]) -> Any:
+    """A run after a turn, which takes no step; the next one does."""
+    turn(run)
+    found = run.result()
+    assert found.steps == 0
+    run.advance()
+    assert run.result().steps > 0
+    return found
+
+
 Call = Callable[[Given], Any]
 """A call without time."""
 CALLS: dict[str, tuple[Call, Says]] = {
     "simulate": (lambda _: rw.simulate("two_finger", "kinematic", limit=0), running),
+    "Simulation.advance": (
+        lambda _: stepped(rw.Simulation("two_finger", "kinematic"), lambda run: run.advance(limit=0)), running
+    ),
+    "MovingSimulation.advance": (
+        lambda _: stepped(rw.SpaceSimulation(rw.load(BALL), "kinematic"), lambda run: run.advance(limit=0)),
+        running,
+    ),
+    "MovingSimulation.steps_taken": (
+        lambda _: stepped(
+            rw.SpaceSimulation(rw.load(BALL), "kinematic"), lambda run: run.steps_taken(3, limit=0)
+        ),
+        running,
+    ),
     "rollout": (lambda _: rw.rollout("two_finger", "kinematic", limit=0), all_running),
     "Batch.run": (
         lambda _: rw.Batch("two_finger", "kinematic", ["v2"]).run(np.ones((8, 1)), limit=0),

@@ -12,6 +12,7 @@ import pytest
 
 import rungwise as rw
 from rungwise.deadline import TimeOver
+from rungwise.planning.execution.feedback import Replanner
 from rungwise.planning.lift import lift as climb
 from rungwise.planning.motion.propagate import Budget
 from rungwise.planning.search.problem import Work
@@ -170,3 +171,20 @@ def test_a_design_keeps_what_it_found(options: dict[str, Any], monkeypatch: pyte
 def test_a_set_ends_with_the_cells_that_are_known() -> None:
     with pytest.raises(rw.LimitError, match="before the first cells"):
         rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), limit=0.0)
+
+
+def test_re_planned_samples_are_kept_one_by_one(varied: rw.Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Executions are stand-ins, and the time is over in the eighth."""
+    executed = itertools.count(1)
+    in_time = [True]
+    monkeypatch.setattr(Budget, "is_in_time", lambda _: in_time[0])
+
+    def execute(*_: object) -> tuple[rw.Code, tuple[rw.Segment, ...]]:
+        if next(executed) == 8:
+            in_time[0] = False
+            raise TimeOver
+        return rw.Code.GOAL, ()
+
+    monkeypatch.setattr(Replanner, "execute", execute)
+    cut = rw.verify(varied, samples=20, mode="re-planning", limit=1e9)
+    assert (cut.samples, cut.successes) == (7, 7) and cut.unfinished.startswith("7 of 20 samples")

@@ -6,7 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Mapping
-from functools import reduce
+from functools import partial, reduce
 from operator import add
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -146,16 +146,21 @@ class Simulation(Turns):
         """Simulated time so far."""
         return 0.0 if self.workspace is None else float(self.workspace.state.clock[0]["time"])
 
-    def advance(self, steps: int | None = None) -> bool:
-        """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on. Raises
-        TimeOver."""
+    def advance(self, steps: int | None = None, *, limit: float | None = None) -> bool:
+        """Take steps for about `TURN_S`, or as many as given; returns whether the run goes on. A step, or the
+        search for a proof, that takes longer than `limit` seconds is given up, and is made anew by the next
+        turn."""
         if self.outcome != Code.RUNNING or self.workspace is None:
             return False
-        with self.deadline.running(self.workspace.scratch.halt):
-            self._turned(steps, self.workspace)
+        self._in_time(limit, partial(self._advanced, steps, self.workspace))
+        return self.outcome == Code.RUNNING
+
+    def _advanced(self, steps: int | None, workspace: Workspace) -> None:
+        """One turn. Raises TimeOver."""
+        with self.deadline.running(workspace.scratch.halt):
+            self._turned(steps, workspace)
         if self.outcome == Code.RUNNING:
             self.deadline.look()
-        return self.outcome == Code.RUNNING
 
     def _turned(self, steps: int | None, workspace: Workspace) -> None:
         """One turn, and where it ended the run, why."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from rungwise.contact.judge import Certificate
-from rungwise.deadline import Deadline
+from rungwise.deadline import Deadline, TimeOver, seconds
 from rungwise.keywords import keywords
 from rungwise.models.ladder import Rung
 from rungwise.outcome import OUTCOMES, Code
@@ -66,6 +67,20 @@ class Turns:
     def progress(self) -> float:
         """Simulated time over duration, 0..1."""
         return 1.0 if self.outcome != Code.RUNNING else self.time / self.end
+
+    def _in_time(self, limit: float | None, turn: Callable[[], None]) -> None:
+        """Make a turn; after `limit` seconds it ends, and the run is left as far as it has come."""
+        if limit is None:
+            turn()
+            return
+        own, self.deadline = self.deadline, Deadline(seconds(limit))
+        try:
+            turn()
+        except TimeOver:
+            if not self.deadline.is_over:
+                raise  # not by this limit
+        finally:
+            self.deadline = own
 
     @abstractmethod
     def result(self) -> Any:

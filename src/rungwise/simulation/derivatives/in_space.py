@@ -81,19 +81,15 @@ class _Runs:
         run.deadline = self.deadline
         modes = list[bytes]()
         for number in range(self.steps):
-            self.deadline.look()
             taken = run.steps
             before = run.time
-            if run.stepper is None:
-                raise ModelError(f"step {number}, from time {before:.6g}: {run.result().reason}")
-            with run.running(run.stepper):
-                ended = run.steps_taken(1) == 0
-            if ended or run.steps == taken:
+            if run.steps_taken(1) == 0 or run.steps == taken:
                 raise ModelError(f"step {number}, from time {before:.6g}: {run.result().reason}")
             if abs(run.time - before - self.h) > 1e-9 * self.h:
                 raise ModelError(
                     f"step {number}, from time {before:.6g}: has no solution, only shorter ones do"
                 )
+            assert run.stepper is not None
             kept, state_modes = run.space.kept, run.stepper.state.modes
             known = np.flatnonzero(kept.geoms[:, 0] >= 0)
             modes.append(np.column_stack([kept.geoms[known], state_modes[known]]).tobytes())

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -111,20 +112,25 @@ class MovingSimulation(Turns, Kind):
         """Simulated time so far."""
         return 0.0 if self.stepper is None else self.stepper.time
 
-    def advance(self) -> bool:
-        """Take steps for about `TURN_S`; returns whether the run goes on. Raises TimeOver."""
+    def advance(self, *, limit: float | None = None) -> bool:
+        """Take steps for about `TURN_S`; returns whether the run goes on. A step, or the search for a proof,
+        that takes longer than `limit` seconds is given up, and is made anew by the next turn."""
         if self.outcome != Code.RUNNING or self.stepper is None:
             return False
+        self._in_time(limit, partial(self._advanced, self.stepper))
+        return self.outcome == Code.RUNNING
+
+    def _advanced(self, stepper: Stepper) -> None:
+        """One turn. Raises TimeOver."""
         began = time.perf_counter()
         try:
-            with self.running(self.stepper):
+            with self.running(stepper):
                 while self.outcome == Code.RUNNING and time.perf_counter() - began < TURN_S:
                     self.take()
         finally:
             self.wall_s += time.perf_counter() - began
         if self.outcome == Code.RUNNING:
             self.deadline.look()
-        return self.outcome == Code.RUNNING
 
     @contextmanager
     def running(self, stepper: Stepper) -> Iterator[None]:
@@ -133,13 +139,22 @@ class MovingSimulation(Turns, Kind):
         with self.deadline.running(stepper.scratch.halt):
             yield
 
-    def steps_taken(self, count: int) -> int:
-        """Take at most so many steps; returns how many, fewer where the run has ended."""
-        for taken in range(count):
-            if self.outcome != Code.RUNNING or self.stepper is None:
-                return taken
-            self.take()
-        return count
+    def steps_taken(self, count: int, *, limit: float | None = None) -> int:
+        """Take at most so many steps; returns how many, fewer where the run has ended, or `limit` seconds are
+        over."""
+        if self.stepper is None:
+            return 0
+        taken = list[int]()
+        self._in_time(limit, partial(self._steps_taken, self.stepper, count, taken))
+        return len(taken)
+
+    def _steps_taken(self, stepper: Stepper, count: int, taken: list[int]) -> None:
+        """Take at most so many steps, and note each. Raises TimeOver."""
+        with self.running(stepper):
+            while self.outcome == Code.RUNNING and len(taken) < count:
+                self.deadline.look()
+                self.take()
+                taken.append(1)
 
     def take(self) -> None:
         """Take one step of a run that goes on, and judge where it led."""
