@@ -9,7 +9,7 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, WITH_LOADS, free, named, run, world
+from .measure import DYNAMIC, FLOOR, QUASISTATIC, WITH_LOADS, free, named, run, world
 
 SEEDS = range(6)
 
@@ -46,6 +46,28 @@ def test_what_stands_in_a_close_tube_stays_there(make: Make, seed: int, rung: Ru
     found = run(scene, rung, duration=0.05, step=2e-3)
     assert found.outcome.name == "timeout", found
     assert np.hypot(found.final["b"]["x"], found.final["b"]["y"]) <= 2.0 * room + 1e-3 * radius
+
+
+@pytest.mark.few(4)
+@pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_gravity_pulls_out_of_a_loose_tube_is_unsupported(make: Make, seed: int, rung: Rung) -> None:
+    """And where the fit is so close that nothing proves it, the run says where it stands."""
+    random = np.random.default_rng(seed)
+    radius, slope = random.uniform(0.02, 0.2), random.uniform(0.3, 1.2)
+    down = 9.81 * np.array([np.cos(slope), 0.0, np.sin(slope)])
+    shape = random.choice([f'size="{radius}"', f'type="capsule" size="{radius} {radius}"'])
+    body = free("b", f"0 0 {4.0 * radius:.17g}", shape)
+    for room in (1e-2, 1e-3, 1e-6):
+        mesh, staves = _tube(random, radius * (1.0 + room))
+        before = f'{mesh}<option gravity="{down[0]} 0 {down[2]}"/>'
+        scene = make(world(staves, body, before=before), contacts=[{"friction": 0.1}])
+        found = rw.simulate(scene, rung, duration=0.01, step=1e-3)
+        open_end = room < 1e-4 and found.outcome.name == "not_converged"
+        assert found.outcome.name == "unsupported" or (open_end and " at world|b " in found.reason), (
+            room,
+            found.reason,
+        )
 
 
 @pytest.mark.few(4)

@@ -52,6 +52,26 @@ def test_what_slides_down_a_chute_is_unsupported_however_near_the_wall(
         assert _walk(scene, rung, duration=5.0 * step, step=step).result().outcome.name == outcome
 
 
+@pytest.mark.few(6)
+@pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
+@pytest.mark.parametrize("seed", range(12))
+def test_stacks_that_slide_as_one_are_unsupported(make: Make, seed: int, rung: Rung) -> None:
+    """Most of their contacts neither slip nor part in the motion that proves it."""
+    random = np.random.default_rng(seed)
+    friction, size, height, boxes = random.uniform(0.05, 0.5), 10.0 ** random.uniform(-2, 0.5), 0.0, ""
+    for k in range(int(random.integers(2, 6))):
+        thick = size * random.uniform(0.1, 0.4)
+        geom = f'type="box" size="{size} {size} {thick}" mass="{10.0 ** random.uniform(-1, 1)}"'
+        boxes += free(f"b{k}", f"0 0 {height + thick}", geom)
+        height += 2.0 * thick
+    slope, to = np.arctan(friction) * random.uniform(1.02, 1.2), random.uniform(-np.pi, np.pi)
+    down = 9.81 * np.array([np.sin(slope) * np.cos(to), np.sin(slope) * np.sin(to), -np.cos(slope)])
+    gravity = f'<option gravity="{down[0]} {down[1]} {down[2]}"/>'
+    scene = make(world(FLOOR, boxes, before=gravity), contacts=[{"friction": friction}])
+    found = rw.simulate(scene, rung, duration=1e-2, step=1e-3)
+    assert found.outcome.name == "unsupported" and found.certificate is not None, found
+
+
 @pytest.mark.parametrize("rung", QUASISTATIC, ids=named)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_arms_on_springs_that_cannot_hold_them_are_told(make: Make, seed: int, rung: Rung) -> None:

@@ -131,7 +131,7 @@ def _unsupported(
             return certificate
         slip = across @ found[:n]
         length = np.linalg.norm(slip, axis=1)
-        short = length > normal @ found[:n]
+        short = length > np.maximum(normal @ found[:n], 0.0)
         if not short.any():
             return None
         heading = slip[short] / length[short, None]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import ContactProblem, allocate_problem, trim
+from rungwise.contact.step import ContactProblem, allocate_problem, keep_contacts, trim
 from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
@@ -24,7 +24,7 @@ from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, fill_pace, forget
 from rungwise.simulation.core.balance import NEAR, keep_near
 from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
-from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking
+from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, holding, lacking, resisting
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
@@ -379,10 +379,7 @@ class Stepper:
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
             return True
         if status == UNSUPPORTED:
-            grid = np.ix_(state.free[: int(clock["free"])], state.free[: int(clock["free"])])
-            resisting = float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid]
-            self.certificate = certify_unsupported(problem, resisting, self.deadline)
-            self.outcome = Code.UNSUPPORTED
+            self.certificate, self.outcome = self._unsupported(), Code.UNSUPPORTED
         else:
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate = certify_infeasible(problem, self.deadline)
@@ -391,8 +388,31 @@ class Stepper:
                 if solved:
                     return False
             self.outcome = Code.JAMMED
+            slow = self.rung.inertia == 0.0 and self.rung.loads
+            if self.certificate is None and slow and self._solve_anew():
+                self.certificate, self.outcome = self._unsupported(), Code.UNSUPPORTED
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
             overlaps = self._cause == OVERLAPPING
             self.lack = lacking(status == UNSUPPORTED, overlaps, float(clock["residual"]))
         return True
+
+    def _solve_anew(self) -> bool:
+        """Make the problem of the last step once more where it begins: one that has no solution may have been
+        linearised where nothing holds what moves. Returns whether there was room for its contacts."""
+        h, residual = float(self.clock["tried"]), float(self.clock["residual"])
+        fits = self._fill(self.q, self.state.v, h, self._reach(h))
+        if fits:
+            self._again(h)
+        self.clock["residual"] = residual
+        return fits
+
+    def _unsupported(self) -> Certificate | None:
+        """A proof that nothing balances the loads of the last problem, by the contacts that have to, or
+        None."""
+        clock, near = self.clock, NEAR * self.system.size.length
+        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
+        held = holding(float(clock["tried"]), near, self.contacts, self.terms, self.state, self.scratch)
+        return certify_unsupported(
+            keep_contacts(problem, held), resisting(self.terms, self.state), self.deadline
+        )

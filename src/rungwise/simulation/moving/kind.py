@@ -18,7 +18,7 @@ from rungwise.simulation.moving.frames import Frame, worked
 from rungwise.simulation.moving.memory import begin_anew, recall, remembered
 from rungwise.simulation.moving.prepared import Bodies
 from rungwise.simulation.moving.result import MovingRun
-from rungwise.simulation.moving.snaps import snaps
+from rungwise.simulation.moving.snaps import led_on, snaps
 
 
 class Kind:
@@ -109,6 +109,10 @@ class Kind:
         crawl = stepper.crawl
         why = why_nowhere(crawl.attempts, stepper.time - crawl.mark, crawl.step, "")
         return f"{why}. The fastest body is {self.fastest(stepper.v)}. A smaller step, or tol, may do."
+
+    def stuck(self, stepper: Stepper) -> str:
+        """What a step lacks that has neither a solution nor a proof, and what may lead on."""
+        return led_on(stepper, "")
 
     def snapped(self, stepper: Stepper) -> str:
         """What left its balance, when and how far."""

@@ -321,7 +321,7 @@ class MovingSimulation(Turns, Kind):
             why = f" ({self.certificate.kind} certificate, checked)"
             self.reason = f"{outcome.meaning}{why}. {outcome.advice}"
         elif self.outcome == Code.NOT_CONVERGED:
-            self.reason = stepper.lack or self.crawled(stepper)
+            self.reason = self.stuck(stepper) if stepper.lack else self.crawled(stepper)
         elif stepper.snaps:
             self.reason = self.snapped(stepper)
         else:

@@ -1,8 +1,10 @@
-"""Balance that ends at once, in words."""
+"""Balance that ends at once, and steps that nothing solves, in words."""
 
 from __future__ import annotations
 
+from rungwise.simulation.core.resort import RAN_AWAY
 from rungwise.simulation.core.stepper import Stepper
+from rungwise.simulation.reasons.hindered import LEADING_ON
 
 
 def snaps(stepper: Stepper, name: str, at: str) -> str:
@@ -12,3 +14,15 @@ def snaps(stepper: Stepper, name: str, at: str) -> str:
         " step it moves on however short the next is, and momentum, which this rung leaves out, decides"
         " where it rests. Use a dynamic rung, or damp the motion."
     )
+
+
+def led_on(stepper: Stepper, at: str) -> str:
+    """What a step lacks that has neither a solution nor a proof, and what may lead on; `at`: where."""
+    if stepper.lack == RAN_AWAY:
+        return f"{stepper.lack}. Use a smaller step, or tol."
+    lines = [f"at t = {stepper.time:.6g}{at} {stepper.lack}. A smaller step, or tol, may do."]
+    if stepper.rung.name in LEADING_ON:
+        lines.append(
+            f"Where that changes nothing, as where bodies are wedged, {LEADING_ON[stepper.rung.name]}."
+        )
+    return " ".join(lines)

@@ -8,12 +8,16 @@ import numpy as np
 
 from rungwise.kernel import Reals
 from rungwise.scene.space.labels import Labels
+from rungwise.simulation.core.balance import NEAR
 from rungwise.simulation.core.crawl import CAUSES, why_nowhere
 from rungwise.simulation.core.stepper import Stepper
-from rungwise.simulation.moving.snaps import snaps
+from rungwise.simulation.moving.snaps import led_on, snaps
 from rungwise.simulation.reasons.hindered import LEADING_ON, LONGER
 from rungwise.system.spatial.space import Space
 from rungwise.wording import listed
+
+MOST_NAMED = 4
+"""Most pairs of bodies that a reason names."""
 
 
 def fastest(space: Space, names: Sequence[str], v: Reals) -> str:
@@ -29,6 +33,16 @@ def snapped(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
     near = sorted("|".join(names[x] for x in pair) for pair in pairs if name in {names[x] for x in pair})
     at = f" at {listed(near)}" if near else ""
     return snaps(stepper, name, at)
+
+
+def stuck(stepper: Stepper, space: Space, names: Sequence[str]) -> str:
+    """What a step lacks that has neither a solution nor a proof, at which contacts, and what may lead on."""
+    slots = stepper.scratch.slots[: stepper.contacts]
+    closed = slots[stepper.terms.gap[: stepper.contacts] <= NEAR * space.size.length]
+    pairs = space.model.geom_bodyid[space.geoms(closed[closed < space.most])]
+    told = sorted({"|".join(names[x] for x in sorted(pair)) for pair in pairs.tolist()})
+    more = [f"{len(told) - MOST_NAMED} more"] if len(told) > MOST_NAMED else []
+    return led_on(stepper, f" at {listed([*told[:MOST_NAMED], *more])}" if told else "")
 
 
 def crawled(stepper: Stepper, space: Space, labels: Labels) -> str:
@@ -53,5 +67,5 @@ def _at(slot: int, space: Space, geoms: Sequence[str]) -> str:
     """Between which geoms a slot's contact is, or that it is a limit."""
     if not 0 <= slot < space.most:
         return "at a limit" if slot >= 0 else ""
-    a, b = space.kept.geoms[slot].tolist()
+    a, b = space.geoms(np.array([slot]))[0].tolist()
     return f"between {geoms[a]} and {geoms[b]}" if a >= 0 else ""

@@ -16,7 +16,7 @@ from rungwise.simulation.spatial.begin import faults_before, misplaced
 from rungwise.simulation.spatial.frames import Frame, frame
 from rungwise.simulation.spatial.memory import recall, remembered
 from rungwise.simulation.spatial.prepared import Prepared
-from rungwise.simulation.spatial.reasons import crawled, fastest, snapped
+from rungwise.simulation.spatial.reasons import crawled, fastest, snapped, stuck
 from rungwise.simulation.spatial.result import SpaceRun
 from rungwise.system.spatial.space import Space
 from rungwise.system.spatial.turning import Turning
@@ -100,6 +100,9 @@ class SpaceSimulation(MovingSimulation):
 
     def crawled(self, stepper: Stepper) -> str:
         return crawled(stepper, self.space, self.scene.labels)
+
+    def stuck(self, stepper: Stepper) -> str:
+        return stuck(stepper, self.space, self.scene.labels.bodies)
 
     def snapped(self, stepper: Stepper) -> str:
         return snapped(stepper, self.space, self.scene.labels.bodies)

@@ -20,6 +20,7 @@ from rungwise.system.moving import LOOKS, SLIP, Crowded, Moment, Size
 from rungwise.system.spatial.boxes import Boxes
 from rungwise.system.spatial.drives import Drives, drives
 from rungwise.system.spatial.features import (
+    FREE,
     Features,
     Seen,
     Solids,
@@ -242,6 +243,11 @@ class Space:
         """Fill momentum (n,) with M v at q."""
         self._at(q)
         self._mujoco.mj_mulM(self.model, self.data, momentum, v)
+
+    def geoms(self, slots: Ints) -> Ints:
+        """Geoms (k, 2) of the contacts in these slots, as last seen; `FREE` where there is none."""
+        seen = self._found.geoms[slots]
+        return np.where(seen[:, :1] == FREE, self.kept.geoms[slots], seen)
 
     def accept(self) -> None:
         self.kept, self._found = self._found, self.kept
