@@ -34,6 +34,7 @@ _RESIDUALS = (
     f"{_SOLVE}fast_contacts_hide_nothing_of_slow_ones_that_they_do_not_touch",
 )
 _WITNESS = ("tests/sets/test_feasible.py::test_a_witness_replays_and_a_certificate_bounds_the_error",)
+_LIMITS = "tests/test_every_limit.py::test_"
 
 FAULTS = (
     # Verdicts and acceptance: what counts as solved, proved, reached.
@@ -262,6 +263,28 @@ FAULTS = (
         "certified-below", "src/rungwise/sets/feasible/feasible.py",
         "betaincinv(count + 1, n - count, 1.0 - delta)", "betaincinv(count + 1, n - count, delta)",
         _WITNESS, "the rate of wrong labels is bounded from below",
+    ),
+    Fault(
+        "certified-unended", "src/rungwise/sets/feasible/feasible.py",
+        "wrong = (self.labels(points) != truth) | is_open", "wrong = self.labels(points) != truth",
+        (f"{_LIMITS}runs_that_a_limit_ends_count_as_wrong_whatever_the_set_says",),
+        "runs that a limit ended count as right",
+    ),
+    Fault(
+        "unended-kept", "src/rungwise/sets/feasible/oracle.py",
+        "if (outcome == Code.RUNNING).any():", "if (outcome == Code.RUNNING).all():",
+        ("tests/sets/test_kept.py::test_a_batch_that_a_limit_ends_is_not_kept",),
+        "batches that a limit ended are kept as if they were done",
+    ),
+    Fault(
+        "unended-doomed", "src/rungwise/sets/doomed/images.py",
+        "if (outcome == Code.RUNNING).any():", "if (outcome == Code.INVALID).all():",
+        (f"{_LIMITS}a_call_without_time_says_so[doomed_set]",), "macro-steps that a limit ended count",
+    ),
+    Fault(
+        "compared-in-part", "src/rungwise/hierarchy/comparison.py",
+        "return not self.unfinished and all(", "return all(",
+        (f"{_LIMITS}a_comparison_keeps_what_is_measured",), "what is not measured bears the table out",
     ),
     Fault(
         "nearest-corner-other", "src/rungwise/sets/feasible/feasible.py",

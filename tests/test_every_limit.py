@@ -387,6 +387,25 @@ def test_runs_that_a_limit_ends_certify_nothing(
     assert found.bound > whole.bound
 
 
+def test_runs_that_a_limit_ends_count_as_wrong_whatever_the_set_says(
+    known: rw.FeasibleSet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where the set, as they do, leaves open what they come to."""
+    run = rw.Batch.run
+
+    def cut(own: rw.Batch, points: Any, **options: Any) -> rw.Results:
+        found = run(own, points, **options)
+        found.outcome[:] = rw.Code.RUNNING
+        return found
+
+    monkeypatch.setattr(rw.Batch, "run", cut)
+    monkeypatch.setattr(
+        rw.FeasibleSet, "_labels", lambda _, places: np.full(len(places), int(rw.Label.UNKNOWN))
+    )
+    found = known.certify(20, threads=1)
+    assert (found.samples, found.wrong, found.near, found.bound) == (20, 20, 0, 1.0)
+
+
 def test_parts_of_a_limit_add_up_to_the_whole() -> None:
     deadline = Deadline(90.0)
     assert 29.0 < (deadline.share(3) or 0.0) <= 30.0 and Deadline().share(3) is None

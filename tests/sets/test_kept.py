@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import itertools
 import os
 import subprocess
 import sys
@@ -238,3 +239,32 @@ def test_runs_that_do_not_converge_are_reported_and_the_rest_goes_on(monkeypatch
     known = known[found.classify(known) != "unknown"]
     agree = found.classify(known) == whole.classify(known)
     assert agree.mean() > 0.98
+
+
+@pytest.mark.parametrize("batches", [0, 1, 3])
+def test_a_batch_that_a_limit_ends_is_not_kept(
+    batches: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The last run of each batch after so many is still going on then; it is made again on resuming."""
+    asked: dict[str, Any] = {"tol": 0.05, "threads": 1}
+    whole = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), **asked)
+    run, made = rw.Batch.run, itertools.count()
+
+    def cut(own: rw.Batch, points: Any, **options: Any) -> rw.Results:
+        found = run(own, points, **options)
+        if next(made) >= batches:
+            found.outcome[-1] = rw.Code.RUNNING
+        return found
+
+    with monkeypatch.context() as patch:
+        patch.setattr(rw.Batch, "run", cut)
+        try:
+            found = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), out=tmp_path, **asked)
+            assert not found.complete and found.evaluations < whole.evaluations
+        except rw.SetError as error:
+            assert batches == 0 and "first cells" in str(error)
+    assert len(list((tmp_path / "batches").iterdir())) == batches
+    again = rw.feasible_set("two_finger", "kinematic", ("v1", "v2"), out=tmp_path, resume=True, **asked)
+    assert again.complete and again.evaluations == whole.evaluations
+    points = whole.random(500, 0)
+    assert (again.labels(points) == whole.labels(points)).all()
