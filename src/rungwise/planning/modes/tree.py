@@ -27,6 +27,8 @@ ON_PATH = 0.7
 BEEN, AHEAD = 0.3, 3
 """How near to a place of a path, in parts of the size, nodes count as there; and how many places ahead are
 drawn."""
+ROWS = 200
+"""Nodes for which room is made at a time."""
 AROUND, TURN = 1.5, 1.0
 """Room about start and goals in which places are drawn, in parts of the size and in radians."""
 CHOSEN, GREEDY = 4, 0.3
@@ -55,8 +57,9 @@ class Leg(NamedTuple):
 
 @dataclass
 class Tree:
-    """Places (n,) of nodes, with the fingers that hold the object there (f,); how often these may still
-    change places; their parents, the legs that led there, and how often each was chosen."""
+    """Nodes: what touches there, the fingers that hold the object (f,), and how often these may still change
+    places; their parents, the legs that led there, and how often each was chosen; the object's places (m, k)
+    there, over units, in the first rows; and the farthest place of a path where one has been."""
 
     seen: list[Seen]
     used: list[Ints]
@@ -64,6 +67,20 @@ class Tree:
     parents: list[int] = field(default_factory=lambda: [-1])
     legs: list[Leg | None] = field(default_factory=lambda: [None])
     chosen: list[int] = field(default_factory=lambda: [0])
+    rows: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+    been: int = 0
+
+    @property
+    def places(self) -> Reals:
+        """Places (m, k) of the object at the nodes, over units."""
+        return self.rows[: len(self.seen)]
+
+    def note(self, place: Reals, far: int) -> None:
+        """Note the place (k,) of the object at the last node, over units, and how far on a path it is."""
+        if len(self.rows) < len(self.seen):
+            self.rows = np.vstack([self.rows.reshape(-1, len(place)), np.zeros((ROWS, len(place)))])
+        self.rows[len(self.seen) - 1] = place
+        self.been = max(self.been, far)
 
     def way(self, node: int) -> list[Leg]:
         """The legs that lead to a node."""
@@ -87,13 +104,14 @@ def propose(
     go, none where it is not known; most: how often fingers may change places."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
+    tree.note(q[ground.columns] * ground.units, _far(ground, q, path))
     low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
         return []
     for _ in range(rounds):
         look(1)
         if len(path) and rng.random() < ON_PATH:
-            target = path[_next(ground, tree, path, rng)]
+            target = path[min(tree.been + int(rng.integers(1, AHEAD + 1)), len(path) - 1)]
         elif rng.random() < TO_GOAL:
             target = goals[min(int(rng.geometric(0.5)) - 1, len(goals) - 1)]
         else:
@@ -108,18 +126,19 @@ def propose(
             tree.parents.append(node)
             tree.legs.append(leg)
             tree.chosen.append(0)
+            tree.note(seen.q[ground.columns] * ground.units, _far(ground, seen.q, path))
             if reached(seen.q):
                 return tree.way(len(tree.seen) - 1)
     return None
 
 
-def _next(ground: Ground, tree: Tree, path: Reals, rng: np.random.Generator) -> int:
-    """The place of a path (p, n) to go to: one of the next after those where the tree has been."""
-    places = np.array([seen.q[ground.columns] for seen in tree.seen])
-    off = (places[:, None] - path[None][:, :, ground.columns]) * ground.units
-    been = np.flatnonzero((np.linalg.norm(off, axis=2) < BEEN * ground.task.size).any(axis=0))
-    last = int(been.max(initial=0))
-    return min(last + int(rng.integers(1, AHEAD + 1)), len(path) - 1)
+def _far(ground: Ground, q: Reals, path: Reals) -> int:
+    """The last place of a path (p, n) that q (n,) is near to; the first where it is near to none."""
+    if not len(path):
+        return 0
+    off = (q - path)[:, ground.columns] * ground.units
+    near = np.flatnonzero(np.linalg.norm(off, axis=1) < BEEN * ground.task.size)
+    return int(near.max(initial=0))
 
 
 def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
@@ -131,8 +150,7 @@ def _room(ground: Ground, rows: Reals) -> tuple[Reals, Reals]:
 
 def _chosen(ground: Ground, tree: Tree, target: Reals, rng: np.random.Generator) -> int:
     """The node to go on from: near to the target, and not often chosen before."""
-    places = np.array([seen.q[ground.columns] for seen in tree.seen])
-    away = np.linalg.norm((places - target[ground.columns]) * ground.units, axis=1)
+    away = np.linalg.norm(tree.places - target[ground.columns] * ground.units, axis=1)
     weighed = away * rng.uniform(1.0, 1.3, len(away)) * (1.0 + 0.1 * np.array(tree.chosen))
     node = int(weighed.argmin())
     tree.chosen[node] += 1
