@@ -119,6 +119,14 @@ def test_a_pile_repeats_and_does_not_depend_on_the_order_of_its_bodies() -> None
     np.testing.assert_allclose(ends[0], ends[2], atol=1e-9)
 
 
+def test_a_pyramid_at_rest_goes_on_by_the_same_forces() -> None:
+    """Also where rounding decides which of two contacts of faces comes first: nothing is solved anew."""
+    run = rw.Simulation(on_ground(pyramid(13), duration=1.0), rw.DYNAMIC_RIGID)
+    run.advance(20)
+    assert run.workspace is not None
+    assert not run.workspace.scratch.v_new.any()
+
+
 @pytest.mark.parametrize("model", DYNAMIC, ids=str)
 def test_a_pyramid_stands(model: rw.Rung) -> None:
     run = rw.simulate(on_ground(pyramid(9), duration=0.02), model)

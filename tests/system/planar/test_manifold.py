@@ -72,6 +72,8 @@ def test_deformation_follows_its_feature_through_the_slots(planar: Callable[...,
     left, right = placed.features
     placed.deformation[:] = [[0.1, 0.2], [0.3, 0.4]]
     placed.modes[:] = [1, 2]
+    force = placed.manifolds.force
+    force[:] = [[5.0, 6.0], [7.0, 8.0]]
     for tilt in (-1e-3, 1e-3, 0.0, -1e-3):
         placed.look(placed.q + np.array([0.0, 0.0, tilt]), 1.0)
         assert set(placed.features) == {left, right}
@@ -79,6 +81,7 @@ def test_deformation_follows_its_feature_through_the_slots(planar: Callable[...,
             was = held[int(feature)]
             assert list(placed.deformation[slot]) == [[0.1, 0.2], [0.3, 0.4]][was]
             assert placed.modes[slot] == [1, 2][was]
+            assert list(force[slot]) == [[5.0, 6.0], [7.0, 8.0]][was]
     assert placed.features[0] == right
 
 

@@ -121,12 +121,12 @@ def _follow(slot: int, a: Record, b: Record, outline: Reals, manifolds: Manifold
         slot, fresh[1], a, b, outline, manifolds
     ):
         features[slot], features[slot + 1] = features[slot + 1], features[slot]
-        modes, deformation = manifolds.modes, manifolds.deformation
+        modes, deformation, force = manifolds.modes, manifolds.deformation, manifolds.force
         modes[slot], modes[slot + 1] = modes[slot + 1], modes[slot]
         for d in range(deformation.shape[1]):
-            x = deformation[slot, d]
-            deformation[slot, d] = deformation[slot + 1, d]
-            deformation[slot + 1, d] = x
+            x, y = deformation[slot, d], force[slot, d]
+            deformation[slot, d], force[slot, d] = deformation[slot + 1, d], force[slot + 1, d]
+            deformation[slot + 1, d], force[slot + 1, d] = x, y
     for k in range(2):
         if not _stays(slot + k, fresh[k], a, b, outline, manifolds):
             _forget(slot + k, manifolds)

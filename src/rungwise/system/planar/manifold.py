@@ -44,6 +44,7 @@ class Manifolds(Block):
     features     (2 pairs,)    what touches, or ABSENT
     deformation  (2 pairs, d)  of the contact there, 0 when its feature changes
     modes        (2 pairs,)    of the contact there, 0 (open) when its feature changes
+    force        (2 pairs, d)  of the contact there in the last step
     gaps         (contacts,)   least gap of all pairs of the contact
     fresh        (2,)          features of a pair while it is looked at
 
@@ -58,6 +59,7 @@ class Manifolds(Block):
     features: Ints
     deformation: Reals
     modes: Ints
+    force: Reals
     gaps: Reals
     fresh: Ints
     near: Ints
@@ -90,6 +92,7 @@ def allocate_manifolds(records: Records, **shared: NDArray[Any]) -> Manifolds:
         "features": np.full(slots, ABSENT, np.int64),
         "deformation": np.zeros((slots, 2)),
         "modes": np.zeros(slots, np.int64),
+        "force": np.zeros((slots, 2)),
         "gaps": np.zeros(len(records.contacts)),
         "fresh": np.zeros(2, np.int64),
         "near": np.zeros(len(records.pairs) if crowded else 0, np.int64),

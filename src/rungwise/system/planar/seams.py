@@ -43,7 +43,7 @@ class Seams(Block):
     still       (1,)            how many of these, the first, never move relative to each other
     seamed      (shapes,)       whether any of this holds for the shape
     joined      (1,)            whether it holds for any shape
-    features, deformation, modes   per slot, before contacts are looked for again
+    features, deformation, modes, force   per slot, before contacts are looked for again
     """
 
     ends: Ints
@@ -60,6 +60,7 @@ class Seams(Block):
     features: Ints
     deformation: Reals
     modes: Ints
+    force: Reals
 
 
 def allocate_seams(records: Records) -> Seams:
@@ -83,6 +84,7 @@ def allocate_seams(records: Records) -> Seams:
         features=np.full(slots, ABSENT, np.int64),
         deformation=np.zeros((slots, 2)),
         modes=np.zeros(slots, np.int64),
+        force=np.zeros((slots, 2)),
     )
 
 
@@ -292,11 +294,12 @@ def keep_slots(manifolds: Manifolds, seams: Seams) -> None:
         seams.features[slot], seams.modes[slot] = manifolds.features[slot], manifolds.modes[slot]
         for d in range(manifolds.deformation.shape[1]):
             seams.deformation[slot, d] = manifolds.deformation[slot, d]
+            seams.force[slot, d] = manifolds.force[slot, d]
 
 
 @kernel
 def carry_over(manifolds: Manifolds, outline: Reals, seams: Seams) -> None:
-    """Give each point that has come over a seam the deformation and mode that it had on the other side."""
+    """Give each point that has come over a seam the deformation, mode and force that it had before."""
     features, deformation = manifolds.features, manifolds.deformation
     for slot in range(features.shape[0]):
         if features[slot] != ABSENT and _is_new(slot, features, seams):
@@ -307,6 +310,7 @@ def carry_over(manifolds: Manifolds, outline: Reals, seams: Seams) -> None:
                     manifolds.modes[slot] = seams.modes[old]
                     for d in range(deformation.shape[1]):
                         deformation[slot, d] = seams.deformation[old, d]
+                        manifolds.force[slot, d] = seams.force[old, d]
 
 
 @kernel

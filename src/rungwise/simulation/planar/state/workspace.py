@@ -329,6 +329,7 @@ def allocate(
             points=carried["points"],
             deformation=carried["deformation"][: 2 * pairs],
             modes=carried["modes"][: 2 * pairs],
+            force=carried["force"][: 2 * pairs],
             gaps=values[at + 2 * n : at + 2 * n + contacts],
         ),
     )
