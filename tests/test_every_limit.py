@@ -18,6 +18,7 @@ import rungwise as rw
 from rungwise.contact.step.problem import allocate_problem
 from rungwise.deadline import Deadline
 from rungwise.hierarchy.counterexample import Side
+from rungwise.simulation.turns import Turns
 
 FILES = {
     "dataset", "load", "load_counterexample", "load_doomed_set", "load_plan", "load_run", "load_set",
@@ -38,14 +39,11 @@ ARRAYS = {
     "touching", "volumes", "witness",
 }  # fmt: skip
 """A few array operations on what is known: time grows with what is given, and nothing is searched."""
-TURNS = {
-    "crawled", "fastest", "faults", "faults_before", "follow", "frame", "hand_on", "memory",
-    "misplaced", "recall", "remarks", "remembered", "result", "running", "snapped", "take",
-}  # fmt: skip
-"""Parts of a run that is taken in turns, which whoever takes them ends, and whose `deadline` may be set."""
+TURNS = {"advance", "steps_taken"}
+"""Take steps of a run that is taken in turns; all else that such a run has are its parts."""
 PICTURES = {"Design.plot", "LabelledSet.plot", "Run.plot"}
 """Draw what is known."""
-QUICK = FILES | NAMES | ARRAYS | TURNS
+QUICK = FILES | NAMES | ARRAYS
 
 PROBLEM = rw.Problem.lcp(np.eye(2), -np.ones(2))
 PUSHES = [rw.Segment({"ux": 1.0}, 0.2)]
@@ -62,6 +60,8 @@ def public() -> Iterator[tuple[str, Callable[..., Any]]]:
                 yield name, value
             continue
         for own, method in inspect.getmembers(value, callable):
+            if issubclass(value, Turns) and own not in TURNS:
+                continue
             home = next((each for each in value.__mro__ if own in vars(each)), object)
             if (
                 not own.startswith("_")
