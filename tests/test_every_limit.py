@@ -280,6 +280,24 @@ def test_a_call_without_time_says_so(name: str, request: pytest.FixtureRequest, 
         assert says(call(given))
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda limit: rw.plan("push", limit=limit),
+        lambda limit: rw.design("two_finger", ("v2",), limit=limit),
+        lambda limit: rw.compare("two_finger", limit=limit),
+        lambda limit: rw.feasible_set("two_finger", "kinematic", ("v2",), limit=limit),
+        lambda limit: rw.view("nowhere", limit=limit),
+        lambda limit: rw.plot(rw.simulate("two_finger", "kinematic"), limit=limit),
+        lambda limit: rw.Simulation("two_finger", "kinematic").advance(limit=limit),
+    ],
+)
+def test_a_wrong_limit_is_named_first(call: Callable[[Any], Any]) -> None:
+    for limit in (-1.0, math.nan, "1"):
+        with pytest.raises(rw.InputError, match=r"^limit: must be a number of seconds"):
+            call(limit)
+
+
 class Hand:
     """The time of every limit is over when this was called so many times."""
 

@@ -8,6 +8,7 @@ from importlib.util import find_spec
 from io import BytesIO
 from typing import TYPE_CHECKING, cast
 
+from rungwise.deadline import seconds
 from rungwise.errors import InputError
 from rungwise.keywords import keywords
 from rungwise.outcome import Outcome
@@ -43,6 +44,7 @@ def plot(result: Shown, *, frames: int = 6, limit: float | None = None) -> Figur
 
     Raises PictureError where there is nothing to draw, or matplotlib is missing.
     """
+    limit = seconds(limit)
     if not isinstance(result, Shown):
         raise PictureError(f"plot: must be a run, a plan, a set or a design, not {shown(result)}")
     if find_spec("matplotlib") is None:
@@ -81,6 +83,7 @@ def to_html(result: Run | Plan | FeasibleSet | DoomedSet, *, limit: float | None
     as for `plot`.
 
     Raises PictureError for anything else."""
+    limit = seconds(limit)
     if isinstance(result, Run):
         return _table_of_run(result) + ("" if result.workspace is None else _animation(result))
     if isinstance(result, Plan):
