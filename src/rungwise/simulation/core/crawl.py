@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rungwise.kernel import inner_kernel
+import numpy as np
+
+from rungwise.kernel import Ints, Reals, inner_kernel
 
 INSOLUBLE, OVERLAPPING, TORN, MISSING, MEETING, FAR, BENT = 1, 2, 3, 4, 5, 6, 7
 """Causes: the step's problem has no solution; bodies would overlap; a rigid joint would open; contacts would
@@ -25,6 +27,16 @@ are counted. Shipped scenes need up to 4000, where the error allowed is a millio
 def lead_nowhere(attempts: int, span: float, step: float) -> bool:
     """Whether so many attempts, which led on by `span`, are more than nominal steps of length `step` need."""
     return bool(attempts > PATIENCE * max(span / step, LEAST))
+
+
+def culprit(cause: int, slots: Ints, force: Reals, gap: Reals) -> int:
+    """The slot of the contact at fault in an attempt that was refused, or -1: of the deepest overlap, or of
+    the greatest force before it; slots (k,), force (s, d) by slot, gap (k or more,)."""
+    if cause == FAR or not len(slots):
+        return -1
+    before = force[slots, 0]
+    presses = cause != OVERLAPPING and before.max() > 0.0
+    return int(slots[np.argmax(before) if presses else np.argmin(gap[: len(slots)])])
 
 
 @inner_kernel

@@ -3,21 +3,16 @@ proofs, or else words."""
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
-from numpy.typing import NDArray
 
-from rungwise.contact.judge import Certificate, check_in_space
+from rungwise.contact.judge import Certificate, certify_unsupported, check_in_space
 from rungwise.contact.solution import Status
 from rungwise.contact.solve import solve
-from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem
+from rungwise.contact.step import OPEN, STICK, TOLERANCE, ContactProblem, keep_contacts, trim
 from rungwise.deadline import Deadline
-from rungwise.kernel import Reals
-from rungwise.simulation.core.state import Scratch, State
+from rungwise.simulation.core.state import Scratch, State, Trial
 from rungwise.system.terms import Terms
 
-Bools: TypeAlias = NDArray[np.bool_]
 IN_SPACE = 3
 """Directions of contacts that `rw.solve` and the checker of certificates know; a step may have more, for
 torsion and rolling."""
@@ -48,21 +43,20 @@ def ask(
     return False, found if check_in_space(problem, found) else None
 
 
-def resisting(terms: Terms, state: State) -> Reals:
-    """H (n, n) of the last problem without its inertia."""
-    clock = state.clock[0]
+def unsupported(trial: Trial, near: float, deadline: Deadline) -> Certificate | None:
+    """A checked proof that nothing balances the loads in the step just tried, by the contacts that have to:
+    those that are closer than `near`, pushed in the last step, or are closed by driven motion. Raises
+    TimeOver."""
+    terms, contacts, state = trial.terms, trial.contacts, trial.state
+    clock, d = state.clock[0], state.force.shape[1]
     free = state.free[: int(clock["free"])]
     grid = np.ix_(free, free)
-    return np.asarray(float(clock["theta"] * clock["tried"]) * terms.stiffness[grid] + terms.damping[grid])
-
-
-def holding(h: float, near: float, contacts: int, terms: Terms, state: State, scratch: Scratch) -> Bools:
-    """Which contacts (k,) have to balance the loads of a step without momentum: those that are closer than
-    `near`, pushed in the last step, or are closed by driven motion within h."""
-    d = state.force.shape[1]
-    moved = -h * (terms.rows[: contacts * d : d] @ state.speed)
-    pushed = state.modes[scratch.slots[:contacts]] != OPEN
-    return np.asarray((terms.gap[:contacts] <= np.maximum(near, moved)) | pushed)
+    resisting = float(clock["theta"]) * trial.h * terms.stiffness[grid] + terms.damping[grid]
+    moved = -trial.h * (terms.rows[: contacts * d : d] @ state.speed)
+    pushed = state.modes[trial.scratch.slots[:contacts]] != OPEN
+    held = (terms.gap[:contacts] <= np.maximum(near, moved)) | pushed
+    problem = trim(trial.problem, len(free), contacts, int(clock["limited"]))
+    return certify_unsupported(keep_contacts(problem, held), resisting, deadline)
 
 
 def lacking(unsupported: bool, overlaps: bool, residual: float) -> str:

@@ -15,16 +15,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rungwise.contact.judge import Certificate, certify_infeasible, certify_unsupported
-from rungwise.contact.step import ContactProblem, allocate_problem, keep_contacts, trim
+from rungwise.contact.judge import Certificate, certify_infeasible
+from rungwise.contact.step import ContactProblem, allocate_problem, trim
 from rungwise.deadline import Deadline, go_on
 from rungwise.kernel import Reals, steady
 from rungwise.models.ladder import Rung
 from rungwise.outcome import Code
 from rungwise.simulation.core.accept import accept, fill_pace, forget
 from rungwise.simulation.core.balance import NEAR, keep_near
-from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl
-from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, holding, lacking, resisting
+from rungwise.simulation.core.crawl import BENT, FAR, INSOLUBLE, OVERLAPPING, Crawl, culprit
+from rungwise.simulation.core.resort import IN_SPACE, RAN_AWAY, ask, lacking, unsupported
 from rungwise.simulation.core.state import CLOCK, Scratch, State, Trial, scratch_arrays, state_arrays
 from rungwise.simulation.core.step import SUPPORTED, UNSOLVED, UNSUPPORTED, solve_step
 from rungwise.simulation.core.support import without_law
@@ -174,18 +174,9 @@ class Stepper:
                     return h
                 asked = True
                 continue
-            self.crawl.vote(self._cause, self._culprit())
+            slots = self.scratch.slots[: self.contacts]
+            self.crawl.vote(self._cause, culprit(self._cause, slots, self.state.force, self.terms.gap))
             h *= 0.5
-
-    def _culprit(self) -> int:
-        """The slot of the contact at fault in an attempt that was refused, or -1: of the deepest overlap, or
-        of the greatest force before it."""
-        slots = self.scratch.slots[: self.contacts]
-        if self._cause == FAR or not len(slots):
-            return -1
-        force = self.state.force[slots, 0]
-        presses = self._cause != OVERLAPPING and force.max() > 0.0
-        return int(slots[np.argmax(force) if presses else np.argmin(self.terms.gap[: len(slots)])])
 
     def _error(self, h: float, v: Reals) -> tuple[float, float]:
         """Estimated error of a step to velocities v, and how far anything moves in it, as lengths."""
@@ -378,41 +369,32 @@ class Stepper:
         if not np.isfinite(problem.c).all():
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
             return True
+        self.outcome, slow = Code.UNSUPPORTED, self.rung.inertia == 0.0 and self.rung.loads
         if status == UNSUPPORTED:
-            self.certificate, self.outcome = self._unsupported(), Code.UNSUPPORTED
+            self.certificate = self._unsupported(False)
         else:
             problem = without_law(problem, terms, state.free, self.rung.inertia)
             self.certificate = certify_infeasible(problem, self.deadline)
             if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
                 solved, self.certificate = ask(problem, terms, state, self.scratch, self.deadline)
                 if solved:
+                    self.outcome = Code.RUNNING
                     return False
-            self.outcome = Code.JAMMED
-            slow = self.rung.inertia == 0.0 and self.rung.loads
-            if self.certificate is None and slow and self._solve_anew():
-                self.certificate, self.outcome = self._unsupported(), Code.UNSUPPORTED
+            if self.certificate is not None or not slow:
+                self.outcome = Code.JAMMED
+            else:
+                self.certificate = self._unsupported(True)
         if self.certificate is None:
             self.outcome = Code.NOT_CONVERGED
-            overlaps = self._cause == OVERLAPPING
-            self.lack = lacking(status == UNSUPPORTED, overlaps, float(clock["residual"]))
+            self.lack = lacking(status == UNSUPPORTED, self._cause == OVERLAPPING, float(clock["residual"]))
         return True
 
-    def _solve_anew(self) -> bool:
-        """Make the problem of the last step once more where it begins: one that has no solution may have been
-        linearised where nothing holds what moves. Returns whether there was room for its contacts."""
+    def _unsupported(self, anew: bool) -> Certificate | None:
+        """A proof that nothing balances the loads; `anew`: in a step that is linearised where it begins."""
         h, residual = float(self.clock["tried"]), float(self.clock["residual"])
-        fits = self._fill(self.q, self.state.v, h, self._reach(h))
-        if fits:
+        if anew:
+            if not self._fill(self.q, self.state.v, h, self._reach(h)):
+                return None
             self._again(h)
-        self.clock["residual"] = residual
-        return fits
-
-    def _unsupported(self) -> Certificate | None:
-        """A proof that nothing balances the loads of the last problem, by the contacts that have to, or
-        None."""
-        clock, near = self.clock, NEAR * self.system.size.length
-        problem = trim(self.problem, int(clock["free"]), self.contacts, int(clock["limited"]))
-        held = holding(float(clock["tried"]), near, self.contacts, self.terms, self.state, self.scratch)
-        return certify_unsupported(
-            keep_contacts(problem, held), resisting(self.terms, self.state), self.deadline
-        )
+        self.clock["residual"], near = residual, NEAR * self.system.size.length
+        return unsupported(self._tried(h), near, self.deadline)
