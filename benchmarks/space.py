@@ -11,8 +11,8 @@ the same model with its own settings: Newton, elliptic cones, its step the scene
   within    share of the steps taken whose residual is within 1e-8; halved: steps that were shortened
   overlap   greatest overlap that a rigid step added, over the size of the smallest geom
 
---parts says instead where the time of a step goes: to the contact solver, to contacts and rows, to other kernels,
-to MuJoCo, and to Python, which the profiler makes dearer than it is.
+--parts says instead where the time of a step goes: to the contact solver, to contacts and rows, to other
+kernels, to MuJoCo, and to Python, which the profiler makes dearer than it is.
 """
 
 from __future__ import annotations
