@@ -106,3 +106,15 @@ def test_a_box_near_its_friction_angle_with_torsion_holds_and_a_ball_beside_it_d
             make(world(FLOOR, bodies, before=gravity), contacts=[law]), rw.QUASISTATIC_RIGID, duration=0.02
         )
         assert found.outcome.name == outcome
+
+
+@pytest.mark.parametrize("rung", [rw.QUASISTATIC_RIGID, rw.DYNAMIC_RIGID], ids=named)
+def test_boxes_that_touch_on_all_sides_have_room_for_their_contacts(make: Make, rung: Rung) -> None:
+    """Faces, edges and corners of 27 cubes: more contacts than other scenes of as many bodies have."""
+    cubes = ""
+    for i in range(27):
+        x, y, z = 0.2 * np.array([i % 3, i // 3 % 3, i // 9 + 0.5])
+        cubes += free(f"c{i}", f"{x:.17g} {y:.17g} {z:.17g}", 'type="box" size=".1 .1 .1"')
+    found = run(make(world(FLOOR, cubes), contacts=[{"friction": 0.5}]), rung, duration=4e-3, step=2e-3)
+    assert found.outcome.name == "timeout"
+    assert all(abs(body["qw"]) > 1.0 - 1e-9 for body in found.final.values())

@@ -42,8 +42,9 @@ if TYPE_CHECKING:
     import mujoco
 
 
-ROOM, SPARE = 16, 64
-"""Contacts that there is room for: so many for each geom that may touch something, and more."""
+ROOM, SPARE, BEGINS = 16, 64, 1.5
+"""Contacts that there is room for: so many for each geom that may touch something, and more; doubled until
+they are so many times those of the start."""
 LISTENS = 4
 """In one of so many steps gaps are compared with those of the step before: noise lasts longer."""
 AHEAD = 2.0
@@ -120,6 +121,8 @@ class Space:
         self._near = AHEAD * NEAR * length
         self.look_within(self._near)
         self._at(self.place)
+        while self.room < BEGINS * self.data.ncon:
+            self.room *= 2
         # As many slots again: a contact may be new while the feature that it displaces still has its slot.
         self.most = 2 * self.room
         self.loads = Loads(m, self.drives)
@@ -264,7 +267,10 @@ class Space:
         )
         if count < 0:
             self.look_within(self._near)
-            raise Crowded(f"scene: more than {self.room} contacts are within {reach:.3g} at once")
+            raise Crowded(
+                f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for {ROOM}"
+                f" for each geom, or {BEGINS:g} times those of the start; begin nearer, or take simpler geoms"
+            )
         self._listen(moment, count, terms)
         known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
         self._fresh[known:count] = 0
