@@ -268,8 +268,9 @@ class Space:
         if count < 0:
             self.look_within(self._near)
             raise Crowded(
-                f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for {ROOM}"
-                f" for each geom, or {BEGINS:g} times those of the start; begin nearer, or take simpler geoms"
+                f"scene: more than {self.room} contacts are within {reach:.3g} at once: there is room for"
+                f" {ROOM} for each geom, or {BEGINS:g} times those of the start; begin nearer, or take"
+                " simpler geoms"
             )
         self._listen(moment, count, terms)
         known, count = count, self.limited.fill_limits(d, reach, count, terms, self._slots)
