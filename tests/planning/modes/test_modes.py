@@ -110,7 +110,8 @@ def _pushed_box(others: dict[str, Any] | None = None, goal: str = "") -> rw.Scen
                 {"between": ["finger1", "finger2"], "friction": 0, "stiffness": 1e6, "damping": 1e3},
                 *({"between": ["part", name], "friction": 0.3} for name in others or {}),
             ],
-            "goal": goal or "hypot(part.x - 0.5, part.y) <= 0.05", "tolerance": 1e-6, "duration": 60, "step": 0.01,
+            "goal": goal or "hypot(part.x - 0.5, part.y) <= 0.05", "tolerance": 1e-6, "duration": 60,
+            "step": 0.01,
             "task": {
                 "inputs": {name: {"range": [-1, 1]} for name in inputs}, "moves": [1, 12],
                 "transit": {"finger1": led, "finger2": led},
@@ -249,6 +250,8 @@ def test_where_there_is_no_plan_the_nearest_pose_is_named(name: str) -> None:
     assert said is not None, found.reason
     assert float(said[1]) > 1e-6
     assert near is None or f"{part}.x = " in near[2]
+    trees = re.search(r"contact modes: (\d+) trees of (\d+) legs", found.reason)
+    assert trees is not None and int(trees[1]) > 0
     assert name == "backwards" or "by contact modes most failed by" in found.reason
 
 

@@ -98,8 +98,8 @@ class Ground:
         beside[pairs] = [all(roles[name] == OBJECT for name in contacts[k]) for k in pairs]
         least = min(finger.carrier.clearance for finger in fingers)
         return cls(
-            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds, beside,
-            np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
+            task, around, fingers, body, columns, task.weights[columns], np.array(pairs, np.int64), surrounds,
+            beside, np.array(own, np.int64), np.array(avoided, np.int64), CLOSED * task.size, APART * least,
         )  # fmt: skip
 
     def look(self, q: Reals) -> Seen:

@@ -159,6 +159,7 @@ class ModePlanner:
         legs = propose(
             ground, q, work.start.q[0], self._goals(ground, q), self._reached(ground), manner.press, work.rng,
             rounds, work.failures, self._look, self._course(ground), work.task.moves[1] - node.grasps,
+            work.grown,
         )  # fmt: skip
         if legs is None:
             return None
@@ -211,8 +212,8 @@ class ModePlanner:
         return node
 
     def _object(self, q: Reals) -> Ground:
-        """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at times
-        another."""
+        """The object to move from a place (n,): one of which the goal speaks that is not at its goal, at
+        times another."""
         grounds = list(self.scene.grounds.values())
         wanted = [ground for ground in self._wanted() if not self._reached(ground)(q)]
         if wanted and (self.work.rng.random() > OTHERS or len(grounds) == len(wanted)):

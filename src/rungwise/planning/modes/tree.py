@@ -19,6 +19,7 @@ from rungwise.kernel import Ints, Reals
 from rungwise.planning.modes.balance import carried, could, held_edges, is_led, modes, motion, rests
 from rungwise.planning.modes.follow import Way, follow
 from rungwise.planning.modes.ground import Ground, Seen
+from rungwise.planning.search.problem import LEGS, TREES
 
 TO_GOAL = 0.7
 """Part of the places that are drawn at the goal."""
@@ -96,18 +97,20 @@ class Tree:
 def propose(
     ground: Ground, q: Reals, home: Reals, goals: Reals, reached: Callable[[Reals], bool], press: float,
     rng: np.random.Generator, rounds: int, failed: Counter[str], look: Callable[[int], None], path: Reals,
-    most: int,
+    most: int, grown: Counter[str],
 ) -> list[Leg] | None:  # fmt: skip
     """Legs from q (n,) to where the goal is `reached`, towards goals (g, n), in so many rounds. `failed`
     counts why nodes were not extended; `look` is called with the steps and the draws that are made, and may
     raise. `home` (n,): where fingers are when idle; `path` (p, n): places on the way, towards which most legs
-    go, none where it is not known; most: how often fingers may change places."""
+    go, none where it is not known; most: how often fingers may change places; `grown` counts trees
+    and their legs."""
     begun = ground.look(q)
     tree = Tree([begun], [(begun.held >= 0).astype(np.int64)], [most])
     tree.note(q[ground.columns] * ground.units, _far(ground, q, path))
     low, high = _room(ground, np.vstack([q, home, goals, path]))
     if reached(q):
         return []
+    grown[TREES] += 1
     for _ in range(rounds):
         look(1)
         if len(path) and rng.random() < ON_PATH:
@@ -125,6 +128,7 @@ def propose(
             tree.left.append(tree.left[node] - int(leg.changes.any()))
             tree.parents.append(node)
             tree.legs.append(leg)
+            grown[LEGS] += 1
             tree.chosen.append(0)
             tree.note(seen.q[ground.columns] * ground.units, _far(ground, seen.q, path))
             if reached(seen.q):

@@ -26,6 +26,8 @@ from rungwise.world.contract import OBJECT, SOLIDS
 from rungwise.world.find import world_of
 from rungwise.world.questions import Question
 
+TREES, LEGS = "trees", "legs"
+"""What is counted of trees of contact modes."""
 LEAST = 1e-9
 """What plans lack that counts as lacking something."""
 
@@ -50,8 +52,8 @@ class Work:
     it ends (n,); was_there: whether a plan came to what the goal asks for and did not hold it; unlaid:
     plans that came to the goal where robots were placed by hand, and not when they were laid out; trees:
     how many were grown on each stage; seen: what pushes did on each; path (p, n): places on the way of
-    the object, if some are given; failures: why proposals by contact modes came to nothing; kept: what
-    searches keep for when they go on."""
+    the object, if some are given; grown: trees of contact modes, and the legs in them; failures: why
+    proposals by contact modes came to nothing; kept: what searches keep for when they go on."""
 
     task: Task
     moves: Moves
@@ -70,6 +72,7 @@ class Work:
     trees: Counter[str] = field(default_factory=Counter)
     seen: dict[str, Pushes] = field(default_factory=dict)
     path: Reals = field(default_factory=lambda: np.zeros((0, 0)))
+    grown: Counter[str] = field(default_factory=Counter)
     failures: Counter[str] = field(default_factory=Counter)
     kept: dict[str, Any] = field(default_factory=dict)
 
@@ -182,7 +185,9 @@ def known(work: Work) -> str:
     unlaid = f"; {work.unlaid} came to the goal and could not be laid out" if work.unlaid else ""
     most = ", ".join(f"{why} {count}" for why, count in work.failures.most_common(4))
     failed = f"; by contact modes most failed by: {most}" if most else ""
-    return f"{ended}moves tried: {outcomes.total()} ({parts or 'none'}){_nearest(work)}{unlaid}{failed}"
+    trees = f"; contact modes: {work.grown[TREES]} trees of {work.grown[LEGS]} legs" if work.grown else ""
+    tried = f"moves tried: {outcomes.total()} ({parts or 'none'}){trees}"
+    return f"{ended}{tried}{_nearest(work)}{unlaid}{failed}"
 
 
 def _nearest(work: Work) -> str:
