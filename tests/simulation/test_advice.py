@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 
 import rungwise as rw
+
+from .random_scenes import random_scene
 
 DISC = {"kind": "disc", "radius": 0.1}
 MOVING = [rung for rung in rw.LADDER if rung.moves]
@@ -51,3 +54,11 @@ def test_bodies_that_nothing_can_touch_are_named() -> None:
 
 def test_links_of_an_arm_need_no_contact() -> None:
     assert not any("touch" in note for note in rw.simulate("two_link", "kinematic").notes)
+
+
+@pytest.mark.parametrize("number", [3086, 3227, 3316])
+def test_what_nothing_balances_without_a_proof_is_named(number: int) -> None:
+    run = rw.simulate(random_scene(number), "quasistatic-rigid", tol=1e-5)
+    named = re.search(r"without inertia at (\w+)\.\w+, and no certificate says why", run.reason)
+    assert (run.outcome == "unsupported" and run.certificate) or (named and named[1] in run.final)
+    assert "dynamic" in run.reason

@@ -63,16 +63,16 @@ class Hindrance:
         """What most steps were shorter for, or else the last, as a clause; empty where no step was."""
         return self._clause("blamed" if self.clock[0]["votes"] > 0 else "refusal", LONGER)
 
-    def why_ended(self, code: Code) -> str:
+    def why_ended(self, code: Code, fastest: str) -> str:
         """What a run lacks whose last step has neither a solution nor a proof, or whose steps led nowhere;
-        `code` is what the loop took it for."""
+        `code` is what the loop took it for, `fastest` the coordinate that inertia alone would move."""
         clock, step = self.clock[0], float(self.control[0]["step"])
         count, span = int(clock["crowd"]), float(clock["time"] - clock["mark"])
         if lead_nowhere(count, span, step):
             return why_nowhere(count, span, step, self.why_short())
         why = self._clause("refusal", NONE) if clock["residual"] <= TOLERANCE else ""
         if code == Code.UNSUPPORTED:
-            why = "forces do not balance without inertia, and no certificate says why"
+            why = f"forces do not balance without inertia at {fastest}, and no certificate says why"
         elif not why:
             why = f"no step, however short, has a solution {self._at('refusal')}".strip()
         return f"{why} (residual {clock['residual']:.1e})"

@@ -125,8 +125,7 @@ class Reasons:
     def _snapped(self) -> str:
         """Which body left its balance, when, and which contacts had held it."""
         state, template, records = self.workspace.state, self.scene.template, self.bound.records
-        pace = records.coordinates["lever"] * np.abs(self.workspace.scratch.v_new)
-        body = int(records.coordinates["body"][np.argmax(np.where(state.prescribed, 0.0, pace))])
+        body = int(records.coordinates["body"][self._fastest()])
         slots = 2 * len(records.pairs)
         pairs = np.unique(np.flatnonzero(state.force[:slots, 0] > 0.0) // 2)
         held = {template.contacts[int(k)] for k in np.unique(records.pairs["contact"][pairs])}
@@ -144,7 +143,13 @@ class Reasons:
         if self.model.metric:
             span = max(float(self.control[0]["step"]), float(self.workspace.state.clock[0]["tried"]))
             leap = leap_ahead(self.scene, self.bound, self.workspace, self._far(), span)
-        return str(leap or f"{self._hindrance().why_ended(code)}. {self._hindrance().advice()}")
+        why = self._hindrance().why_ended(code, self.scene.template.coordinates[self._fastest()])
+        return str(leap or f"{why}. {self._hindrance().advice()}")
+
+    def _fastest(self) -> int:
+        """The coordinate without a prescribed speed that is fastest in the last step tried."""
+        pace = self.bound.records.coordinates["lever"] * np.abs(self.workspace.scratch.v_new)
+        return int(np.argmax(np.where(self.workspace.state.prescribed, 0.0, pace)))
 
     def _hindrance(self) -> Hindrance:
         return Hindrance(self.scene, self.model, self.bound, self.control, self.workspace.state.clock)
