@@ -360,9 +360,11 @@ def test_an_object_is_guided_around_a_wall() -> None:
     goal = seen.q.copy()
     goal[ground.columns[0]] = 0.6
     way = guide(ground, seen.q, goal, 0, lambda: True)
-    assert len(way) > 2
+    assert way is not None and len(way) > 2
     assert way[-1][ground.columns] == pytest.approx([0.6, 0.0, 0.0])
     assert all(ground.look(q).touches.least[ground.pairs].min() > 0.0 for q in way)
     near = seen.q.copy()
     near[ground.columns[0]] = 0.1
-    assert not len(guide(ground, seen.q, near, 0, lambda: True))
+    straight = guide(ground, seen.q, near, 0, lambda: True)
+    assert straight is not None and not len(straight)
+    assert guide(ground, seen.q, goal, 0, lambda: False) is None

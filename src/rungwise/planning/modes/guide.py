@@ -20,9 +20,9 @@ ROOM = 3.0
 """Room about start and goal for the way, in parts of the size."""
 
 
-def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]) -> Reals:
+def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[], bool]) -> Reals | None:
     """Places (k, n) of the object on its way from q (n,) to the goal (n,); none where the straight way is
-    free, where it touches something at an end, or where no way was found."""
+    free, or where it touches something at an end; None where no way was found."""
     none = np.zeros((0, len(q)))
 
     def gaps(rows: Reals) -> Reals:
@@ -61,7 +61,7 @@ def guide(ground: Ground, q: Reals, goal: Reals, seed: int, in_time: Callable[[]
         q, goal[None], ground.columns.tolist(), own.min(axis=0) - room, own.max(axis=0) + room, is_free,
         seed, lambda asked: asked <= CHECKS and in_time(), 1.0 / ground.units,
     )  # fmt: skip
-    return none if way is None else _dense(ground, shortened(way, is_free))
+    return None if way is None else _dense(ground, shortened(way, is_free))
 
 
 def _dense(ground: Ground, way: Reals) -> Reals:
