@@ -9,7 +9,7 @@ import rungwise as rw
 from rungwise.models.ladder import Rung
 
 from .conftest import Make
-from .measure import DYNAMIC, FLOOR, WITH_LOADS, G, free, named, q, run, v, world
+from .measure import DYNAMIC, FLOOR, RIGID, WITH_LOADS, G, free, named, q, run, v, world
 
 SIDE = 0.05
 CUBE = f'type="box" size="{SIDE} {SIDE} {SIDE}"'
@@ -139,3 +139,19 @@ def test_a_part_is_pushed_askew_over_a_table(make: Make, rung: Rung, shape: str)
     found = run(scene, rung, duration=1.0, step=5e-3)
     assert found.outcome.name == "timeout"
     assert found.final["part"]["x"] > 0.08 and abs(found.final["part"]["z"] - 0.05) < 1e-3
+
+
+@pytest.mark.few(6)
+@pytest.mark.parametrize("rung", RIGID, ids=named)
+@pytest.mark.parametrize("seed", range(16))
+def test_stacks_stand_below_boxes_up_to_a_million_times_as_heavy(make: Make, seed: int, rung: Rung) -> None:
+    """From the first step on, whose contacts are new: forces that last resorts find have to be kept."""
+    random, height, boxes = np.random.default_rng(seed), 0.0, ""
+    count, ratio = int(random.integers(3, 9)), 10.0 ** random.uniform(4, 6)
+    for k in range(count):
+        x, y, thick = *random.uniform(-0.01, 0.01, 2), 0.1 * random.uniform(0.3, 1.0)
+        geom = f'type="box" size=".1 .1 {thick:.17g}" mass="{ratio ** (k / (count - 1)):.17g}"'
+        boxes += free(f"b{k}", f"{x} {y} {height + thick:.17g}", geom)
+        height += 2.0 * thick
+    found = run(make(world(FLOOR, boxes), contacts=[{"friction": 0.5}]), rung, duration=0.01, step=2e-3)
+    assert found.outcome.name == "timeout", found.reason

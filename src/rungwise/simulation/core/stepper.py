@@ -369,7 +369,7 @@ class Stepper:
         if not np.isfinite(problem.c).all():
             self.outcome, self.lack = Code.NOT_CONVERGED, RAN_AWAY
             return True
-        self.outcome, slow = Code.UNSUPPORTED, self.rung.inertia == 0.0 and self.rung.loads
+        slow, outcome = self.rung.inertia == 0.0 and self.rung.loads, Code.UNSUPPORTED
         if status == UNSUPPORTED:
             self.certificate = self._unsupported(False)
         else:
@@ -378,14 +378,14 @@ class Stepper:
             if self.certificate is None and not asked and self.system.size.directions == IN_SPACE:
                 solved, self.certificate = ask(problem, terms, state, self.scratch, self.deadline)
                 if solved:
-                    self.outcome = Code.RUNNING
+                    self.system.accept()  # or new contacts would forget these forces
                     return False
             if self.certificate is not None or not slow:
-                self.outcome = Code.JAMMED
+                outcome = Code.JAMMED
             else:
                 self.certificate = self._unsupported(True)
+        self.outcome = Code.NOT_CONVERGED if self.certificate is None else outcome
         if self.certificate is None:
-            self.outcome = Code.NOT_CONVERGED
             self.lack = lacking(status == UNSUPPORTED, self._cause == OVERLAPPING, float(clock["residual"]))
         return True
 
