@@ -95,6 +95,11 @@ class Programs:
         self.constants = np.array(constants, np.float64)
         self.table = np.array(table, np.int64).reshape(-1, 2)
 
+    def reads(self, slots: range) -> bool:
+        """Whether some bytecode reads one of these slots."""
+        loaded = self.code[self.code[:, 0] == LOAD, 1]
+        return bool(((loaded >= slots.start) & (loaded < slots.stop)).any())
+
 
 @inner_kernel
 def evaluate(code: Ints, constants: Reals, start: int, stop: int, values: Reals, stack: Reals) -> float:

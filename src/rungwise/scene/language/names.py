@@ -70,6 +70,12 @@ class Names:
         return range(first, first + TIMES)
 
     @property
+    def ways(self) -> range:
+        """Slots of how far bodies go in a nominal step, which `rest` reads."""
+        first = self._first_of_contacts + len(OF_CONTACTS) * len(self.contacts) + SLOTS
+        return range(first, first + len(self.bodies))
+
+    @property
     def _first_of_contacts(self) -> int:
         return len(self.parameters) + 1 + len(self.coordinates) + len(self.velocities)
 
@@ -92,9 +98,9 @@ class Names:
             if dotted[0] in (*self.parameters, "t"):
                 return (*self.parameters, "t").index(dotted[0])
             if dotted[0] == "tolerance":
-                return time + 1 + moving + len(OF_CONTACTS) * contacts + SLOTS + len(self.bodies)
+                return self.ways.stop
         if function == REST and len(dotted) == 1 and dotted[0] in self.bodies:
-            return time + 1 + moving + len(OF_CONTACTS) * contacts + SLOTS + self.bodies.index(dotted[0])
+            return self.ways[self.bodies.index(dotted[0])]
         if function in OF_CONTACTS and len(dotted) == 2:
             for pair in (dotted, dotted[::-1]):
                 if pair in self.contacts:

@@ -192,7 +192,8 @@ def first_verdict(setting: Setting, workspace: Workspace) -> int:
     """Verdict at the beginning of a run; segments whose condition holds already end there, and a run whose
     segment has no time left for its condition."""
     inputs, control = setting.inputs, setting.control
-    set_ways(setting.records, workspace.state)
+    if inputs.timed[2]:
+        set_ways(setting.records, workspace.state)
     if not first_times(setting.conditions, inputs, workspace):
         return INVALID
     verdict = judge(setting.conditions, workspace.state, workspace.scratch)
@@ -235,7 +236,8 @@ def run_step(setting: Setting, workspace: Workspace) -> int:
             if rung[0].metric:
                 _note_leap(records, h, state)
             show_inputs(inputs, state)
-            set_ways(records, state)
+            if inputs.timed[2]:
+                set_ways(records, state)
             verdict = judge(conditions, state, workspace.scratch)
             if h > control[0].step:
                 clear = look_back(verdict, conditions, inputs, control, h, workspace)

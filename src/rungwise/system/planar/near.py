@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from rungwise.kernel import Record, kernel, rare_kernel
+from rungwise.kernel import Record, inner_kernel, rare_kernel
 from rungwise.scene.template.records import HALFPLANE, Records
 from rungwise.system.planar.manifold import ABSENT, Manifolds
 from rungwise.system.planar.place import Placement, X, Y
@@ -18,19 +18,19 @@ AHEAD = 8.0
 """Reach of the list beyond what is looked for, over what is looked for."""
 
 
-@kernel
+@inner_kernel
 def is_listed(manifolds: Manifolds) -> bool:
     """Whether near pairs are listed."""
     return bool(manifolds.near.shape[0] > 0)
 
 
-@kernel
+@inner_kernel
 def near_pairs(manifolds: Manifolds, pairs: int) -> int:
     """How many pairs to look at, of so many."""
     return int(manifolds.listed[0]) if manifolds.near.shape[0] > 0 else pairs
 
 
-@kernel
+@inner_kernel
 def pair_at(manifolds: Manifolds, i: int) -> int:
     """The i-th pair to look at."""
     return int(manifolds.near[i]) if manifolds.near.shape[0] > 0 else i

@@ -6,6 +6,7 @@ import math
 
 from rungwise.kernel import Reals, RecordArray, copy, kernel, rare_kernel
 from rungwise.scene.template.records import Records
+from rungwise.simulation.planar.state.lasting import set_ways
 from rungwise.simulation.planar.state.workspace import Frames, Workspace
 from rungwise.system.entries import stretch
 from rungwise.system.planar import joints
@@ -29,6 +30,7 @@ def record(records: Records, rung: RecordArray, workspace: Workspace, always: bo
         clock.frames = (clock.frames + 1) // 2
         clock.stride *= 2
     k = clock.frames
+    set_ways(records, state)
     copy(state.memory, frames.memory[k])
     copy(state.impulse, frames.impulse[k])
     copy(state.reaction, frames.reaction[k])
