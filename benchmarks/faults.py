@@ -115,9 +115,8 @@ FAULTS = (
     ),
     Fault(
         "jam-without-proof", "src/rungwise/simulation/core/stepper.py",
-        "        if self.certificate is None:\n            self.outcome = Code.NOT_CONVERGED\n"
-        "            overlaps",
-        "        if self.certificate is None:\n            overlaps", _CORE,
+        "self.outcome = Code.NOT_CONVERGED if self.certificate is None else outcome",
+        "self.outcome = outcome", _CORE,
         "a step that is not solved is a jam without a proof", True,
     ),
     # Assembly: the step's equations.
