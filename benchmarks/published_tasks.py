@@ -1,32 +1,101 @@
 """Planar tasks that others published, planned here: which rungs are reached, and in how many seconds.
 
     python benchmarks/published_tasks.py [--folder ../shared/tasks] [--seeds 5] [--limit 60] [--tasks hidex]
+        [--schedules]
 
 Each scene of the folder is planned on the default schedule from the seeds 0, 1, ..., for as long as the
 limit allows. A rung counts for a plan that was found where its replay there, at a tenth of the plan's error
 per step, comes to the goal. Where a table of the folder's README has a column on the authors or on what was
 published, its cell stands below the task's row. One line says so where the folder is missing.
+
+With --schedules each of these tasks that suits contact modes, and each shipped scene with `task.fingers`, is
+planned in four ways, all ways of a seed in turn: with and without contact modes, on quasistatic-rigid and
+then on dynamic-compliant (the ladder), or on dynamic-compliant alone. A task counts as solved where there is
+a plan on dynamic-compliant, and as held where its replay at a tenth of the error comes to the goal there.
+Searches that find nothing count with their seconds; a ">" stands before the ratio where at least half do.
+Steps are medians, searches that found nothing included.
 """
 
 from __future__ import annotations
 
 import argparse
+import math
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 
 import rungwise as rw
 from rungwise.planning.lift.lift import TENTH
+from rungwise.planning.modes import planner
+from rungwise.planning.motion.propagate import Budget
+from rungwise.planning.search.problem import begin
+from rungwise.planning.task.task import task_of
 
 FOLDER = Path(__file__).parents[2] / "shared" / "tasks"
 RUNGS = rw.LADDER[2:]
 """Rungs on which plans are replayed: those that know forces."""
 THEIRS = ("author", "publish")
 """What the head of a column of the README says that tells what its authors' planner does."""
+LIBRARY = Path(rw.__file__).parent / "scene" / "library"
+THIRD = 1 / 3
+"""Part of the time of the best other way that a ladder has to stay within to pay clearly."""
+WARMING = 0.1
+"""Part of the limit for which each way is tried before what counts, so that kernels are there."""
+
+
+class Way(NamedTuple):
+    """How tasks are planned: a schedule, with contact modes or with moves that are drawn and run alone."""
+
+    schedule: str
+    by_modes: bool
+
+    def plan(self, scene: rw.Scene, seed: int, limit: float) -> rw.Plan:
+        """A plan, or what is known after so many seconds."""
+        with nullcontext() if self.by_modes else patch.object(planner, "suits", lambda _work: False):
+            return rw.plan(scene, schedule=self.schedule, seed=seed, budget=None, limit=limit)
+
+
+WAYS = {
+    "modes, ladder": Way("quasistatic", True),
+    "modes, last rung alone": Way("direct", True),
+    "no modes, ladder": Way("quasistatic", False),
+    "no modes, last rung": Way("direct", False),
+}
+"""The first one is what the others are compared with."""
+
+
+@dataclass
+class Tally:
+    """What came of the seeds of one task, planned in one way."""
+
+    solved: int = 0
+    held: int = 0
+    seconds: list[float] = field(default_factory=list)
+    steps: dict[str, list[int]] = field(default_factory=lambda: {rung.name: [] for rung in RUNGS})
+
+    def add(self, way: Way, scene: rw.Scene, seed: int, limit: float) -> None:
+        """Plan a task from a seed, and replay the plan."""
+        began = time.perf_counter()
+        plan = way.plan(scene, seed, limit)
+        self.seconds.append(time.perf_counter() - began)
+        for name, counts in self.steps.items():
+            counts.append(sum(r.steps for r in plan.records if r.stage.split(" ")[0] == name))
+        if plan.found:
+            run = plan.replay(rw.DYNAMIC_COMPLIANT, tol=TENTH * plan.tol)
+            self.solved, self.held = self.solved + 1, self.held + (run.outcome.code == rw.Code.GOAL)
+
+    @property
+    def mostly_fails(self) -> bool:
+        """Whether the median of seconds is the limit's, not a plan's."""
+        return 2 * self.solved <= len(self.seconds)
 
 
 def reached(plan: rw.Plan) -> list[str]:
@@ -62,27 +131,94 @@ def published(readme: Path) -> dict[str, str]:
     return {row[0].strip("`"): row[column] for row in rows if len(row) > column and row[0].startswith("`")}
 
 
+def print_all(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
+    """A row for each task, and what is known of its authors' planner."""
+    theirs = published(files[0].parent / "README.md")
+    print(
+        f"{'task':36} {'planned':>9} {'median s':>9} {'max s':>8}  " + "  ".join(rung.name for rung in RUNGS)
+    )
+    for file in files:
+        print_task(rw.load(file), seeds, limit)
+        told = next((text for name, text in theirs.items() if fnmatchcase(file.stem, name)), "")
+        if told:
+            print(f"  its authors: {told}")
+
+
+def with_fingers() -> list[Path]:
+    """The shipped scenes whose task names fingers."""
+    loaded = {file: rw.load(file) for file in sorted(LIBRARY.glob("*.yaml"))}
+    return [file for file, scene in loaded.items() if scene.file.task is not None and scene.file.task.fingers]
+
+
+def suits_modes(scene: rw.Scene) -> bool:
+    """Whether plans of a task are made by contact modes at all."""
+    return planner.suits(begin(task_of(scene), Budget(), 0, None))
+
+
+def print_schedules(files: Sequence[Path], seeds: Sequence[int], limit: float) -> None:
+    """A row for each task and way, and in how many tasks the first way is faster than all others."""
+    print(
+        f"{'task':34} {'way':22} {'solved':>8} {'held':>5} {'median s':>9} {'ratio':>7}"
+        f" {'quasistatic-rigid':>18} {'dynamic-compliant':>18}"
+    )
+    gains = dict[str, float]()
+    for file in files:
+        scene = rw.load(file)
+        if not suits_modes(scene):
+            print(f"{scene.name:34} inputs alone lead its robots: no contact modes")
+            continue
+        tallies = {label: Tally() for label in WAYS}
+        for way in WAYS.values():
+            Tally().add(way, scene, seeds[0], WARMING * limit)
+        for seed in seeds:
+            for label, way in WAYS.items():
+                tallies[label].add(way, scene, seed, limit)
+        gains[scene.name] = print_tallies(scene.name, tallies)
+    if gains:
+        third = [name for name, gain in gains.items() if gain * THIRD >= 1.0]
+        print(f"a third of the time of the best other way, or less: {len(third)} of {len(gains)} tasks")
+        print(f"faster than the best other way: {sum(gain > 1.0 for gain in gains.values())} of {len(gains)}")
+
+
+def print_tallies(name: str, tallies: Mapping[str, Tally]) -> float:
+    """The rows of a task; how many times the time of the first way the best other one takes, infinitely many
+    where none of the others, and 0 where the first one mostly finds nothing."""
+    medians = {label: float(np.median(tally.seconds)) for label, tally in tallies.items()}
+    first, *others = tallies
+    for label, tally in tallies.items():
+        ratio = f"{'>' if tally.mostly_fails else ''}{medians[label] / medians[first]:.2f}"
+        steps = [np.median(tally.steps[rung.name]) for rung in (rw.QUASISTATIC_RIGID, rw.DYNAMIC_COMPLIANT)]
+        print(
+            f"{name:34} {label:22} {tally.solved:2} of {len(tally.seconds):2} {tally.held:5}"
+            f" {medians[label]:9.2f} {ratio:>7} {steps[0]:18.0f} {steps[1]:18.0f}",
+            flush=True,
+        )
+    if tallies[first].mostly_fails:
+        return 0.0
+    best = min((medians[other] for other in others if not tallies[other].mostly_fails), default=math.inf)
+    return best / medians[first]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--folder", type=Path, default=FOLDER)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--limit", type=float, default=60.0)
     parser.add_argument("--tasks", default="", help="beginnings of their names, with commas between")
+    parser.add_argument(
+        "--schedules", action="store_true", help="with and without the ladder and contact modes"
+    )
     given = parser.parse_args(arguments)
-    files = sorted(given.folder.glob("*.yaml"))
+    named = tuple(given.tasks.split(","))
+    files = [file for file in sorted(given.folder.glob("*.yaml")) if file.stem.startswith(named)]
+    if given.schedules:
+        files += [file for file in with_fingers() if file.stem.startswith(named) and file not in files]
     if not files:
         print(f"no scenes in {given.folder}: nothing is planned")
-        return
-    theirs = published(given.folder / "README.md")
-    print(
-        f"{'task':36} {'planned':>9} {'median s':>9} {'max s':>8}  " + "  ".join(rung.name for rung in RUNGS)
-    )
-    for file in files:
-        if file.stem.startswith(tuple(given.tasks.split(","))):
-            print_task(rw.load(file), range(given.seeds), given.limit)
-            told = next((text for name, text in theirs.items() if fnmatchcase(file.stem, name)), "")
-            if told:
-                print(f"  its authors: {told}")
+    elif given.schedules:
+        print_schedules(files, range(given.seeds), given.limit)
+    else:
+        print_all(files, range(given.seeds), given.limit)
 
 
 if __name__ == "__main__":

@@ -153,6 +153,38 @@ def test_benchmark_of_published_tasks(
     assert told == "  its authors: in 2 s"
 
 
+def test_ladder_and_contact_modes_are_compared_on_a_task(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    benchmark = script("benchmarks/published_tasks.py", monkeypatch)
+    arms = rw.load("planar_hand").file.model_dump(mode="json", exclude_unset=True)
+    del arms["task"]["fingers"]
+    (tmp_path / "corner_arms.yaml").write_text(rw.load(arms | {"name": "corner_arms"}).yaml(), "utf-8")
+    only = ["--folder", str(tmp_path), "--tasks", "corner", "--seeds", "1", "--limit", "1"]
+    benchmark.main([*only, "--schedules"])
+    left_out, *rows = capsys.readouterr().out.splitlines()[1:]
+    assert left_out.split(maxsplit=1) == ["corner_arms", "inputs alone lead its robots: no contact modes"]
+    assert [row[35:57].strip() for row in rows[:4]] == list(benchmark.WAYS)
+    assert all(row.startswith("corner_pivot") for row in rows[:4])
+    numbers = [row[57:].replace(">", " ").split() for row in rows[:4]]
+    assert numbers[0][5] == "1.00"
+    assert int(numbers[0][6]) > 0 and int(numbers[1][6]) == int(numbers[3][6]) == 0  # steps of the lower rung
+    assert rows[4].endswith("of 1 tasks")
+
+
+def test_ladder_pays_where_no_other_way_finds_a_plan(monkeypatch: pytest.MonkeyPatch) -> None:
+    benchmark = script("benchmarks/published_tasks.py", monkeypatch)
+    lost, slow, fast = (
+        benchmark.Tally(solved=solved, seconds=[seconds] * 2)
+        for solved, seconds in ((1, 20.0), (2, 8.0), (2, 2.0))
+    )
+    for tally in (lost, slow, fast):
+        tally.steps = {name: [1, 1] for name in tally.steps}
+    assert benchmark.print_tallies("task", {"first": fast, "second": lost, "third": slow}) == 4.0
+    assert benchmark.print_tallies("task", {"first": fast, "second": lost}) == math.inf
+    assert benchmark.print_tallies("task", {"first": lost, "second": slow}) == 0.0
+
+
 @pytest.mark.parametrize(
     ("kinds", "first"),
     [(("surface", "dry"), 1004), pytest.param(("surface", "dry", "drag"), 1003, marks=pytest.mark.long)],
