@@ -73,6 +73,59 @@ except KeyboardInterrupt:
     callee.seldom.__dict__["inside"] = kept
     print(outer(np.ones(3), False))
 """
+INTERRUPTED = """
+import signal, time
+import numpy as np
+import waiting
+from rungwise.kernel import steady
+numbers = np.ones(3)
+waiting.wait(1, 0.0)
+begun = time.perf_counter()
+waiting.wait(10**6, 0.0)
+rounds = int(10**6 * 0.2 / (time.perf_counter() - begun))
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+kernels = [waiting.first, waiting.second]
+for kernel in kernels + [steady(each) for each in (waiting.third, waiting.fourth)]:
+    kernel(numbers, 1, False)
+    signal.setitimer(signal.ITIMER_REAL, 0.05)
+    try:
+        kernel(numbers, rounds, True)
+    except KeyboardInterrupt:
+        print("interrupted", kernel(numbers, 1, True))
+"""
+"""A signal comes while compiled code runs that then asks for a kernel, or for one within another."""
+WAITING = """
+from callee import grow, seldom
+from rungwise.kernel import Reals, kernel
+
+@kernel
+def wait(rounds: int, start: float) -> float:
+    for k in range(rounds):
+        start = (start + k) % 7.0
+    return start
+
+@kernel
+def first(x: Reals, rounds: int, asks: bool) -> float:
+    waited = wait(rounds, x[1])
+    return grow(x[0] + 0.0 * waited) if asks else waited
+
+@kernel
+def second(x: Reals, rounds: int, asks: bool) -> float:
+    return within(x, rounds, asks)
+
+@kernel
+def third(x: Reals, rounds: int, asks: bool) -> float:
+    return first(x, rounds, asks)
+
+@kernel
+def fourth(x: Reals, rounds: int, asks: bool) -> float:
+    return within(x, rounds, asks)
+
+@kernel
+def within(x: Reals, rounds: int, asks: bool) -> float:
+    waited = wait(rounds, x[2])
+    return seldom(x) + 0.0 * waited if asks else waited
+"""
 FOR_ANY_PROCESSOR = """
 import os
 os.environ["NUMBA_CPU_NAME"], os.environ["NUMBA_CPU_FEATURES"] = "generic", ""
@@ -191,6 +244,15 @@ def test_a_rare_path_is_first_needed_in_many_threads(run: Run) -> None:
 
 def test_an_interrupt_while_compiling_is_an_interrupt_of_the_call(run: Run) -> None:
     assert run(STOPPED) == ["-4.0"]
+
+
+def test_an_interrupt_before_linking_begins_is_one_of_the_call(
+    start: Callable[[str], subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    (tmp_path / "waiting.py").write_text(WAITING)
+    out, err = start(INTERRUPTED).communicate(timeout=120)
+    assert out.split() == ["interrupted", "2.0", "interrupted", "-2.0"] * 2
+    assert "Error" not in err and "Exception" not in err, err
 
 
 def test_a_wait_is_announced(start: Callable[[str], subprocess.Popen[str]]) -> None:

@@ -134,7 +134,7 @@ def steady(kernel: F) -> F:
     def call(*arguments: object) -> object:
         nonlocal code
         if code is not None:
-            return code(*arguments)
+            return kernel._call(code, *arguments)
         found = kernel(*arguments)
         code = kernel.code_for(arguments)
         return found

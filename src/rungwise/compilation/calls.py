@@ -18,6 +18,7 @@ import ctypes
 import importlib
 import inspect
 import pickle
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -84,16 +85,22 @@ class KernelDispatcher(CPUDispatcher):
         return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
 
 
-def call(dispatcher: KernelDispatcher, *arguments: object) -> object:
-    """Call a kernel from Python."""
+def call(code: Callable[..., object], *arguments: object) -> object:
+    """Call a kernel's dispatcher, or its code, from Python.
+
+    An interrupt that came where Python cannot raise it is raised here."""
     try:
-        return dispatcher(*arguments)
+        result = code(*arguments)
     except BaseException as error:
         compiling.reset()
         reason, thread.error = thread.error, None
-        if isinstance(error, LinkError) and reason is not None:
-            raise reason from None
+        if isinstance(error, LinkError):
+            raise (reason or KeyboardInterrupt()) from None
         raise
+    if thread.error is not None:
+        reason, thread.error = thread.error, None
+        raise reason
+    return result
 
 
 def type_of(kernel: Kernel) -> Any:
@@ -139,9 +146,8 @@ def _caller(key: bytes) -> Callable[..., Any]:
     return write
 
 
-@ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p)
-def _link(key: int, size: int, cell: int) -> int:
-    """Fill a cell; returns 1, or 0 where linking fails, with the reason kept."""
+def _link(key: int, size: int, cell: int) -> None:
+    """Fill a cell; where linking fails it stays null, and the reason is kept."""
     began = time.perf_counter()
     try:
         module, name, arguments = pickle.loads(ctypes.string_at(key, size))
@@ -149,11 +155,55 @@ def _link(key: int, size: int, cell: int) -> int:
         ctypes.c_void_p.from_address(cell).value = kernel.inside.address(arguments)
     except BaseException as error:
         thread.error = error
-        return 0
     finally:
         thread.seconds += time.perf_counter() - began
-    return 1
+
+
+def _keep_interrupts(of_others: Callable[[Any], object]) -> Callable[[Any], object]:
+    """A hook for errors that cannot be raised: of `_link` they are kept, so that `call` raises them.
+
+    A signal that arrives within compiled code interrupts the first line of Python that follows. Where that is
+    the first or the last one of `_link`, none of its lines can catch it.
+    """
+
+    def keep(unraisable: Any) -> None:
+        if unraisable.object is _link:
+            thread.error = unraisable.exc_value
+        else:
+            of_others(unraisable)
+
+    return keep
 
 
 _SYMBOL = "rungwise_link"
-llvmlite.binding.add_symbol(_SYMBOL, ctypes.cast(_link, ctypes.c_void_p).value)
+_CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_void_p)(_link)
+_LINKER = """
+define i32 @linked(i8* %key, {size} %size, i8* %cell) {{
+  %ask = inttoptr {size} {address} to void (i8*, {size}, i8*)*
+  call void %ask(i8* %key, {size} %size, i8* %cell)
+  %place = bitcast i8* %cell to i8**
+  %code = load i8*, i8** %place
+  %filled = icmp ne i8* %code, null
+  %result = zext i1 %filled to i32
+  ret i32 %result
+}}
+"""
+"""Asks `_link`, and returns whether the cell is filled: what a callback returns after an error is anything."""
+
+
+def _linker() -> Any:
+    """The compiled `_LINKER`: it lives as long as what is returned."""
+    llvmlite.binding.initialize_native_target()
+    llvmlite.binding.initialize_native_asmprinter()
+    size = f"i{8 * ctypes.sizeof(ctypes.c_ssize_t)}"
+    address = ctypes.cast(_CALLBACK, ctypes.c_void_p).value
+    module = llvmlite.binding.parse_assembly(_LINKER.format(size=size, address=address))
+    machine = llvmlite.binding.Target.from_default_triple().create_target_machine()
+    engine = llvmlite.binding.create_mcjit_compiler(module, machine)
+    engine.finalize_object()
+    return engine
+
+
+_ENGINE = _linker()
+llvmlite.binding.add_symbol(_SYMBOL, _ENGINE.get_function_address("linked"))
+sys.unraisablehook = _keep_interrupts(sys.unraisablehook)
