@@ -94,7 +94,7 @@ def call(code: Callable[..., object], *arguments: object) -> object:
     except BaseException as error:
         compiling.reset()
         reason, thread.error = thread.error, None
-        if isinstance(error, LinkError):
+        if isinstance(error, LinkError) or isinstance(reason, KeyboardInterrupt):
             raise (reason or KeyboardInterrupt()) from None
         raise
     if thread.error is not None:
@@ -154,20 +154,21 @@ def _link(key: int, size: int, cell: int) -> None:
         kernel = getattr(importlib.import_module(module), name)
         ctypes.c_void_p.from_address(cell).value = kernel.inside.address(arguments)
     except BaseException as error:
-        thread.error = error
+        thread.error = thread.error or error
     finally:
         thread.seconds += time.perf_counter() - began
 
 
 def _keep_interrupts(of_others: Callable[[Any], object]) -> Callable[[Any], object]:
-    """A hook for errors that cannot be raised: of `_link` they are kept, so that `call` raises them.
+    """A hook for errors that cannot be raised: interrupts of callbacks are kept, so that `call` raises them.
 
     A signal that arrives within compiled code interrupts the first line of Python that follows. Where that is
-    the first or the last one of `_link`, none of its lines can catch it.
+    the first or the last one of `_link`, or a callback of the compiler, nobody else can catch it.
     """
 
     def keep(unraisable: Any) -> None:
-        if unraisable.object is _link:
+        is_callback = "ctypes callback" in (unraisable.err_msg or "")
+        if is_callback and isinstance(unraisable.exc_value, KeyboardInterrupt):
             thread.error = unraisable.exc_value
         else:
             of_others(unraisable)
