@@ -37,7 +37,6 @@ class Deadline:
         self.limit = limit
         self.ends = math.inf if limit is None else time.monotonic() + limit
         self.halt = np.zeros(1, np.int64)
-        self._cells = [self.halt]
 
     @classmethod
     def at(cls, ends: float) -> Deadline:
@@ -99,28 +98,53 @@ class Deadline:
     @contextmanager
     def running(self, *cells: Ints) -> Iterator[Deadline]:
         """Within the context `halt`, and each of these cells (1,), is set when the time is over."""
-        if self.seconds is None:
-            yield self
-            return
-        self._cells = [self.halt, *cells]
-        if self.is_over:
-            self._fill()
-        alarm = threading.Timer(self.seconds, self._fill)
-        alarm.daemon = True
-        alarm.start()
+        ended = [self.halt, *cells]
+        alarm = self._alarm(ended)
+        with _IN_TURN:
+            _RUNNING[id(ended)] = ended
         try:
             yield self
         finally:
-            alarm.cancel()
-            alarm.join()
-            for cell in self._cells:
-                cell[0] = 0
+            if alarm is not None:
+                alarm.cancel()
+                alarm.join()
+            with _IN_TURN:
+                del _RUNNING[id(ended)]
+                _fill(ended, 0)
 
-    def _fill(self) -> None:
+    def _alarm(self, cells: list[Ints]) -> threading.Timer | None:
+        """What sets the cells when the time is over; none without a limit."""
+        left = self.seconds
+        if left is None:
+            return None
+        if self.is_over:
+            _fill(cells, 1)
+        alarm = threading.Timer(left, self._ring, (cells,))
+        alarm.daemon = True
+        alarm.start()
+        return alarm
+
+    def _ring(self, cells: list[Ints]) -> None:
         while not self.is_over:  # alarms may be early, by rounding
             time.sleep(EARLY_S)
-        for cell in self._cells:
-            cell[0] = 1
+        _fill(cells, 1)
+
+
+_RUNNING: dict[int, list[Ints]] = {}
+_IN_TURN = threading.Lock()
+
+
+def end_all() -> None:
+    """Set all cells of `running`, with a limit or without: for a thread that has heard of an interrupt, which
+    Python raises only when compiled loops return."""
+    with _IN_TURN:
+        for cells in _RUNNING.values():
+            _fill(cells, 1)
+
+
+def _fill(cells: list[Ints], value: int) -> None:
+    for cell in cells:
+        cell[0] = value
 
 
 def go_on(halt: Ints) -> None:

@@ -6,6 +6,10 @@ Nothing here waits for a clock, but for one run: the step that it ends would tak
 from __future__ import annotations
 
 import itertools
+import os
+import signal
+import threading
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -13,6 +17,7 @@ import pytest
 
 import rungwise as rw
 from rungwise import deadline
+from rungwise.cli.terminal import heard_at_once
 from rungwise.contact.judge import infeasible
 from rungwise.deadline import Deadline, TimeOver
 
@@ -74,6 +79,34 @@ def test_a_run_without_time_is_returned_as_it_begins(model: rw.Rung, scene: str)
 def test_a_step_that_takes_minutes_ends_with_its_limit() -> None:
     run = rw.simulate(jam(4, 5, 1.0), rw.QUASISTATIC_COMPLIANT, limit=0.5)
     assert run.outcome == "running" and run.time < 0.01 and "0.5 s are over" in run.reason
+
+
+@pytest.mark.few(2)
+@pytest.mark.parametrize("within", [1, 2, 3])
+@pytest.mark.parametrize("limit", [None, 1e9])
+def test_all_that_runs_can_be_ended_with_a_limit_or_without(limit: float | None, within: int) -> None:
+    whole, cells = Deadline(limit), np.zeros((3, 1), np.int64)
+    with ExitStack() as open_:
+        for cell in cells[:within]:
+            open_.enter_context(whole.running(cell))
+        deadline.end_all()
+        assert whole.halt[0] == 1 and cells[:, 0].tolist() == [1] * within + [0] * (3 - within)
+    deadline.end_all()
+    assert whole.halt[0] == 0 and not cells.any()
+
+
+def test_ctrl_c_is_heard_within_a_step_that_takes_minutes() -> None:
+    long = jam(4, 5, 1.0)
+    rw.simulate(long, rw.QUASISTATIC_COMPLIANT, limit=0.5)  # loads kernels
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    alarm = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    try:
+        with heard_at_once(), pytest.raises(KeyboardInterrupt):
+            alarm.start()
+            rw.simulate(long, rw.QUASISTATIC_COMPLIANT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert rw.simulate(JAMS["1 x 2"], rw.DYNAMIC_RIGID).outcome == "timeout"
 
 
 @pytest.fixture

@@ -26,7 +26,7 @@ from rungwise.cli.commands import (
     verify,
     view,
 )
-from rungwise.cli.terminal import INTERRUPTED, refuse, show
+from rungwise.cli.terminal import INTERRUPTED, heard_at_once, refuse, show
 
 app = typer.Typer(
     name="rungwise",
@@ -62,7 +62,8 @@ def main() -> None:
         show(f"rungwise {version('rungwise')}")
         sys.exit(0)
     try:
-        code = app(standalone_mode=False)
+        with heard_at_once():
+            code = app(standalone_mode=False)
     except _USAGE_ERROR as error:
         refuse(" ".join(error.format_message().split()) + _choices(error))
     except (typer.Abort, KeyboardInterrupt):

@@ -189,7 +189,7 @@ define i32 @linked(i8* %key, {size} %size, i8* %cell) {{
   ret i32 %result
 }}
 """
-"""Asks `_link`, and returns whether the cell is filled: what a callback returns after an error is anything."""
+"""Asks `_link`, and returns whether the cell is filled: after an error a callback returns anything."""
 
 
 def _linker() -> Any:
