@@ -18,6 +18,7 @@ from rungwise.scene import Scene
 from rungwise.scene.scene import Bound
 from rungwise.simulation.core.crawl import lead_nowhere
 from rungwise.simulation.core.support import without_law
+from rungwise.simulation.core.tolerances import SINKING
 from rungwise.simulation.inputs import Segment, ignored
 from rungwise.simulation.planar.state.nearby import NEAR, begin_step, gather
 from rungwise.simulation.planar.state.workspace import Workspace
@@ -72,6 +73,8 @@ class Reasons:
             reason = self._waited(int(clock["segment"])) or reason
         if code not in (Code.JAMMED, Code.UNSUPPORTED, Code.NOT_CONVERGED):
             return Ended(code, reason)
+        if code == Code.NOT_CONVERGED and (crushed := self._crushed()):
+            return Ended(Code.MODEL_INVALID, crushed)
         n, contacts, limited = int(clock["free"]), int(clock["contacts"]), int(clock["limited"])
         problem = trim(self.workspace.problem, n, contacts, limited)
         certificate, balance = None, None
@@ -88,6 +91,25 @@ class Reasons:
         outcome = outcome if code == Code.JAMMED else OUTCOMES[Code.UNSUPPORTED]
         reason = f"{outcome.meaning} ({certificate.kind} certificate, checked). {outcome.advice}"
         return Ended(outcome.code, reason, certificate, problem)
+
+    def _crushed(self) -> str:
+        """Which contact yields too far for its model under forces that balance the loads, where no step is
+        short enough for what that moves; empty where none does."""
+        clock, scratch = self.workspace.state.clock[0], self.workspace.scratch
+        count, rests = int(clock["contacts"]), self.model.compliant and self.model.inertia == 0.0
+        if not rests or count == 0 or clock["residual"] > TOLERANCE:
+            return ""
+        stiffness = self.workspace.terms.contact_stiffness[:count, 0, 0]
+        yields = scratch.contact_force[: 2 * count : 2] / stiffness
+        deepest, most = int(np.argmax(yields)), SINKING * float(clock["smallest"])
+        slot, pairs = int(scratch.slots[deepest]), self.bound.records.pairs
+        if not yields[deepest] > most or slot >= 2 * len(pairs):
+            return ""
+        a, b = self.scene.template.contacts[int(pairs["contact"][slot // 2])]
+        return (
+            f"the contact between {a} and {b} would yield by {yields[deepest]:.3g}, more than a tenth of the"
+            f" smallest shape's reach ({most:.3g}). {OUTCOMES[Code.MODEL_INVALID].advice}"
+        )
 
     def _asks_for_balance(self) -> bool:
         """Whether a step without momentum had no solution, however short. Its problem, which may have been
